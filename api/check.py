@@ -14,6 +14,7 @@ from .options import ReadOptions
 if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic
     from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
 
@@ -56,17 +57,26 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     """The staged score (None where it has errors), and the diagnostics of the engine."""
     if loaded.piece is None:
         return None, []
-    from ergon.scores.reading.piece import Accuracy
-    from ergon.scores.staging.fallback import stage_or_plan
-    from ergon.scores.staging.stage import StageError, stage
+    from ergon.scores.staging.stage import StageError
+    from ergon.scores.staging.unused import unused
 
     staged = None
     try:
-        planned = loaded.piece.accuracy != Accuracy()
-        with (report or Report()).waiting("planning"):
-            staged = stage(loaded.piece, planned=True) if planned else stage_or_plan(loaded.piece)
-        found = staged.diagnostics
+        staged = stage_as_checked(loaded.piece, report)
+        found = [*unused(loaded.piece), *staged.diagnostics]
     except StageError as error:
         found = error.diagnostics
     scores.show(report, loaded, found)
     return staged, found
+
+
+def stage_as_checked(piece: Piece, report: Report | None) -> Stage:
+    """Stage a piece by a plan where it names an accuracy, else as written. Raises StageError."""
+    from ergon.scores.reading.piece import Accuracy
+    from ergon.scores.staging.fallback import stage_or_plan
+    from ergon.scores.staging.stage import stage
+
+    with (report or Report()).waiting("planning"):
+        if piece.accuracy != Accuracy():
+            return stage(piece, planned=True)
+        return stage_or_plan(piece)

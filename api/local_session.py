@@ -18,7 +18,9 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .gain import gain_of
 from .hands import boards_of, ready
+from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
+from .osc import osc_of
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
@@ -47,6 +49,8 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.exchange.plan_store import of_user
     from ergon.repl.prompt.signals import left_to_me
     from ergon.repl.session.journal import Journal, JournalError, free
+    from ergon.repl.session.live import LiveEngine
+    from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
 
     version, clock, past, gain, disk = _beginning(path, options, report)
@@ -55,6 +59,8 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     real = {player: None for board in boards for _, player in board.axes}
     with scores.staging(version.texts.load, report):
         config = _config(piece, options, boards, gain, report)
+    ports = midi_ports(options, report)
+    osc = osc_of(options.osc, options.osc_to, report)
     try:
         journal = Journal.begun(Path(options.journal))
     except JournalError as error:
@@ -83,6 +89,11 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         raise
     began = opening(session.commits.engine.tick_frames, hands).fields()
     journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
+    engine = session.commits.engine
+    assert isinstance(engine, LiveEngine)
+    attach_midi(session, engine.performance, ports)
+    if osc is not None:
+        session.attach(SessionOsc(session, osc, engine.performance))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
     gc.freeze()
@@ -191,7 +202,15 @@ def _engine(
             ]
             take = JournalTake(hands, tuple(axes))
         return SessionStart(
-            version.texts, clock.at, version.faders, every, *heard, past, version.base, take
+            version.texts,
+            clock.at,
+            version.faders,
+            every,
+            *heard,
+            past,
+            version.base,
+            take,
+            version.maps,
         )
 
     return make, opening

@@ -127,7 +127,9 @@ class SessionOptions(PerformanceOptions):
     `journal` is the file that keeps every line. `resume` is an earlier journal, whose session
     continues where it ends. With `watch` the score is read again whenever it is saved. With a
     `socket` (a path; "" is the default path) the engine is a process of its own. With `trust` a
-    score may name files outside its folder.
+    score may name files outside its folder. `midi` lists MIDI inputs by name, or "virtual".
+    `midi_clock_from` is an input whose clock is followed, `midi_clock_to` an output that gets one.
+    OSC requests are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT).
     """
 
     journal: Path | str = Path("session.jsonl")
@@ -135,3 +137,8 @@ class SessionOptions(PerformanceOptions):
     watch: bool = False
     socket: str | None = None
     trust: bool = False
+    midi: Sequence[str] = ()
+    midi_clock_from: str | None = None
+    midi_clock_to: str | None = None
+    osc: str | None = None
+    osc_to: str | None = None

@@ -18,6 +18,7 @@ from .errors import OptionError, not_begun
 from .gain import gain_of
 from .hands import boards_of, guides, no_player, ready
 from .options import AccuracyOptions, PerformanceOptions
+from .osc import osc_of
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -73,7 +74,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
     loaded = replace(loaded, piece=piece)
     boards = boards_of(piece, options.live)
     real = {player: None for board in boards for _, player in board.axes}
-    osc = osc_of(options, report)
+    osc = osc_of(options.osc, options.osc_to, report)
     frozen = None
     if options.frozen is not None:
         frozen = freeze.read(written, options.frozen, options.seed, report)
@@ -127,26 +128,6 @@ def _named(error: Exception, stage: Stage) -> str:
         return f"{hand.player} on {hand.key}:"
 
     return re.sub(r"^hand (\d+):", player, str(error))
-
-
-def osc_of(options: PlayOptions, report: Report) -> Osc | None:
-    """OSC as asked, its sockets open; None where nothing is asked. Raises OptionError."""
-    if options.osc is None and options.osc_to is None:
-        return None
-    from ergon.live.datagrams import PythonOscMissingError
-    from ergon.live.osc import Osc, OscError, place
-
-    try:
-        here = None if options.osc is None else place(options.osc)
-        there = None if options.osc_to is None else place(options.osc_to)
-        osc = Osc(here, there)
-    except (PythonOscMissingError, OscError) as error:
-        raise OptionError("osc" if options.osc is not None else "osc_to", str(error)) from None
-    if osc.place is not None:
-        host, port = osc.place
-        report.event("osc", host=host, port=port)
-        report.say(f"OSC is heard at {host}:{port}")
-    return osc
 
 
 def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:

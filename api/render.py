@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
+from ergon.exchange.sound import check_ending
 from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
 
 from . import score as scores
@@ -127,6 +128,7 @@ def render(
 
 def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report) -> Prepared:
     """Plan and stage a score, and decide what is written to `target`."""
+    check_ending(target)
     recorded = _recorded(loaded, options, report)
     staged = scores.stage_piece(
         loaded,

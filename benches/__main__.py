@@ -22,7 +22,9 @@ from benches.interrupts import interrupts
 from benches.laws import laws
 from benches.measure import Row
 from benches.mesh import mesh
+from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
+from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
 from benches.soak import soak, soak_live
@@ -46,6 +48,7 @@ def main(arguments: list[str]) -> int:
         "laws": laws,
         "gesture": hands.gesture,
         "check": reading.check,
+        "planning": planning,
         "start": reading.start,
         "repl": repl,
         "interrupts": interrupts,
@@ -58,6 +61,8 @@ def main(arguments: list[str]) -> int:
     # By the clock for minutes: only where it is named.
     if "soak_live" in wanted:
         scenes["soak_live"] = partial(soak_live, asked.minutes)
+    if "midi_clock" in wanted:
+        scenes["midi_clock"] = partial(midi_clock, asked.minutes)
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)
         return 2

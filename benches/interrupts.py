@@ -72,7 +72,7 @@ COMMANDS = {
         "check score.yaml",
         "_rehearsed",
     ),
-    "check --simulate": (_THROWN, "check --simulate score.yaml", "follow"),
+    "check --simulate": (_THROWN, "check --simulate score.yaml", "swings"),
     "check, a large plate": (_LARGE, "check score.yaml", "add_network"),
     "plan": (_THROWN, "plan score.yaml", "plan"),
     "render, its plan": (_THROWN, "render score.yaml -o out.wav", "plan"),

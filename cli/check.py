@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isnan
 from typing import TYPE_CHECKING
 
 import click
@@ -15,13 +14,10 @@ from ergon.api.options import ReadOptions
 from . import options
 from .console import Console, Form, plural
 from .outcome import Findings
-from .units import metres
 
 if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic, Severity
-    from ergon.rendering.follow import GestureFidelity
     from ergon.scores.reading.load import Loaded
-    from ergon.scores.reading.piece import Piece
 
 
 @click.command()
@@ -29,7 +25,8 @@ if TYPE_CHECKING:
 @click.option(
     "--simulate",
     is_flag=True,
-    help="Also play the gestures, and say how closely their keys follow them.",
+    help="Also play the score: how closely keys follow gestures, how far masses swing, which "
+    "contacts close.",
 )
 @click.option(
     "--format",
@@ -67,10 +64,9 @@ def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
     if staged is None:
         raise Findings
     if simulate:
-        from ergon.rendering.follow import follow
+        from .simulated import simulated
 
-        with console.progress(f"simulating {path}", staged.n_frames, staged.rate) as progress:
-            _report(console, staged.piece, follow(staged, progress.at))
+        simulated(console, path, loaded, staged.piece)
 
 
 def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
@@ -79,47 +75,3 @@ def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
     for found in (*loaded.diagnostics, *more):
         counts[found.severity] += 1
     return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"
-
-
-def _report(console: Console, piece: Piece, fidelities: list[GestureFidelity]) -> None:
-    for one in fidelities:
-        at = None if isnan(one.worst_at) else score.where(piece, one.worst_at)
-        if console.json:
-            console.record(
-                "followed",
-                player=one.player,
-                gesture=one.name,
-                key=one.key,
-                times=one.times,
-                is_layer=one.is_layer,
-                ergons=one.n_ergons,
-                rms_m=one.rms,
-                worst_m=one.worst,
-                worst_at_s=one.worst_at,
-                worst_at=at,
-                pushed_by=one.pushed_by,
-                strongest_m_s=one.strongest,
-                missed=one.missed,
-                first_points_missed=one.first_points_missed,
-            )
-            continue
-        times = f" ×{one.times}" if one.times > 1 else ""
-        words = f"{one.player} {one.name}{times} on {one.key}: "
-        if one.is_layer:
-            words += "a layer, added to the gesture that runs"
-        elif one.n_ergons == 0:
-            words += "ended by the next gesture before its first ergon"
-        elif at is None:
-            words += "followed exactly"
-        else:
-            words += f"followed within {metres(one.rms)} rms, worst {metres(one.worst)} at {at}"
-            words += f", pushed by {one.pushed_by}" if one.pushed_by else ""
-        if one.missed:
-            words += f"; {plural(one.missed, 'step')} needed more than the force limit"
-        if one.first_points_missed:
-            words += f"; first point missed {plural(one.first_points_missed, 'time')}"
-        console.data(words + "\n")
-        console.detail(
-            f"  {plural(one.n_ergons, 'ergon')}, the strongest {one.strongest:.3g} m/s; "
-            f"free key from {metres(one.low)} to {metres(one.high)}"
-        )

@@ -9,6 +9,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
+from ergon.exchange.sound import SUFFIXES
 
 from . import options
 from .console import Console, plural
@@ -29,14 +30,14 @@ if TYPE_CHECKING:
 def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     """Say what a render, a take or a score contains.
 
-    A WAV file is a render: its format, title, the hash of its score and of its samples. A .take,
-    CSV or npz file is a take: its channels and what they span. Anything else is read as a score.
+    A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
+    .take, CSV or npz file is a take: its channels and what they span. Anything else is a score.
     """
     path = Path(file)
     suffix = path.suffix.lower()
-    if source is not None and suffix != ".wav":
-        raise Refused("--score verifies a rendered WAV file")
-    if suffix == ".wav":
+    if source is not None and suffix not in SUFFIXES:
+        raise Refused("--score verifies a rendered WAV or FLAC file")
+    if suffix in SUFFIXES:
         _render(console, path, source, trust)
     elif suffix in (".take", ".csv", ".npz"):
         from .take_info import take
@@ -47,7 +48,7 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
 
 
 def _render(console: Console, path: Path, source: str | None, trust: bool) -> None:
-    from ergon.exchange.wave import hash_samples, read_info
+    from ergon.exchange.sound import hash_samples, read_info
     from ergon.exchange.wave_header import NotWaveError
 
     try:

@@ -104,6 +104,18 @@ sound = several(
     ),
 )
 
+# Other programs beside a performance.
+osc = several(
+    click.option(
+        "--osc",
+        metavar="[HOST:]PORT",
+        help="Accept OSC requests at this port; without HOST from this machine alone.",
+    ),
+    click.option(
+        "--osc-to", metavar="HOST:PORT", help="Send by OSC what is played, and when it is heard."
+    ),
+)
+
 # Real hands of a performance, and what protects them.
 hands = several(
     click.option(

@@ -145,7 +145,7 @@ class Shown:
         """The lines stay where they are; what is said next stands below them."""
         self._drawn = 0
 
-    def _tell(self, events: Sequence[tuple[int, str, float]]) -> None:
+    def _tell(self, events: Sequence[_core.PerformanceEvent]) -> None:
         from ergon.live.display import event_sentence
 
         for event in events:

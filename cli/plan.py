@@ -21,6 +21,7 @@ _HOW = {
     "stepped": "module by module, CA",
     "oscillators": "each by its own poles",
     "modes": "by modes",
+    "complex modes": "by complex modes",
     "ca2p": "CA in two passes",
     "bm4": "splitting of order 4",
     "ieq": "quadratised energy",
@@ -29,6 +30,7 @@ _HOW = {
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
+_EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 _HEAD = ("part", "modules", "computed", "error", "cost", "stable", "left out")
 
 
@@ -106,15 +108,15 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "modes": None if row.modes is None else row.modes[0],
         "modes_of": None if row.modes is None else row.modes[1],
         "left_out_db": row.left_out_db,
-        "times": row.times,
-        "contact_steps": row.steps,
+        "times": row.oversampling,
+        "contact_steps": row.contact_substeps,
         "error_db": row.error_db,
         "error_over_s": row.error_s,
         "spectral_db": row.spectral_db,
         "cost": row.cost,
-        "certificate": row.word,
+        "certificate": row.guarantee,
         "because": row.because,
-        "every": row.every,
+        "every": row.macrostep,
         "radius": row.radius,
         "preserved": row.preserved,
         "offered": row.offered,
@@ -137,16 +139,16 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     computed = _HOW[row.what]
     if row.modes is not None:
         kept, of = row.modes
-        computed = plural(kept, "mode") + ("" if kept == of else f" of {of:,}")
-    if row.every is not None:
-        computed += f", once in {plural(row.every, 'frame')}"
-    if row.times > 1:
-        computed += f" ×{row.times}"
-    if row.steps > 1:
-        computed += f", contacts ×{row.steps}"
+        computed = plural(kept, _mode(row)) + ("" if kept == of else f" of {of:,}")
+    if row.macrostep is not None:
+        computed += f", once in {plural(row.macrostep, 'frame')}"
+    if row.oversampling > 1:
+        computed += f" ×{row.oversampling}"
+    if row.contact_substeps > 1:
+        computed += f", contacts ×{row.contact_substeps}"
     is_left_out = row.what in ("unheard", "still")
     error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
-    if row.what not in ("modes", "oscillators", "unheard", "still") and row.error_db is None:
+    if row.what not in _EXACT and row.error_db is None:
         error = "not measured"
     if row.preserved:
         error += ", preserved"
@@ -160,7 +162,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         computed,
         error,
         "" if is_left_out else f"{row.cost:.2g}",
-        row.word or "",
+        row.guarantee or "",
         "" if row.left_out_db is None else f"{row.left_out_db:.0f} dB",
     )
 
@@ -172,6 +174,10 @@ def _summary(made: Plan) -> str:
     if made.is_kept:
         planned += " (from the cache)"
     return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {made.hash[:12]}\n"
+
+
+def _mode(row: PlanRow) -> str:
+    return "complex mode" if row.what == "complex modes" else "mode"
 
 
 def _often(times: int) -> str:
@@ -190,28 +196,31 @@ def _why(row: PlanRow) -> list[str]:
         said.append("  Nothing ever moves it: what is heard of it is a constant.")
     elif row.modes is not None:
         kept, of = row.modes
-        said.append(f"  It is linear: {plural(kept, 'mode')} of {of:,} are computed, each exactly.")
+        some = f"{plural(kept, _mode(row))} of {of:,}"
+        said.append(f"  It is linear: {some} are computed, each exactly.")
         if row.left_out_db is not None:
             said.append(f"  The others together would be {-row.left_out_db:.0f} dB below the rest.")
-    elif row.every is not None:
+    elif row.macrostep is not None:
         said.append(
-            f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
+            f"  Its springs pull once in {plural(row.macrostep, 'frame')}, by its exact flow (E4)."
         )
         if row.offered:
             said.append("  The planner chose this by itself: it costs less.")
         if row.radius is not None:
             said.append(f"  Nothing grows from pull to pull: |λ| is at most {row.radius:.9g}.")
     elif row.what == "stepped":
-        said.append(f"  It is stepped module by module by the CA scheme, {_often(row.times)}.")
+        said.append(
+            f"  It is stepped module by module by the CA scheme, {_often(row.oversampling)}."
+        )
     else:
-        said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row.times)}.")
+        said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row.oversampling)}.")
     if row.because is not None:
         said.append(f"  It is not computed by modes: {row.because}.")
     if row.stays is not None:
         said.append(f"  The rate that it asks for is not used for {row.stays}.")
-    if row.steps > 1:
+    if row.contact_substeps > 1:
         said.append("  Closed contacts, and laws that stand alone, are computed between frames,")
-        said.append(f"  {row.steps} steps a frame or more.")
+        said.append(f"  {row.contact_substeps} steps a frame or more.")
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
@@ -220,11 +229,11 @@ def _why(row: PlanRow) -> list[str]:
     if row.spectral_db is not None:
         said.append("  After that it is chaotic: no two methods give the same waveform;")
         said.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
-    if row.word is not None:
+    if row.guarantee is not None:
         said.append(
-            f"  It cannot diverge: {row.word}."
-            if row.word == "proved"
-            else f"  Stability: {row.word}."
+            f"  It cannot diverge: {row.guarantee}."
+            if row.guarantee == "proved"
+            else f"  Stability: {row.guarantee}."
         )
         said.append(f"  It costs {row.cost:.2g} of a core at real time.")
     return said

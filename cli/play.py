@@ -24,14 +24,7 @@ _playing = options.several(
     ),
     click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
-    click.option(
-        "--osc",
-        metavar="[HOST:]PORT",
-        help="Accept OSC requests at this port; without HOST from this machine alone.",
-    ),
-    click.option(
-        "--osc-to", metavar="HOST:PORT", help="Send by OSC what is played, and when it is heard."
-    ),
+    options.osc,
     click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
     options.seed,
     options.accuracy,

@@ -10,6 +10,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
+from ergon.exchange.sound import SUFFIXES
 
 from . import options
 from .console import Console
@@ -55,10 +56,10 @@ def plot(
     """Draw a gesture as written and as played, in the terminal or as SVG.
 
     NAME is a gesture, a take or a player of the score: what is drawn is its first time in the
-    piece, or for a player the whole part. SCORE may also be a rendered WAV file, without NAME: then
-    its waveform and spectrogram are drawn.
+    piece, or for a player the whole part. SCORE may also be a rendered WAV or FLAC file, without
+    NAME: then its waveform and spectrogram are drawn.
     """
-    if Path(score_path).suffix.lower() == ".wav":
+    if Path(score_path).suffix.lower() in SUFFIXES:
         _sound(console, Path(score_path), svg, width, height, force)
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
@@ -142,7 +143,7 @@ def _known(piece: Piece) -> str:
 def _sound(
     console: Console, path: Path, svg: str | None, width: int | None, height: int, force: bool
 ) -> None:
-    from ergon.exchange.wave import read_blocks, read_info
+    from ergon.exchange.sound import read_blocks, read_info
     from ergon.exchange.wave_header import NotWaveError
 
     try:

@@ -34,6 +34,19 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Continue the session of this journal, where it ends.",
 )
+@click.option(
+    "--midi",
+    multiple=True,
+    metavar="PORT",
+    help="Hear MIDI from the input whose name contains this, or `virtual`; repeatable.",
+)
+@click.option(
+    "--midi-clock-from",
+    metavar="PORT",
+    help="Follow the MIDI clock of this input: its start and stop, its tempo and its beat.",
+)
+@click.option("--midi-clock-to", metavar="PORT", help="Send MIDI clock to this output.")
+@options.osc
 @click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
 @click.option(
     "--socket",

@@ -61,6 +61,8 @@ def rendered(console: Console, completed: Completed) -> None:
     if done.stems and done.stems[0].gain != mix.gain:
         lower = decibels(done.stems[0].gain / mix.gain)
         console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
+    if mix.peak == 0:
+        console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
     if job.format.bits != "float":
         for file in (mix, *done.stems):
             if file.peak > 1:
@@ -105,7 +107,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
             modules=stage.network.n_mat + stage.network.n_lia,
             lambda_max=certificate.lambda_max,
             margin=margin,
-            certificate=certificate.word,
+            certificate=certificate.guarantee,
         )
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
@@ -116,7 +118,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(held)} more while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{job.stop:,} frames, {steps:.3g} module-steps",
-        f"stability: {certificate.word} ({certificate.method}); everything could be "
+        f"stability: {certificate.guarantee} ({certificate.method}); everything could be "
         f"{margin:.3g} times as stiff",
     ]
     console.data("\n".join(lines) + "\n")

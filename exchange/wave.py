@@ -64,7 +64,7 @@ class WaveWriter:
             raise ValueError(f"{n_channels} channels for a file of {self.format.n_channels}")
         if n_frames > self._left:
             raise ValueError(f"{n_frames - self._left} frames more than the header announced")
-        data = _encode(block, self.format)
+        data = encode(block, self.format)
         self._hash.update(data)
         self._file.write(data)
         self._left -= n_frames
@@ -77,7 +77,8 @@ class WaveWriter:
         self._pad = 0
 
 
-def _encode(block: NDArray[Any], format: WaveFormat) -> bytes:
+def encode(block: NDArray[Any], format: WaveFormat) -> bytes:
+    """The bytes of samples (n_frames, n_channels) in a file. Raises TypeError."""
     import numpy as np
 
     floats = {"float": "<f4", "double": "<f8"}

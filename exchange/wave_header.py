@@ -70,9 +70,9 @@ class WaveFormat:
 
 @dataclass(frozen=True, slots=True)
 class WaveInfo:
-    """What a WAVE file says it holds; `offset` and `size` [bytes] are those of its samples."""
+    """What a sound file says it holds; `offset` and `size` [bytes] are those of its samples."""
 
-    container: Literal["RIFF", "RF64"]
+    container: Literal["RIFF", "RF64", "FLAC"]
     format: WaveFormat
     n_frames: int
     offset: int

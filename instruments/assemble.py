@@ -39,7 +39,7 @@ class Assembly:
         With `reach` s the part lies behind a lever: the scene sees s times its movement, and power
         is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
         """
-        self.network.part(name, ca_rate=ca_rate, every=every if every > 1 else None)
+        self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
         for module in modules:
             if module.kind in HOLDERS:
                 fields = _seen(module.fields, reach)
@@ -126,8 +126,9 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
     for name in _PER_LENGTH_SQUARED:
         if seen.get(name) is not None:
             seen[name] /= reach * reach
-    if seen.get("hardening"):
-        seen["hardening"] /= reach**4  # q·(x/s)³/s
+    for name in ("hardening", "stretching"):
+        if seen.get(name):
+            seen[name] /= reach**4  # q·(x/s)³/s
     if seen.get("exponent", 1.0) != 1.0:
         # K·(p/s)^α/s: the first power is in the square above.
         seen["K"] *= reach / _core.pow(reach, seen["exponent"])
@@ -165,15 +166,14 @@ def _cel(assembly: Assembly, name: str, f: _Fields) -> int:
 
 
 def _string(assembly: Assembly, name: str, f: _Fields) -> int:
-    return assembly.network.string(
-        name, **_pick(f, "masses", "M", "f", "t60", "ends", "stiffness", "hardening")
-    )
+    options = ("masses", "M", "f", "t60", "ends", "stiffness", "inharmonicity", "hardening")
+    return assembly.network.string(name, **_pick(f, *options, "stretching"))
 
 
 def _plate(assembly: Assembly, name: str, f: _Fields) -> int:
-    return assembly.network.plate(
-        name, **_pick(f, "shape", "radius", "M", "f", "t60", "rim", "hardening")
-    )
+    form = ("sides",) if f["shape"] == "rectangle" else ("shape", "radius")
+    options = (*form, "M", "f", "t60", "rim", "bending", "hardening")
+    return assembly.network.plate(name, **_pick(f, *options))
 
 
 def _bank(assembly: Assembly, name: str, f: _Fields) -> int:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ergon.instruments.bodies import DECAY, Bending
+from ergon.instruments.stiff import INHARMONICITY, STRETCHING
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
@@ -143,10 +145,16 @@ def _lnl() -> tuple[Field, ...]:
     )
 
 
+_SIDE = k.integer(1, 2 * MAX_RADIUS + 1, "40")
+_SIDES = Pair(_SIDE, _SIDE)
+
+
 def _generators() -> dict[str, Record]:
     m = Field("M", k.MASS, "mass of the whole body", required=True)
     f = Field("f", k.PITCH, "lowest mode that is not rigid", required=True)
-    t60 = Field("t60", k.DURATION, "decay of that mode", shown="no decay")
+    t60 = Field(
+        "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"
+    )
     hardening = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
     starts = (
         Field("X0", _start("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
@@ -158,17 +166,36 @@ def _generators() -> dict[str, Record]:
         f,
         t60,
         Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
-        Field("stiffness", k.RATIO, "springs to neighbours but one, over those between", 0.0),
+        Field(
+            "stiffness",
+            k.RATIO,
+            "springs to neighbours but one, which lower partials (see inharmonicity)",
+            0.0,
+        ),
+        Field(
+            "inharmonicity",
+            INHARMONICITY,
+            "B of partials f·n·√((1 + B·n²)/(1 + B)), or the wire that has it",
+            shown="that of a row of springs",
+        ),
         hardening,
+        Field(
+            "stretching",
+            STRETCHING,
+            "q of q·S·d on every link, S the sum of the squares of all elongations; or the wire",
+            0.0,
+        ),
         *starts,
     )
     plate = (
-        Field("shape", choice("hex", "square"), "form of the mesh", "hex"),
-        Field("radius", k.integer(1, MAX_RADIUS, "12"), "rings round its centre", required=True),
+        Field("shape", choice("hex", "square", "rectangle", "disc"), "form of the mesh", "hex"),
+        Field("radius", k.integer(1, MAX_RADIUS, "12"), "rings round its centre"),
+        Field("sides", _SIDES, "masses across and up a rectangle"),
         m,
         f,
         t60,
         Field("rim", choice("free", "fixed"), "whether the rim is held", "free"),
+        Field("bending", Bending(), "whether it resists curvature, as metal does", shown="false"),
         hardening,
         *starts,
     )
@@ -249,6 +276,16 @@ GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "gener
 HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
 
 
+# Fields of generators that scores of earlier versions could not write, and their defaults: the hash
+# of a score leaves them out there, so that it stays what it was.
+LATER_FIELDS: dict[str, Any] = {
+    "inharmonicity": None,
+    "stretching": 0.0,
+    "sides": None,
+    "bending": None,
+}
+
+
 def tables(ca: bool, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
     """Tables by kind, in SI units or under `units: ca`."""
     return {name: KINDS[name].ca_table if ca else KINDS[name].table for name in names}
@@ -257,6 +294,16 @@ def tables(ca: bool, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]
 def member_count(kind: str, fields: Mapping[str, Any]) -> int:
     """How many MATs a module has."""
     if kind == "PLATE":
-        r = fields["radius"]
-        return int(3 * r * (r + 1) + 1 if fields["shape"] == "hex" else (2 * r + 1) ** 2)
+        return _plate_count(fields["shape"], fields["rim"], fields["radius"] or 1, fields["sides"])
     return int(fields.get("masses") or fields.get("count") or 1)
+
+
+def _plate_count(shape: str, rim: str, radius: int, sides: tuple[int, int] | None) -> int:
+    if shape == "rectangle":
+        across, up = sides or (1, 1)
+        return across * up
+    if shape == "square":
+        return (2 * radius + 1) ** 2
+    # The outermost ring of a disc is its rim; a hexagon with a fixed one has one ring more.
+    rings = radius - 1 if shape == "disc" and rim == "fixed" else radius
+    return 3 * rings * (rings + 1) + 1

@@ -8,6 +8,7 @@ from typing import Any
 
 from ergon.instruments.kinds import HOLDERS, tables
 from ergon.instruments.model import Instrument, Module, Output
+from ergon.instruments.stiff import Stretched
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
@@ -152,6 +153,8 @@ def module(name: str, kind: str, values: Values) -> Module:
     fields = {f.name: values[f.name] for f in values.record.fields}
     if kind == "LNL":
         fields["constants"] = dict(values.free)
+    if isinstance(wire := fields.get("stretching"), Stretched):
+        fields["stretching"] = wire.of(fields["masses"], fields["ends"])
     for check in _CHECKS.get(kind, ()):
         check(kind, values)
     places = {field: node.place for field, node in values.nodes.items()}
@@ -203,6 +206,30 @@ def _lnl(kind: str, values: Values) -> None:
         values.error("E111", message, "points")
 
 
+def _string(kind: str, values: Values) -> None:
+    if values.written("inharmonicity") and values.written("stiffness"):
+        message = (
+            f"{values.context.of('stiffness')}: `inharmonicity` is written too; keep "
+            "`inharmonicity`, which raises high partials as bending does"
+        )
+        values.error("E111", message, "stiffness")
+
+
+def _plate(kind: str, values: Values) -> None:
+    shape = values["shape"]
+    needed, other = ("sides", "radius") if shape == "rectangle" else ("radius", "sides")
+    if not values.written(needed):
+        example = {"sides": "sides: [40, 25]", "radius": "radius: 12"}[needed]
+        message = f"{values.context.of('')}: a PLATE of shape {shape} needs {example}"
+        values.error("E103", message)
+    if values.written(other):
+        message = f"{values.context.of(other)}: a PLATE of shape {shape} has no {other}; remove it"
+        values.error("E111", message, other)
+    if shape == "disc" and values["bending"] is None:
+        message = f"{values.context.of('shape')}: a disc bends; write `bending: true`, or take hex"
+        values.error("E111", message, "shape")
+
+
 _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "RES": (_needs("K"),),
     "FRO": (_needs("Z"),),
@@ -210,6 +237,8 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "CEL": (_cel,),
     "BUT": (_but,),
     "LNL": (_lnl,),
+    "STRING": (_string,),
+    "PLATE": (_plate,),
 }
 
 

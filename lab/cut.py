@@ -60,7 +60,7 @@ class Cut:
     def at(self, rate: float) -> Set:
         """Built anew; at its own rate whatever is asked."""
         network = _core.Network()
-        network.part("key", ca_rate=RATE, every=self.every)
+        network.part("key", ca_rate=RATE, macrostep=self.every)
         M, K, Z = self.key.M, self.key.K, self.key.Z
         row = [network.cel("m0", M=M[0] * RATE**2, K=K[0], Z=Z[0] * RATE)]
         for i in range(1, len(M)):

@@ -42,7 +42,7 @@ def has_contacts(piece: Piece) -> bool:
 def _stiffer(module: Module, factor: float) -> Module:
     given: Mapping[str, Any] = module.fields
     fields = dict(given)
-    for name in ("K", "hardening"):
+    for name in ("K", "hardening", "stretching"):
         if fields.get(name):
             fields[name] = fields[name] * factor
     pitch = fields.get("f")

@@ -1,1 +1,1 @@
-"""A staged piece on hardware: loudspeakers, keys, hands."""
+"""A staged piece played on a sound card and on force-feedback devices."""

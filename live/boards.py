@@ -1,4 +1,4 @@
-"""Devices under players' keys: `remi=firefader:/dev/ttyACM0#1`, and names for devices."""
+"""Devices that move players' keys: `remi=firefader:/dev/ttyACM0#1`, and names for devices."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_BYTES = 1 << 20  # a list of devices is small; what is larger is another fi
 
 
 class BoardError(ErgonError):
-    """A device that is not described well, or not known; the message says what to write."""
+    """A device whose description is wrong or unknown; the message says what to write."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +39,13 @@ class Board:
 
     @property
     def has_motor(self) -> bool:
-        """Whether there may be a motor: not in this process, nor behind a pseudo-terminal."""
+        """Whether there may be a real motor: False in this process and behind a pseudo-terminal."""
         where = self.url.partition("?")[0].partition(":")[2]
         return self.kind != "emul" and not where.startswith("/dev/pts/")
 
     @property
     def emulated(self) -> bool:
-        """Whether it is most likely an emulator: also datagrams to this machine, if not surely."""
+        """Whether it is surely or probably an emulator, as with datagrams to this machine."""
         where = self.url.partition("?")[0].partition(":")[2].removeprefix("//")
         return not self.has_motor or (self.kind == "frame+udp" and where.startswith("127."))
 
@@ -57,7 +57,7 @@ def config_path() -> Path:
 
 
 def read_config() -> dict[str, Any]:
-    """All that the user's list says; nothing where there is no such file. Raises BoardError."""
+    """The user's list; empty where there is no such file. Raises BoardError."""
     path = config_path()
     try:
         if path.stat().st_size > _MAX_BYTES:
@@ -70,7 +70,7 @@ def read_config() -> dict[str, Any]:
 
 
 def names() -> dict[str, str]:
-    """Names of devices and their URLs; none where there is no such file. Raises BoardError."""
+    """The URL of each named device; empty where there is no such file. Raises BoardError."""
     table = read_config().get("devices", {})
     if not isinstance(table, dict) or not all(isinstance(url, str) for url in table.values()):
         raise BoardError(

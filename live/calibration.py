@@ -23,7 +23,7 @@ _MANNERS = ("lockstep", "wide")
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """An axis as it is; positions in m or rad, `force_max` in N or N·m.
+    """The calibration of an axis; positions in m or rad, `force_max` in N or N·m.
 
     `sign` is 1 where a positive force moves it towards positive positions as the device gives them,
     else -1; its true position is (position - zero) · gain.
@@ -35,9 +35,11 @@ class Axis:
     range: tuple[float, float]
     force_max: float
 
-    def told(self, number: int) -> tuple[int, float, float, float, tuple[float, float], float]:
-        """As the core takes it."""
-        return number, float(self.sign), self.zero, self.gain, self.range, self.force_max
+    def for_core(self, number: int) -> _core.AxisCalibration:
+        """The calibration of axis `number`, as the core takes it."""
+        return _core.AxisCalibration(
+            number, float(self.sign), self.zero, self.gain, self.range, self.force_max
+        )
 
 
 def plain(device: Device, sign: int) -> Axis:
@@ -52,7 +54,7 @@ def between(axis: Axis, low: float, high: float, apart: float) -> Axis:
 
 
 def identity(url: str) -> str | None:
-    """The name of a board that stays when it is plugged in elsewhere; None where none is certain.
+    """The name of a board that does not depend on its port; None where none is certain.
 
     A board on a serial port has the serial number that it says over USB, a Haply device its `?id=`.
     An address says nothing of who answers there.
@@ -77,7 +79,7 @@ def _address(url: str) -> str:
 
 
 def known(url: str) -> dict[int, Axis]:
-    """What was found of a device's axes, by their numbers; by its address where by nothing else.
+    """The known calibrations of a device's axes, by their numbers.
 
     Raises BoardError.
     """
@@ -85,7 +87,7 @@ def known(url: str) -> dict[int, Axis]:
 
 
 def certain(url: str) -> set[int]:
-    """The axes of a device that were found on this very board. Raises BoardError."""
+    """The axes of a device that were calibrated on this board. Raises BoardError."""
     return {number for number, (_, is_own) in _found(url).items() if is_own}
 
 
@@ -109,7 +111,7 @@ def _table(config: dict[str, Any]) -> dict[str, Any]:
 
 
 def as_recorded(board: Board, number: int) -> dict[str, object]:
-    """An axis, as the beginning of a recording has it."""
+    """An axis, as the header of a recording describes it."""
     found = board.known.get(number)
     return {
         "device": f"{board.url}#{number}",
@@ -141,11 +143,11 @@ def _axis(name: str, row: Any) -> Axis:
 
 
 def tried(url: str, number: int, before: Axis | None = None) -> Axis:
-    """Push an axis a little and see which way it goes: as `before`, or another board's axis.
+    """Find the direction of an axis by a small force: as `before`, or of another board.
 
     Raises EngineError, UnsureError where it does not move both ways.
     """
-    device = _core.Device(url, [] if before is None else [before.told(number)])
+    device = _core.Device(url, [] if before is None else [before.for_core(number)])
     try:
         sign = int(device.direction(number, 1e-3))
         if before is None:
@@ -197,7 +199,7 @@ def remember(url: str, number: int, axis: Axis) -> Path:
 
 
 def _replaced(text: str, lines: list[str]) -> str:
-    """The text with a table instead of the one with the same header, or behind all others."""
+    """The text with a table in place of the one with the same header, or at the end."""
     end = "\r\n" if "\r\n" in text else "\n"
     table = end.join(lines) + end
     rows = text.splitlines(keepends=True)

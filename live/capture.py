@@ -42,18 +42,18 @@ def capture(
     return _core.Performance(
         _core.Simulation(network, timeline),
         _core.Mixer(_RATE, 0, 1),
-        every=every,
+        tick_frames=every,
         audio="null",
         n_frames=None if seconds is None else max(1, round(seconds * _RATE / every)) * every,
-        hands=[(still, 1.0, None, np.zeros(0)) for _ in axes],
+        hands=[_core.LiveHand(still, 1.0, None, np.zeros(0)) for _ in axes],
         boards=[
-            (
+            _core.LiveBoard(
                 board.url,
                 [(number, hands[player]) for number, player in board.axes],
                 0.0,
-                [axis.told(number) for number, axis in board.known.items()],
+                [axis.for_core(number) for number, axis in board.known.items()],
             )
             for board in boards
         ],
-        record=(path, [(player, "") for _, _, player in axes], json.dumps(about)),
+        record=_core.RecordTarget(path, [(player, "") for _, _, player in axes], json.dumps(about)),
     )

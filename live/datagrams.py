@@ -20,11 +20,11 @@ class PythonOscMissingError(ErgonError):
 
 
 class MalformedDatagramError(ErgonError):
-    """A datagram that is no valid OSC."""
+    """A datagram that is not valid OSC."""
 
 
 def require_python_osc() -> None:
-    """Raise PythonOscMissingError where python-osc is not there."""
+    """Raise PythonOscMissingError where python-osc is not installed."""
     try:
         import pythonosc.osc_message  # noqa: F401
     except ImportError:
@@ -54,7 +54,7 @@ def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
 
 
 def _flat(datagram: bytes, deepest: int) -> Iterator[bytes]:
-    """The messages of bundles; sizes are looked at here, for python-osc believes them."""
+    """The messages of bundles; sizes are checked here, because python-osc does not."""
     if not datagram.startswith(_BUNDLE):
         yield datagram
         return
@@ -71,7 +71,7 @@ def _flat(datagram: bytes, deepest: int) -> Iterator[bytes]:
 
 
 def _types(message: bytes) -> bytes:
-    """The types of a message's arguments, `,` if it says none."""
+    """The type tags of a message's arguments; `,` where it has none."""
     at = (message.find(b"\0") // 4 + 1) * 4
     return message[at:].partition(b"\0")[0] or b","
 

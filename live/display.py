@@ -23,7 +23,7 @@ SILENT = 1e-7  # a peak of so little is silence: -140 dB
 
 @dataclass(frozen=True, slots=True)
 class HandView:
-    """A real hand's key, as it is shown: positions [m], forces [N]."""
+    """What is shown of a real hand's key: positions [m], forces [N]."""
 
     player: str
     key: str
@@ -38,7 +38,7 @@ class HandView:
 
 @dataclass(frozen=True, slots=True)
 class PerformanceView:
-    """One look at a performance."""
+    """The state of a performance, as it is shown."""
 
     where: str
     playing: tuple[tuple[str, str], ...]  # (player, what)
@@ -52,16 +52,16 @@ class PerformanceView:
 
 
 class Watcher:
-    """Looks at a performance of a stage."""
+    """Makes views of the performance of a stage."""
 
     def __init__(self, stage: Stage) -> None:
-        """Of a stage that is played."""
+        """Show this stage."""
         self._stage = stage
         # A gesture is over when a later one begins; there may be a million.
         self._gestures: list[StagedGesture] = sorted(stage.gestures, key=lambda g: g.start)
 
     def look(self, status: _core.Status, recording: str | None = None) -> PerformanceView:
-        """What is to be seen now; `recording` says why hands cannot be recorded at present."""
+        """The view now; `recording` says why hands cannot be recorded at present."""
         stage = self._stage
         seconds = status.frame / stage.rate
         tempo = stage.piece.tempo_map
@@ -110,7 +110,7 @@ def decibels_of(peak: float) -> float:
 
 
 def lines(view: PerformanceView, width: int) -> list[str]:
-    """The view as lines of at most `width` characters; no colours, no meaning by them."""
+    """The view as lines of at most `width` characters, without colours."""
     playing = " · ".join(f"{player} {what}" for player, what in view.playing) or "—"
     level = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
     counts = " · ".join([f"late {view.late}", *view.troubles])
@@ -134,7 +134,7 @@ def _key(key: HandView) -> str:
 
 
 def meter_of(x: float, low: float, high: float) -> str:
-    """Where x lies between two ends, as characters."""
+    """A bar of characters that shows x between two ends."""
     share = (x - low) / (high - low) if high > low else 0.5
     at = min(max(round(share * (_METER - 1)), 0), _METER - 1)
     middle = (_METER - 1) // 2
@@ -198,7 +198,7 @@ def _percent(part: float) -> str:
 
 
 def event_sentence(
-    event: tuple[int, str, float], players: Sequence[str], boards: Sequence[str]
+    event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
 ) -> str:
     """An event as a sentence; empty where a player need not know of it."""
     _, what, number = event

@@ -82,7 +82,7 @@ def waking(found: Checkup, what: str = "wake-up") -> Finding:
 
 
 def sound(spec: str) -> Finding:
-    """The audio server: which, and how long sound takes through it."""
+    """The audio server and its latency."""
     import numpy as np
 
     rate = 44100
@@ -160,7 +160,7 @@ def device(url: str, seconds: float) -> list[Finding]:
 
 
 def _felt(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
-    """From where a hand is to the force that answers it."""
+    """The delay from the position of a hand to the force that answers it."""
     structural = STRUCTURAL_TICKS * PERIOD
     usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
     how = "in its own time, for it is in lockstep" if lockstep else f"p99 {ms(mostly)}"
@@ -182,7 +182,7 @@ def _felt(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
 
 
 def quantile(seconds: NDArray[np.float64], part: float) -> float:
-    """No more than this was taken by `part` of them [s]; NaN where there are none."""
+    """The quantile `part` of durations [s]; NaN where there are none."""
     import numpy as np
 
     if not len(seconds):

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import LiveHand
     from ergon.scores.staging.stage import Stage
 
-# A scene's answer is followed at least and at most so long [ticks]: what rings longer than that
-# can make a key swing up by half within some seconds, no faster.
+# Least and greatest length of a response [ticks]: what rings longer can make the oscillation of a
+# key grow by half within some seconds, no faster.
 _TICKS = (400, 4096)
 _ENDLESS = 1e12  # [N/m]
 # Couplings fade in this time [s] (FADE in core-rs/engine/src/timeline/gate.rs).
 _FADE = 0.02
-# In a shorter glide no swing grows that its two ends do not have [s].
+# In a glide shorter than this [s] no oscillation grows that is stable at both ends.
 _SHORT = 0.05
-# A longer one is looked at wherever a number has changed by this ratio, in so many places at most.
+# A longer glide is checked wherever a value has changed by this ratio, at this many places at most.
 _RATIO, _PLACES = 1.2, 20
 _KEPT = 64  # answers
 
@@ -45,7 +45,7 @@ class ForceScale:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the force that is left is worth playing."""
+        """Whether the force that is left is enough to play with."""
         return self.scale >= _core.FORCE_SCALE_MIN
 
 
@@ -65,7 +65,7 @@ class HandForceBounds:
 
 @dataclass(frozen=True, slots=True)
 class _Moment:
-    """Numbers that glide: (MAT, K, Z, M), (LIA, factor of its force); LIAs that are over."""
+    """Values in a glide: (MAT, K, Z, M), (LIA, factor of its force); LIAs that have ended."""
 
     ties: tuple[tuple[int, float, float, float], ...] = ()
     factors: tuple[tuple[int, float], ...] = ()
@@ -75,23 +75,23 @@ class _Moment:
 def response(
     network: _core.Network, hand: LiveHand, rate: float, reach: float, played: Sequence[LiveHand]
 ) -> NDArray[np.float64]:
-    """Force against a key [N/m] in each tick after it was away for one, (n_ticks,).
+    """Force against a key [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
 
     All contacts are closed; the other hands hold still.
     """
     held = [other.mat for other in played]
-    return _answer(network.met(hand.mat, rate, held=held), hand.every, reach)
+    return _answer(network.reachable_scene(hand.mat, rate, held=held), hand.every, reach)
 
 
-def _answer(met: _core.Met, every: int, reach: float) -> NDArray[np.float64]:
+def _answer(scene: _core.ReachableScene, tick_frames: int, reach: float) -> NDArray[np.float64]:
     import numpy as np
 
-    felt = met.response(every, _TICKS)
+    felt = scene.response(tick_frames, _TICKS)
     if felt is None:
-        # Closed, the scene runs away by itself: no key bears that.
+        # With its contacts closed the scene diverges by itself: no device bears that.
         return np.full(_TICKS[0], _ENDLESS)
-    # Hands that feel each other swing against each other: a spring between two is twice as stiff.
-    return felt * (reach * reach * (1 + met.others))
+    # Hands that feel each other may move in opposite directions: a spring between two counts twice.
+    return felt * (reach * reach * (1 + scene.others))
 
 
 class Guard:
@@ -103,7 +103,7 @@ class Guard:
     """
 
     def __init__(self, bears: Bears, reaches: Sequence[float], real: Sequence[int]) -> None:
-        """For the keys that `bears` knows."""
+        """Compute for the keys that `bears` knows."""
         self._bears = bears
         self._reaches = reaches
         self._real = real
@@ -125,6 +125,12 @@ class Guard:
         """
         if not self._real:
             return ()
+        if stage.paths:
+            raise _core.EngineError(
+                "automation cannot be played while a real hand is connected: the force that the "
+                "hand may get is not known for every value; remove `automation`, or play without "
+                "the device"
+            )
         moments = _moments(stage, start, glides)
         on = tuple(before) if len(moments) > 1 else ()
         if self._last and self._last[0] is stage.network and self._last[1:] == (moments, on):
@@ -165,7 +171,7 @@ class Guard:
     def _borne(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _Moment
     ) -> ForceScale:
-        met = stage.network.met(
+        scene = stage.network.reachable_scene(
             hand.mat,
             stage.rate,
             held=[other.mat for other in hands],
@@ -173,11 +179,11 @@ class Guard:
             ties=list(moment.ties),
             factors=list(moment.factors),
         )
-        key = hand.index, met.others, met.key()
+        key = hand.index, scene.others, scene.key()
         borne = self._known.pop(key, None)
         if borne is None:
             self.asked += 1
-            found = self._bears(hand.index, _answer(met, hand.every, self._reaches[hand.index]))
+            found = self._bears(hand.index, _answer(scene, hand.every, self._reaches[hand.index]))
             assert found is not None  # it is real
             borne = ForceScale(found.scale, found.stiffness, found.limit)
         self._known[key] = borne  # the latest last
@@ -189,7 +195,7 @@ class Guard:
 def _moments(
     stage: Stage, start: int, glides: Sequence[Glide]
 ) -> tuple[tuple[int, _Moment, _Moment], ...]:
-    """Stretches of a scene: the frame of the first, and its numbers at its beginning and end."""
+    """Stretches of a scene: first frame, values at the beginning, and values at the end."""
     couplings = [
         (link, _end(stage, until))
         for link, (_, until) in zip(stage.scene.couplings, acting(stage.piece), strict=True)
@@ -213,7 +219,7 @@ def _moments(
 
 
 def _end(stage: Stage, until: float | None) -> float:
-    """The frame at which a coupling acts no longer."""
+    """The first frame at which a coupling no longer acts."""
     if until is None:
         return math.inf
     if until == OVER:
@@ -243,7 +249,7 @@ def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
 def _numbers(
     stage: Stage, glides: Sequence[Glide], frame: int
 ) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
-    """What ties and links have at a frame, as the engine lets them glide."""
+    """Values of ties and links at a frame of a glide, as the engine computes them."""
     ties, factors = [], []
     for glide in glides:
         first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)

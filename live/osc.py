@@ -1,4 +1,4 @@
-"""OSC beside a performance: sockets and a thread of its own, with bounds on what is answered."""
+"""OSC for a performance: sockets, a thread of its own, and bounds on the number of answers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ergon import _core
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
     from .osc_in import Command, Table
+    from .osc_out import Send
 
     Place = tuple[str, int]
 
@@ -63,6 +65,7 @@ class Osc:
         self._remarks: deque[str] = deque(maxlen=100)
         self._unknown: set[str] = set()
         self._answers: deque[float] = deque(maxlen=_ANSWERS)
+        self._asking: tuple[object, ...] = ()
         self._table: Table = {}
         self._teller: OscTeller | None = None
         self._over = threading.Event()
@@ -77,11 +80,20 @@ class Osc:
             self.stopped = True
             performance.stop()
 
-        self._table = table(performance, stage, gain, stop, self._command)
-        self._teller = OscTeller(performance, stage, start, self._send) if self._there else None
+        asked = table(performance, stage, gain, stop, self._command)
+        self.serve(asked, lambda send: OscTeller(performance, stage, start, send))
+
+    def serve(self, asked: Table, teller: Callable[[Send], OscTeller]) -> None:
+        """Do what a table of addresses says, and send what a teller tells."""
+        self._table = asked
+        self._teller = teller(self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
         self._thread.start()
+
+    def answerer(self) -> Callable[[str, str], None]:
+        """What answers the request that is being done, by an address and a sentence, any time."""
+        return partial(self._answer, self._asking)
 
     def rest(self) -> None:
         """End serving a performance; events that wait are still sent."""
@@ -156,6 +168,7 @@ class Osc:
         except MalformedDatagramError:
             self.malformed += 1
             return
+        self._asking = sender
         for address, arguments in asked:
             ask = self._table.get(address)
             try:
@@ -164,20 +177,20 @@ class Osc:
                 else:
                     ask(arguments)
             except OscRequestError as error:
-                self._answer(sender, str(error))
+                self._answer(sender, "/ergon/error", str(error))
             except _core.EngineError:
                 return  # it is over
 
     def _wonder(self, address: str) -> None:
-        """An address that nobody knows: once each, and only so many a second."""
+        """Report an unknown address: once each, and only so many a second."""
         if address in self._unknown or len(self._unknown) >= _MOST_KNOWN or not self._may_speak():
             return
         self._unknown.add(address)
         self._remarks.append(f"osc: no address {_shown(address)}")
 
-    def _answer(self, sender: tuple[object, ...], sentence: str) -> None:
+    def _answer(self, sender: tuple[object, ...], address: str, sentence: str) -> None:
         if self._here is not None and self._may_speak():
-            self._post(self._here[0], sender, written("/ergon/error", [sentence]))
+            self._post(self._here[0], sender, written(address, [sentence]))
 
     def _may_speak(self) -> bool:
         now = time.monotonic()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 from ergon import _core
 from ergon.common.errors import ErgonError
@@ -15,13 +15,20 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
     Handler = Callable[[Sequence[object]], None]
-    Table = Mapping[str, Handler]
     # A line of the prompt; raises OscRequestError where it is refused.
     Command = Callable[[str], None]
 
+
+class Table(Protocol):
+    """Address → function of its arguments."""
+
+    def get(self, address: str, /) -> Handler | None:
+        """What an address asks for; None where nobody knows it."""
+
+
 # What comes over a network is not to burst ears [dB].
 _LOUDEST = 24.0
-_SILENT = -144.0
+SILENT = -144.0
 _MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
 
 
@@ -51,21 +58,21 @@ def table(
 
     owned = alone(stage.piece, parts)
     return {
-        "/ergon/cmd": _text(command),
-        "/ergon/panic": _pressed(performance.panic),
-        "/ergon/release": _pressed(performance.release),
-        "/ergon/stop": _pressed(stop),
-        "/ergon/gain": _level(lambda ratio: _heeded([performance.gain(gain * ratio)])),
-        **{f"/ergon/instrument/{name}/gain": _level(of([name])) for name in parts},
+        "/ergon/cmd": text_of(command),
+        "/ergon/panic": pressed(performance.panic),
+        "/ergon/release": pressed(performance.release),
+        "/ergon/stop": pressed(stop),
+        "/ergon/gain": level_of(lambda ratio: _heeded([performance.gain(gain * ratio)])),
+        **{f"/ergon/instrument/{name}/gain": level_of(of([name])) for name in parts},
         **{
-            f"/ergon/player/{player}/gain": _level(of(mine)) if mine else _shared(player)
+            f"/ergon/player/{player}/gain": level_of(of(mine)) if mine else _shared(player)
             for player, mine in owned.items()
         },
     }
 
 
 def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
-    """Player → those of the instruments `parts` that no key but the player's reaches by links."""
+    """Player → the instruments of `parts` that links connect with no key but the player's."""
     reached = {key: _reached(piece, key) for key in piece.keys}
     found = {}
     for player in piece.players.values():
@@ -75,7 +82,7 @@ def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _reached(piece: Piece, key: str) -> set[str]:
-    """Instruments that hang together with a key, but for those behind other keys."""
+    """Instruments that links connect with a key, but for those behind other keys."""
     near: dict[str, set[str]] = {}
     for ends in _ties(piece):
         for end in ends:
@@ -109,7 +116,7 @@ def _heeded(all_heeded: Sequence[bool]) -> None:
 # --- arguments ------------------------------------------------------------------------------------
 
 
-def _pressed(act: Callable[[], object]) -> Handler:
+def pressed(act: Callable[[], object]) -> Handler:
     """A button: sends no argument, or 1 when it is pressed and 0 when it is released."""
 
     def ask(arguments: Sequence[object]) -> None:
@@ -119,8 +126,13 @@ def _pressed(act: Callable[[], object]) -> Handler:
     return ask
 
 
-def _level(act: Callable[[float], object]) -> Handler:
+def level_of(act: Callable[[float], object]) -> Handler:
     """A level in dB; acts on the ratio."""
+    return decibels(lambda level: act(_core.decibels(level) if level > SILENT else 0.0))
+
+
+def decibels(act: Callable[[float], object]) -> Handler:
+    """A level; acts on it in dB."""
 
     def ask(arguments: Sequence[object]) -> None:
         level = arguments[0] if len(arguments) == 1 else None
@@ -128,12 +140,14 @@ def _level(act: Callable[[float], object]) -> Handler:
             raise OscRequestError("the argument has to be one number, a level in dB")
         if level > _LOUDEST:
             raise OscRequestError(f"{level:.4g} dB is above the highest level, {_LOUDEST:g} dB")
-        act(_core.decibels(float(level)) if level > _SILENT else 0.0)
+        act(float(level))
 
     return ask
 
 
-def _text(act: Callable[[str], object]) -> Handler:
+def text_of(act: Callable[[str], object]) -> Handler:
+    """A text; acts on it."""
+
     def ask(arguments: Sequence[object]) -> None:
         line = arguments[0] if len(arguments) == 1 else None
         if not isinstance(line, str) or len(line) > _MAX_COMMAND:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 from .trouble import gaps, troubles
 
@@ -29,7 +29,7 @@ class HearingClock:
     """The instants at which frames are heard, from what the sound server reports."""
 
     def __init__(self, rate: float, start: int) -> None:
-        """Frames at `rate` [Hz], of which `start` was the first to be played."""
+        """Begin with frame `start`, at `rate` frames a second."""
         self._rate, self._start = rate, start
         self._seen: deque[tuple[float, float]] = deque()
         self._dropped = 0
@@ -60,13 +60,22 @@ class OscTeller:
     """Sends messages about a performance by `send`."""
 
     def __init__(
-        self, performance: _core.Performance, stage: Stage, start: int, send: Send
+        self,
+        performance: _core.Performance,
+        stage: Stage,
+        start: int,
+        send: Send,
+        events: Events | None = None,
     ) -> None:
-        """`start`: the first frame that is played."""
+        """`start`: the first frame that is played. `events` are those of a session, whose stages
+        follow one another; without them they are the stage's.
+        """
         self._performance, self._stage, self._send = performance, stage, send
         self._ear = HearingClock(stage.rate, start)
         self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live]
-        self._events = [_From(_beats(stage), start), _From(_strikes(stage), start)]
+        self._session = events
+        written = _From(_beats(stage), start), _From(_strikes(stage), start)
+        self._events: Sequence[_Ordered] = written if events is None else (events,)
         self._late: tuple[int, int] | None = None
         self._troubles: tuple[str, ...] = ()
         self._next_hands = self._next_levels = -math.inf
@@ -99,51 +108,72 @@ class OscTeller:
             self._send("/ergon/late", late)
         recording = self._performance.recording_trouble()
         players = [hand.player for hand in self._stage.live]
-        found = troubles(status, players, recording, is_endless=False)
+        found = troubles(status, players, recording, is_endless=self._session is not None)
+        if self._session is not None:
+            found = (*self._session.troubles(), *found)
         found = ("PANIC", *found) if status.panicked else found
         if found != self._troubles:
             self._troubles = found
             self._send("/ergon/trouble", found)
 
 
-_Event = tuple[int, str, tuple[object, ...]]  # (frame, address, arguments)
+Event = tuple[int, str, tuple[object, ...]]  # (frame, address, arguments)
+
+
+class _Ordered(Protocol):
+    """Events in the order of their frames."""
+
+    def before(self, frame: int) -> Iterable[Event]:
+        """Those that come before a frame and were not asked for yet."""
+
+
+class Events(_Ordered, Protocol):
+    """Events of a session, and its troubles."""
+
+    def troubles(self) -> Sequence[str]:
+        """What is wrong besides the performance."""
 
 
 class _From:
     """Events in the order of their frames, from `start` on."""
 
-    def __init__(self, events: Iterator[_Event], start: int) -> None:
+    def __init__(self, events: Iterator[Event], start: int) -> None:
         self._events = (event for event in events if event[0] >= start)
         self._next = next(self._events, None)
 
-    def before(self, frame: int) -> Iterator[_Event]:
-        """Those that come before a frame and were not asked for yet."""
+    def before(self, frame: int) -> Iterator[Event]:
+        """The events before a frame that were not returned yet."""
         while self._next is not None and self._next[0] < frame:
             event, self._next = self._next, next(self._events, None)
             yield event
 
 
-def _beats(stage: Stage) -> Iterator[_Event]:
-    """Every beat of every bar: (bar, beat, bpm)."""
-    tempo: TempoMap = stage.piece.tempo_map
-    bar = 1
+def _beats(stage: Stage) -> Iterator[Event]:
+    """Every beat of every bar of a piece that ends."""
+    for event in beats(stage.piece.tempo_map, stage.rate, 1):
+        if event[0] >= stage.n_frames:
+            return
+        yield event
+
+
+def beats(tempo: TempoMap, rate: float, bar: int) -> Iterator[Event]:
+    """Every beat from a bar on, without end: (bar, beat, bpm)."""
     while True:
         start, length = tempo.bars.bar(bar)
         for beat in range(math.ceil(length)):
             at = start + beat
-            frame = _frame(tempo.seconds(at), stage.rate)
-            if frame >= stage.n_frames:
-                return
+            frame = frame_of(tempo.seconds(at), rate)
             yield frame, "/ergon/beat", (bar, beat + 1, float(tempo.bpm(at)))
         bar += 1
 
 
-def _strikes(stage: Stage) -> Iterator[_Event]:
+def _strikes(stage: Stage) -> Iterator[Event]:
     """Every gesture that begins: (player, key, gesture, seconds of the piece)."""
     for gesture in sorted(stage.gestures, key=lambda gesture: gesture.start):
         said = (gesture.player, gesture.key, gesture.name, float(gesture.start))
-        yield _frame(gesture.start, stage.rate), "/ergon/strike", said
+        yield frame_of(gesture.start, stage.rate), "/ergon/strike", said
 
 
-def _frame(seconds: float, rate: float) -> int:
+def frame_of(seconds: float, rate: float) -> int:
+    """The frame of an instant [s]."""
     return int(seconds * rate + 0.5)

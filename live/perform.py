@@ -1,4 +1,4 @@
-"""From a staged piece to a performance: hands, bars, gain, and the physics thread that plays."""
+"""Starting a performance of a staged piece: hands, devices, bars and gain."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def every(stage: Stage) -> int:
 def perform(
     stage: Stage, config: PlaybackConfig, progress: Callable[[int], None] = lambda _: None
 ) -> _core.Performance:
-    """Begin to play; the stage itself stays where it is. Raises EngineError.
+    """Begin to play a copy of a stage. Raises EngineError.
 
     `progress` hears how many frames before the first are done.
     """
@@ -69,7 +69,7 @@ def perform(
     played = {player for board in config.boards for _, player in board.axes}
     mine = [hand for hand in stage.live if hand.player in played]
     hands = [
-        (
+        _core.LiveHand(
             hand.standin,
             hand.reach,
             _guide(config, hand.player),
@@ -80,23 +80,24 @@ def perform(
         for hand in stage.live
     ]
     boards = [
-        (
+        _core.LiveBoard(
             board.url,
             [(axis, numbers[player]) for axis, player in board.axes],
             config.force_max,
-            [axis.told(number) for number, axis in board.known.items()],
+            [axis.for_core(number) for number, axis in board.known.items()],
         )
         for board in config.boards
     ]
     record = None
     if config.record is not None:
         axes = [(hand.player, hand.key) for hand in stage.live]
-        record = (config.record, axes, json.dumps(dict(config.about), ensure_ascii=False))
+        about = json.dumps(dict(config.about), ensure_ascii=False)
+        record = _core.RecordTarget(config.record, axes, about)
     try:
         return _core.Performance(
             simulation,
             mixer,
-            every=tick,
+            tick_frames=tick,
             audio=config.audio,
             gain=config.gain,
             limit=config.limit,
@@ -106,7 +107,10 @@ def perform(
             bars=bars(stage, 0, stage.n_frames),
             ahead=config.ahead,
             record=record,
-            frozen=[(stem.path, stem.offset, stem.n_frames, stem.taps) for stem in config.frozen],
+            frozen=[
+                _core.FrozenStem(stem.path, stem.offset, stem.n_frames, stem.taps)
+                for stem in config.frozen
+            ],
         )
     finally:
         simulation.restore(start)
@@ -126,11 +130,11 @@ def bars(stage: Stage, start: int, stop: int) -> list[int]:
     return found
 
 
-def _guide(config: PlaybackConfig, player: str) -> tuple[float, float, bool] | None:
+def _guide(config: PlaybackConfig, player: str) -> _core.GuidanceSpring | None:
     if config.loose:
-        return *GUIDE, True
+        return _core.GuidanceSpring(*GUIDE, True)
     stiffness = config.guides.get(player)
-    return None if stiffness is None else (stiffness, GUIDE[1], False)
+    return None if stiffness is None else _core.GuidanceSpring(stiffness, GUIDE[1], False)
 
 
 def _skip(
@@ -141,7 +145,7 @@ def _skip(
     n_frames: int,
     progress: Callable[[int], None],
 ) -> None:
-    """Compute `n_frames` unheard; the mixer takes them, so that its filters go on as they would."""
+    """Compute and mix `n_frames` unheard, so that the filters of the mixer have their state."""
     import numpy as np
 
     at = 0

@@ -44,7 +44,7 @@ def _port(path: str, usb: _core.UsbBoard | None) -> Port:
 
 
 def _by_id(path: str) -> str:
-    """A name that stays when another board is plugged in first."""
+    """A path that does not depend on the order in which boards are plugged in."""
     try:
         links = sorted(BY_ID.iterdir())
     except OSError:

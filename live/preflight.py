@@ -21,7 +21,7 @@ _ROOM_DB = -6.0
 
 @dataclass(frozen=True, slots=True)
 class PreflightGain:
-    """A gain as a ratio; `seconds`: how much of the piece was listened to, if not all."""
+    """A gain as a ratio; `seconds`: the computed length of the piece, None where it was all."""
 
     gain: float
     peak: float
@@ -29,7 +29,7 @@ class PreflightGain:
 
 
 def length(stage: Stage) -> int:
-    """Frames that are listened to: all, or as many as are worth the wait."""
+    """Number of frames to compute: all, or as many as the work allows."""
     from ergon.scores.staging.planning import cost
 
     work = 0.0 if stage.plan is None else cost(stage.plan)
@@ -44,7 +44,7 @@ def level(
     frozen: Sequence[VerifiedStem],
     progress: Callable[[int], None],
 ) -> PreflightGain:
-    """The gain that brings the mix's peak to `target`; the stage stays at its frame 0.
+    """The gain that brings the peak of the mix to `target`; the stage itself does not advance.
 
     Real hands are played by what stands in for them, `frozen` parts are heard. `progress` hears
     how many frames are done.

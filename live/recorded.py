@@ -109,5 +109,5 @@ def _warnings(recording: _core.Recording, said: dict[str, Any], piece: Piece) ->
 
 
 def about(config: PlaybackConfig) -> dict[str, object]:
-    """What a recording keeps of how it was heard."""
+    """The level and filters that a recording notes."""
     return {"gain": config.gain, "limit": config.limit, "highpass": config.highpass}

@@ -1,4 +1,4 @@
-"""What is wrong with a performance, in a few words each: for every status line and for OSC."""
+"""Troubles of a performance, in a few words each, for status lines and for OSC."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ if TYPE_CHECKING:
 
 
 def gaps(status: _core.Status) -> int:
-    """Gaps in the sound: the ring went empty, or the clock of the sound was held up."""
+    """Number of gaps in the sound: the ring ran empty, or the clock of the sound was held up."""
     return status.underruns + status.xruns
 
 
 def troubles(
     status: _core.Status, players: Sequence[str], recording: str | None, *, is_endless: bool
 ) -> tuple[str, ...]:
-    """What is wrong now or has gone wrong, the gravest first.
+    """The present troubles and those that have occurred, the gravest first.
 
     `recording` says why hands cannot be recorded at present. What `is_endless` does not end by
     itself.

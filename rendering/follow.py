@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING, Any
-
-from .render import BLOCK
 
 if TYPE_CHECKING:
     from ergon._core import Report
@@ -38,15 +35,9 @@ class GestureFidelity:
     first_points_missed: int
 
 
-def follow(stage: Any, progress: Callable[[int], None]) -> list[GestureFidelity]:
-    """Run a staged piece to its end without sound, and gather its reports."""
-    import numpy as np
-
+def followed(stage: Any) -> list[GestureFidelity]:
+    """The reports of a staged piece that was run to its end."""
     simulation = stage.simulation
-    for at in range(0, stage.n_frames, BLOCK):
-        n_frames = min(BLOCK, stage.n_frames - at)
-        simulation.process(np.zeros((n_frames, simulation.n_out)))
-        progress(at + n_frames)
     groups: dict[tuple[str, str, str], list[Report]] = {}
     for report in simulation.reports():
         gesture = stage.gestures[report.gesture]

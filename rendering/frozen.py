@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, text
 from ergon.exchange.safe import check_target, writing
+from ergon.exchange.sound import WAVE
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
 
@@ -39,7 +40,7 @@ def write(
         for part, own in taps.items()
         for first in range(0, len(own), CHANNELS_MAX)
     ]
-    paths = stem_paths(folder, [part for part, _ in pieces])
+    paths = stem_paths(folder, [part for part, _ in pieces], WAVE)
     for path in (*paths, folder / MANIFEST):
         check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source.title, source.score, source.plan)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from ergon.exchange import sound
 from ergon.exchange.safe import check_target, writing
-from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
@@ -91,6 +91,10 @@ class RenderJob:
     inputs: Sequence[Path] = ()  # what is read, and so not written over
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
 
+    def __post_init__(self) -> None:
+        """Raise FileRefusedError when the target cannot hold the samples."""
+        sound.check_format(self.target, self.format)
+
     @property
     def n_frames(self) -> int:
         """Frames in the file."""
@@ -127,10 +131,10 @@ class _Track:
     held: FrameSpool | None
 
 
-def stem_paths(folder: Path, names: Sequence[str]) -> list[Path]:
+def stem_paths(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
     """`01_ada.wav`, `02_remi.wav` …, in the order of the piece."""
     safe = ["".join(c if c.isalnum() or c in "-_." else "_" for c in name) for name in names]
-    return [folder / f"{index:02}_{name}.wav" for index, name in enumerate(safe, 1)]
+    return [folder / f"{index:02}_{name}{suffix}" for index, name in enumerate(safe, 1)]
 
 
 def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> RenderedFiles:
@@ -142,7 +146,8 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     start = time.perf_counter()
     highpass = job.level.highpass
     stems = list(stage.stems(highpass=highpass)) if job.stems is not None else []
-    paths = stem_paths(job.stems, [name for name, _ in stems]) if job.stems else []
+    suffix = sound.suffix_of(job.target)
+    paths = stem_paths(job.stems, [name for name, _ in stems], suffix) if job.stems else []
     for path in paths:
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
@@ -152,7 +157,8 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         tracks = []
         for name, mixer, limit in mixers:
             to = writing(name, binary=True, force=job.force, inputs=job.inputs)
-            writer = WaveWriter(stack.enter_context(to), job.format, job.n_frames, job.stamp)
+            file = stack.enter_context(to)
+            writer = sound.writer(name, file, job.format, job.n_frames, job.stamp)
             tracks.append(_track(stack, stage, job, name, writer, mixer, limit))
         written = _fill(stage, job, tracks, progress)
     return RenderedFiles(written[0], tuple(written[1:]), time.perf_counter() - start)

@@ -41,6 +41,7 @@ class State:
     panicked: bool = False
     let_go: bool = False  # no force on any hand, though the sound goes on
     troubles: tuple[str, ...] = ()  # what is wrong, in a few words each
+    drawing: tuple[str, ...] = ()  # of a key that is traced, above the status line
 
     @property
     def where(self) -> str:

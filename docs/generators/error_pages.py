@@ -13,9 +13,11 @@ import numpy as np
 import yaml
 
 from ergon import _core
+from ergon.api.simulate import never_closed, simulate
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.unused import unused
 
 _TABLE = Path(__file__).with_name("codes.yaml")
 NAME = "score.yaml"  # what the examples are called
@@ -53,7 +55,9 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             played = stage(loaded.piece, planned=True)
         except StageError as error:
             return [*loaded.diagnostics, *error.diagnostics], loaded
-        reports = [*loaded.diagnostics, *played.diagnostics]
+        reports = [*loaded.diagnostics, *unused(loaded.piece), *played.diagnostics]
+        if entry.code == "W320":
+            return [*reports, *never_closed(loaded.piece, simulate(loaded.piece, NAME))], loaded
         frames = np.zeros((min(played.n_frames, int(played.rate)), played.simulation.n_out))
         try:
             played.simulation.process(frames)

@@ -19,7 +19,7 @@ N/m and 4 N·s/m holds it: a key in the program itself (`emul`), a board of the 
 virtual. The host ticks once a millisecond, and a board's time goes in steps of 0.125 ms; no clock
 is read, so that every machine shows the same figures. The drivers, the bytes, the boards'
 programs, the guardian's rules and every stage a force passes ([playing
-live](live.md#what-a-force-passes)) are those that play; serial ports, sockets, WebSockets and
+live](live.md#the-stages-of-a-force)) are those that play; serial ports, sockets, WebSockets and
 processes are left out. What those add is measured by the clock ([safety](safety.md)). No real
 board has been measured yet.
 

@@ -64,6 +64,7 @@ def parse_length(text: str) -> Length:
             f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms",
             offset=start,
             length=max(1, len(word)),
+            suggestion=_without_spaces(word),
         )
     return _length(match, 1, start)
 
@@ -100,7 +101,22 @@ def parse_position(text: str) -> Position:
         f"'{word[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
         offset=start,
         length=max(1, len(word)),
+        suggestion=_with_bar(word) or _without_spaces(word),
     )
+
+
+def _without_spaces(word: str) -> str | None:
+    joined = "".join(word.split())
+    is_length = _ONLY_LENGTH.fullmatch(joined)
+    return joined if joined != word and is_length and is_length[3] in _UNITS else None
+
+
+def _with_bar(word: str) -> str | None:
+    """`5:1` and `bar 5`, as they are written here."""
+    if match := re.fullmatch(r"([0-9]{1,9})\s*+[:/]\s*+([0-9.]+)", word):
+        return f"{match[1]}|{match[2]}"
+    match = re.fullmatch(r"bar\s*+([0-9]{1,9})", word)
+    return f"{match[1]}|1" if match else None
 
 
 def _plus(match: re.Match[str], first: int, start: int) -> Length:

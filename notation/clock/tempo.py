@@ -21,6 +21,8 @@ from ergon.notation.text.values import Time
 SLOWEST, FASTEST = 0.1, 10_000.0  # bpm
 MAX_CHAIN = 64  # marks placed by marks
 NEARLY_ONE = 0.01  # below it ln(1+u)/u and its inverse are summed, or they would lose digits
+# How else a change is written: 72..40, 72-40, 72 to 40, 72 → 40.
+_OTHER_RAMP = re.compile(rf"({NUMBER})\s*+(?:\.\.|-|–|to|→|=>|>)\s*+({NUMBER})")
 _BPM = re.compile(rf"({NUMBER})(?:\s*+->\s*+({NUMBER}))?")
 
 
@@ -54,6 +56,7 @@ def parse_bpm(text: str) -> tuple[float, float | None]:
             f"'{word[:40]}' is not a tempo such as 60 or 60 -> 96",
             offset=start,
             length=max(1, len(word)),
+            suggestion=f"{ramp[1]} -> {ramp[2]}" if (ramp := _OTHER_RAMP.fullmatch(word)) else None,
         )
     for i in (1, 2):
         if match[i] is not None and not SLOWEST <= float(match[i]) <= FASTEST:

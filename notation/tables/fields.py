@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -74,6 +74,29 @@ class Values:
         self.context.error(code, message, self.place_of(name), **more)
 
 
+def _whole_numbers(
+    entries: Mapping[str, tuple[Scalar, Node]], context: Context
+) -> Iterator[tuple[str, tuple[Scalar, Node]]]:
+    """The entries without numbers that a decimal comma cut in two (`{t60: 4,5s}`): reported."""
+    pending: tuple[str, tuple[Scalar, Node]] | None = None
+    for word, (key, child) in entries.items():
+        if pending is not None:
+            value = pending[1][1]
+            text = value.text if isinstance(value, Scalar) else ""
+            if text[-1:].isdigit() and word[:1].isdigit() and value.end + 1 == key.start:
+                number = f"{text}.{word}"
+                message = f"{context.of(pending[0])}: a comma ends a value here; "
+                message += "write '.' as the decimal point"
+                place = replace(value.place, length=key.end - value.start)
+                context.error("E201", message, place, suggestion=number)
+                pending = None
+                continue
+            yield pending
+        pending = word, (key, child)
+    if pending is not None:
+        yield pending
+
+
 def _values(values: Values) -> Any:
     return values
 
@@ -104,12 +127,15 @@ class Record(Shape):
         elif isinstance(node, document.Mapping):
             entries = node.entries
         else:
-            return wrong_shape(self, node, name, context)
+            names = ", ".join([*self.by_name, *self.kinds][:12])
+            return wrong_shape(self, node, name, context, f"a group of fields is written: {names}")
         nameless = not context.name and self.noun not in ("score", "module")
         if nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
         values = Values(self, node, context)
-        for word, (key, child) in entries.items():
+        is_cut = any(word[:1].isdigit() for word in entries)  # no name begins with a digit
+        whole = _whole_numbers(entries, context) if is_cut else entries.items()
+        for word, (key, child) in whole:
             if (known := self.by_name.get(word)) is not None:
                 values.nodes[word] = child
                 if context.memory is None:

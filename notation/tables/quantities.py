@@ -23,6 +23,8 @@ MAX_SIZE = 1e18  # beyond every quantity of a key, a gong or a rate; far from ov
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eE]([+-]?\d{1,4}))?")
 _FRACTION = re.compile(r"([+-]?\d{1,15})/(\d{1,15})")
 _NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)(?:([+-]\d{1,4}(?:\.\d{1,4})?)cents?)?")
+_FOREIGN_NOTE = re.compile(r"([A-Ha-h])(is|es|s|[#♯b♭])?(-?\d)([#♯b♭])?")
+_FOREIGN_SIGNS = {"is": "#", "es": "b", "s": "b"}
 _SEMITONES = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}  # from A of the octave
 _ACCIDENTALS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
 
@@ -70,6 +72,10 @@ MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
 POSITION = _dimension("length", _LENGTH, "1mm", high=1e3, low=-1e3)
+SIZE = _dimension("length", _LENGTH, "0.5mm", "positive", high=1e3)
+PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive")
+INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high=0.1)
+POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high=0.5)
 SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high=1e6, low=-1e6)
 PUSH = _dimension("force", "N mN:-3 kN:3", "-5N")
 FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
@@ -87,6 +93,7 @@ INSTANT = _dimension(
 LEVEL = _dimension("level", "dB", "-6dB", bare=False, low=-400.0, high=200.0)
 ERROR = _dimension("error", "dB", "-60dB", bare=False, low=-160.0, high=-10.0)
 CENTS = _dimension("error of pitch in cents", "", "3", "positive", low=0.01, high=1200.0)
+CHANCE = _dimension("chance", "%:-2", "0.6", "not negative", high=1.0)
 SHARE = _dimension("share of the processor", "%:-2", "80%", "positive", bare=False, high=64.0)
 NUMBER = _dimension("plain number", "", "0.5")
 RATIO = _dimension("plain number", "", "0.5", "not negative")
@@ -103,7 +110,10 @@ CONSTANT = _dimension("constant of a law", _LAW_UNITS, "900N/m")
 
 _ALL_UNITS = tuple(
     (unit, d.name)
-    for d in (MASS, STIFFNESS, DAMPING, POSITION, SPEED, FORCE, IMPULSE, FREQUENCY, DURATION, LEVEL)
+    for d in (
+        *(MASS, STIFFNESS, DAMPING, POSITION, SPEED, FORCE, IMPULSE, FREQUENCY, DURATION, LEVEL),
+        PRESSURE,
+    )
     for unit in d.units
 )
 
@@ -182,6 +192,10 @@ def _trimmed(text: str) -> str:
             length=MAX_TEXT,
             code="E201",
         )
+    if "\u2212" in word:  # typeset minus signs come with copied text
+        message = f"{quote(word)} has a typeset minus sign (U+2212); write '-'"
+        suggestion = word.replace("\u2212", "-")
+        raise TextError(message, length=len(word), suggestion=suggestion, code="E201")
     if not word.replace("µ", "u").replace("μ", "u").replace("♯", "#").replace("♭", "b").isascii():
         message = f"{quote(word)} has a character that belongs to no number or unit"
         raise TextError(message, length=len(word), code="E201")
@@ -191,13 +205,21 @@ def _trimmed(text: str) -> str:
 def _not_a_number(word: str, dimension: Dimension) -> TextError:
     noun = with_article(dimension.name)
     message = f"{quote(word)} is not a number; {noun} is written like {dimension.example}"
+    suggestion = None
     if re.fullmatch(r"\d+:[\d:.]+", word):
         message = f"{quote(word)} is a clock time; write seconds (90s), or bar|beat where one fits"
     elif re.fullmatch(r"[+-]?[\d_,]+\D*", word) and ("_" in word or "," in word):
         message = f"{quote(word)}: write digits without '_' and ',', and '.' as the decimal point"
+        suggestion = _plain_digits(word)
     elif re.fullmatch(r"[+-]?\.?(nan|inf|infinity)", word, re.IGNORECASE):
         message = f"{quote(word)} is not a finite number"
-    return TextError(message, length=len(word), code="E201")
+    return TextError(message, length=len(word), suggestion=suggestion, code="E201")
+
+
+def _plain_digits(word: str) -> str:
+    """`4,5s` is 4.5s; `1,000` and `1_000` are 1000."""
+    decimal = re.fullmatch(r"([+-]?\d+),(\d{1,2}|\d{4,})(\D.*)?", word)
+    return word.replace(",", ".") if decimal else re.sub("[_,]", "", word)
 
 
 def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
@@ -206,7 +228,7 @@ def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
     match = _NOTE.fullmatch(word)
     if match is None and word[:1].isalpha():
         message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
-        raise TextError(message, length=len(word), code="E201")
+        raise TextError(message, length=len(word), suggestion=_respelled(word), code="E201")
     if match is None:
         return quantity(text, dimension)
     letter, accidental, octave, cents = match.groups()
@@ -215,6 +237,19 @@ def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
     steps = rest + float(cents or 0) / 100
     ratio = _core.pow(2.0, steps / 12) if steps else 1.0  # every A is exact
     return bounded(math.ldexp(440.0 * ratio, octaves), word, dimension)
+
+
+def _respelled(word: str) -> str | None:
+    """A note in German, in small letters or with its accidental last, as it is written here."""
+    match = _FOREIGN_NOTE.fullmatch(word)
+    if match is None:
+        return None
+    letter, middle, octave, last = match.groups()
+    sign = (middle or last or "").lower()
+    if middle and last:
+        return None
+    letter = letter.upper()
+    return f"{'B' if letter == 'H' else letter}{_FOREIGN_SIGNS.get(sign, sign)}{octave}"
 
 
 Read = Callable[[str], float]
@@ -250,8 +285,14 @@ def _unit_of(word: str) -> str:
 
 def gain(text: str) -> float:
     """A ratio of amplitudes from a level (`-6dB`) or a factor (`x0.5`)."""
-    if text.strip().startswith("x"):
+    word = text.strip()
+    if word.startswith("x"):
         return factor(text)
+    if _NUMBER.fullmatch(word):
+        factor_like = "" if word.startswith("-") else f"x{word} for a factor, or "
+        message = f"{quote(word)} has no unit; write {factor_like}{word}dB for a level"
+        suggestion = f"x{word}" if factor_like else f"{word}dB"
+        raise TextError(message, length=len(word), suggestion=suggestion, code="E203")
     return _core.decibels(quantity(text, LEVEL))
 
 

@@ -320,7 +320,9 @@ def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def wrong_shape(shape: Shape, node: Node, name: str, context: Context) -> Any:
+def wrong_shape(
+    shape: Shape, node: Node, name: str, context: Context, help: str | None = None
+) -> Any:
     """Report a mapping, list or text that stands where another is expected."""
     shape_name = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(
         type(node), "a text"
@@ -329,5 +331,7 @@ def wrong_shape(shape: Shape, node: Node, name: str, context: Context) -> Any:
         message = f"{context.of(name)} is empty; expected: {shape.words()}"
     else:
         message = f"{context.of(name)} is {shape_name}; expected: {shape.words()}"
-    context.error("E106", message, node.place)
+    if isinstance(node, document.Sequence) and isinstance(shape, Text):
+        help = "a list is not read here: repeat the entry, once for each value"
+    context.error("E106", message, node.place, help=help)
     return MISSING

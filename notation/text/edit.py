@@ -95,14 +95,22 @@ def remove(document: Document, *paths: Path) -> str:
     """
     edit = _Edit(document)
     splices: list[Splice] = []
+    cuts: list[tuple[Span, int]] = []
     for path in paths:
         chain = edit.follow(path)
         if not path or len(chain) <= len(path):
             raise EditError(f"there is no {named(path)}")
         number = chain[-2].index(path[-1])
         assert number is not None
-        cut = edit.changes.cut_flow if chain[-2].flow else edit.changes.cut_block
-        splices += cut(chain[-2], number)
+        cuts.append((chain[-2], number))
+    gone = {number for _, number in cuts}  # all of one parent
+    for parent, number in cuts:
+        changes = edit.changes
+        splices += (
+            changes.cut_flow(parent, number, gone)
+            if parent.flow
+            else changes.cut_block(parent, number)
+        )
     return edit.checked(splices, _without(edit.tree, list(paths)))
 
 

@@ -15,7 +15,7 @@ from ergon.notation.text.values import Place
 MAX_SHOWN = 20  # of each severity: more is a wall, not a help
 MAX_KEPT = 10_000  # found before sorting; the rest is only counted, so that memory is bounded
 _MAX_NAMES = 2_000  # names that did-you-mean compares with: about 10 ms
-_MAX_LISTED = 12  # names that are told where none is near
+_MAX_LISTED = 20  # names that are told where none is near
 _MAX_LINE = 160  # columns of source shown; longer lines are shown round the caret
 
 Severity = Literal["error", "warning", "note"]
@@ -82,6 +82,7 @@ class Collector:
         self._found: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
+        self.lacks_names = False  # a file that is used cannot be read: unknown names may be its own
 
     def error(
         self,
@@ -96,6 +97,8 @@ class Collector:
     ) -> None:
         """Add one of any severity; with `word`, the nearest of `names` becomes the suggestion."""
         self.told += 1
+        if self.lacks_names and code == "E301":
+            return
         message = printable(message)  # a name of a file may hold what moves a terminal
         if (code, message, place) in self._found:  # an alias is read at each of its places
             return

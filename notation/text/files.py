@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from ergon.common.regular import read_bounded
@@ -15,10 +16,12 @@ from ergon.notation.text.document import Document, compose
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.sections import remembered
+from ergon.notation.text.spelling import nearest
 from ergon.notation.text.syntax import MAX_BYTES, decode
 from ergon.notation.text.values import Place
 
 MAX_FILES = 256  # that one score reads
+MAX_LISTED = 1_000  # files of a folder among which a similar name is searched for
 _LIBRARY = {"instruments": INSTRUMENTS}
 _HELP = "copy the file into the folder of the score, or use --trust"
 
@@ -124,7 +127,7 @@ class Files:
         path = self.find(name, folder, is_text=is_text)
         if path is None:
             message = f"{who}there is no file {name} beside {asked.file} or in the library"
-            self._refuse("E107", message, name, asked)
+            self.collector.error("E107", message, asked, suggestion=_similar(name, folder))
             return None
         return path if self._is_inside(path, name, asked, who) else None
 
@@ -182,3 +185,21 @@ class Files:
 
     def _refuse(self, code: str, message: str, name: str, asked: Place | None) -> None:
         self.collector.error(code, message, asked or Place(name, 1, 1))
+
+
+def _similar(name: str, folder: Path) -> str | None:
+    """The file beside the score, or in the library, that a name was most likely meant for."""
+    known: dict[str, str] = {}
+    for prefix, root in _LIBRARY.items():
+        known |= {path.stem: f"{prefix}/{path.name}" for path in sorted(root.glob("*.yaml"))}
+    for inside in (PurePosixPath(), PurePosixPath(name).parent):
+        if inside.is_absolute() or ".." in inside.parts:
+            continue
+        try:
+            with os.scandir(folder / inside) as entries:
+                files = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
+        except (OSError, ValueError):
+            continue
+        known |= {PurePosixPath(file).stem: str(inside / file) for file in sorted(files)}
+    stem = nearest(PurePosixPath(name).stem, known)
+    return known[stem] if stem is not None else None

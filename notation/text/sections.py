@@ -21,7 +21,9 @@ _MARKER = re.compile(r"^(?:---|\.\.\.|%)", re.MULTILINE)  # of documents, of whi
 
 
 @dataclass(frozen=True, slots=True)
-class _Section:
+class Section:
+    """A section's name and value, whose places count from its first line."""
+
     name: Scalar
     value: Node
     size: int
@@ -30,6 +32,22 @@ class _Section:
 def lines(text: str, section: str) -> tuple[int, int] | None:
     """Where a section's lines begin and end; None where it is not written at the margin."""
     return next(((first, end) for name, first, end in _cut(text) if name == section), None)
+
+
+def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Section | None:
+    """A section, if it can be read without the others; `remembered` knows it then too."""
+    own = lines(text, name)
+    if own is None:
+        return None
+    section = _made(Document(file, text), file, folder, own, memory)
+    return section if section is not None and section.name.text == name else None
+
+
+def _made(
+    whole: Document, file: str, folder: Path, lines: tuple[int, int], memory: Memory
+) -> Section | None:
+    row, text = whole.row(lines[0]), whole.text[slice(*lines)]
+    return memory.made((file, row, text), partial(_section, text, file, folder, row))
 
 
 def _cut(text: str) -> Iterator[tuple[str, int, int]]:
@@ -51,14 +69,11 @@ def remembered(
     entries: dict[str, tuple[Scalar, Node]] = {}
     total, begin = 1, 0
     for name, first, end in _cut(text):
-        row, section_text = whole.row(first), text[first:end]
         if not entries:
             begin = first
             if not _HEAD.fullmatch(text, 0, first):
                 break
-        section = memory.made(
-            (file, row, section_text), partial(_section, section_text, file, folder, row)
-        )
+        section = _made(whole, file, folder, (first, end), memory)
         if section is None or section.name.text != name or name in entries:
             break
         entries[name] = section.name, section.value
@@ -70,7 +85,7 @@ def remembered(
     return compose(text, file, collector)
 
 
-def _section(text: str, file: str, folder: Path, row: int) -> _Section | None:
+def _section(text: str, file: str, folder: Path, row: int) -> Section | None:
     """A section alone, if it can be read so."""
     collector = Collector()
     section = compose(text, file, collector, row)
@@ -82,4 +97,4 @@ def _section(text: str, file: str, folder: Path, row: int) -> _Section | None:
     ):
         return None
     (entry,) = section.root.entries.values()
-    return _Section(*entry, section.size)
+    return Section(*entry, section.size)

@@ -5,7 +5,7 @@ The texts given are one line each; what stands beside the change is found by `La
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import quote
@@ -219,15 +219,16 @@ class Changes:
             first = lay.line_start(first - 1)
         return [Splice(*lay.broken(first, after), "")]
 
-    def cut_flow(self, parent: Span, number: int) -> list[Splice]:
-        """An item with its comma; with its lines where it has lines of its own."""
+    def cut_flow(self, parent: Span, number: int, gone: Collection[int]) -> list[Splice]:
+        """An item with its comma, where those that are `gone` go too; with its lines where it has
+        lines of its own."""
         lay = self.layout
         start, end = lay.mark(parent, number), parent.items[number].end
         if parent.keys:
             end = max(end, parent.keys[number].end)
         comma = lay.token(end)
         stop = comma + 1 if lay.text[comma : comma + 1] == "," else end
-        is_last = number + 1 == len(parent.items)
+        is_last = all(later in gone for later in range(number + 1, len(parent.items)))
         before = parent.items[number - 1].end if number else start
         if parent.keys and number:
             before = max(before, parent.keys[number - 1].end)

@@ -54,7 +54,8 @@ def explained(text: str, error: Exception) -> tuple[int, str]:
     words = str(error)
     for needle, sentence in _SENTENCES:
         if needle in words:
-            return _index_of(error, unclosed="closed" in sentence), sentence
+            unclosed = "closed" in sentence or "':' after" in sentence
+            return _index_of(error, unclosed), sentence
     problem = getattr(error, "problem", None) or words.split("\n")[0]
     return _index_of(error), f"not YAML: {problem}"
 

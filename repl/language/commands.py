@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.piece import Manner
@@ -65,6 +66,7 @@ class Plays(Command):
     until: Position | None
     do: tuple[Transform, ...]
     manner: Manner
+    entry: Entry | None = field(default=None, compare=False, repr=False)  # as a part has it
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,42 @@ class Do(Command):
 
     player: str
     do: tuple[Transform, ...]
+
+    @property
+    def chain(self) -> tuple[str, ...]:
+        """Each transformation as it was written."""
+        text = self.words["do"].text
+        return tuple(text[one.offset : one.offset + one.length] for one in self.do)
+
+
+@dataclass(frozen=True, slots=True)
+class StrikeModules(Command):
+    """`rain strikes sky.all every 1/2 impulse 2mNs`: strike modules in place of what it struck.
+
+    The fields are those of `strikes:` in a score, as texts.
+    """
+
+    name: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Automate(Command):
+    """`set bell.m.f A3 C4 E4 every 1`, `lfo bell.m.K 0.8..1.2 period 4bar`: change by itself.
+
+    `kind` is `set` or `lfo`; the fields are those of `automation:` in a score, as texts.
+    """
+
+    target: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class StopLfo(Command):
+    """`lfo bell.m.K off`: the parameter has its own value again."""
+
+    target: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +217,62 @@ class Uncouple(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class Build(Command):
+    """`bell2 = bell/bell transpose 7st`: an instrument like another, or from a file.
+
+    `fields` replace those of the other, as written.
+    """
+
+    name: str
+    base: str
+    semitones: float
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Link(Command):
+    """Join two modules by a link of a kind, with its fields as written."""
+
+    a: str
+    b: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Takes(Command):
+    """Let a player take a key; a key that is new is `like` another (None: the first)."""
+
+    player: str
+    key: str
+    like: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Route(Command):
+    """Let an instrument sound from channels."""
+
+    name: str
+    channels: tuple[str, ...]
+    gain: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Remove(Command):
+    """Remove what has a name, with what belongs to it alone."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rename(Command):
+    """Give a gesture, a take or a player another name."""
+
+    old: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Guide(Command):
     """Guide a real hand along another player's part; by None: end that.
 
@@ -202,6 +296,78 @@ class Record(Command):
 @dataclass(frozen=True, slots=True)
 class RecordOff(Command):
     """End the recording."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordAudio(Command):
+    """Record what is heard in a file; None: end that."""
+
+    file: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class MapControl(Command):
+    """`map cc 21 bell.m.K 1kN/m..9kN/m`: a MIDI controller moves a parameter, or a level.
+
+    `range` is at the controller's values 0 and 127, in the SI `unit` of the parameter `target`, or
+    in dB for the level of `sounding` (None: of everything) where there is no target.
+    """
+
+    number: int
+    target: str | None
+    range: tuple[float, float]
+    unit: str = ""
+    sounding: str | None = None
+
+    @property
+    def name(self) -> str:
+        """What is mapped."""
+        return f"cc {self.number}"
+
+    @property
+    def line(self) -> str:
+        """The line that makes the map."""
+        low, high = (f"{end!r}{self.unit}" for end in self.range)
+        what = (
+            " ".join(filter(None, ("gain", self.sounding))) if self.target is None else self.target
+        )
+        return f"map {self.name} {what} {low}..{high}"
+
+
+@dataclass(frozen=True, slots=True)
+class MapNotes(Command):
+    """`map note 60..72 sky.all 1mNs..20mNs`: MIDI notes strike modules.
+
+    `impulse` [N·s] is at the velocities 1 and 127.
+    """
+
+    low: int
+    high: int
+    target: str
+    impulse: tuple[float, float]
+
+    @property
+    def name(self) -> str:
+        """What is mapped."""
+        return f"note {self.low}" + ("" if self.high == self.low else f"..{self.high}")
+
+    @property
+    def line(self) -> str:
+        """The line that makes the map."""
+        weak, strong = self.impulse
+        return f"map {self.name} {self.target} {weak!r}Ns..{strong!r}Ns"
+
+
+@dataclass(frozen=True, slots=True)
+class Unmap(Command):
+    """End a map, by what is mapped."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Maps(Command):
+    """List the maps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,6 +440,18 @@ class Keep(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class Scene(Command):
+    """Play kept bars from their beginning, again and again; `over` is how long parameters glide.
+
+    With `before` its bars are played meanwhile, and those of `name` afterwards.
+    """
+
+    name: str
+    before: str | None = None
+    over: Length | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Save(Command):
     """Write the score; None: to its own file."""
 
@@ -297,9 +475,10 @@ class Reload(Command):
 
 @dataclass(frozen=True, slots=True)
 class Look(Command):
-    """Draw a gesture or a take, or show where a name is defined; nothing is played."""
+    """Draw a gesture or a take, or show where a name is defined; None: who plays what at which
+    beat."""
 
-    name: str
+    name: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,9 +490,16 @@ class Show(Command):
 
 @dataclass(frozen=True, slots=True)
 class Trace(Command):
-    """Draw the gesture that a player is playing."""
+    """Draw where a player's key was."""
 
     name: str
+
+
+@dataclass(frozen=True, slots=True)
+class TraceOn(Command):
+    """Keep that drawing above the status line; None: end it."""
+
+    name: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

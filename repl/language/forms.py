@@ -86,6 +86,53 @@ def couple(
     return c.Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
 
 
+def record_audio(file: str | None = None, *, when: c.When, words: Words) -> c.RecordAudio:
+    """A file of sound, or without one its end."""
+    return c.RecordAudio(file, when=when, words=words)
+
+
+def map_control(
+    number: int, target: str, range: tuple[float, float, str], *, when: c.When, words: Words
+) -> c.MapControl:
+    """A controller of a parameter."""
+    low, high, unit = range
+    return c.MapControl(number, target, (low, high), unit, when=when, words=words)
+
+
+def map_gain(
+    number: int,
+    range: tuple[float, float],
+    sounding: str | None = None,
+    *,
+    when: c.When,
+    words: Words,
+) -> c.MapControl:
+    """A controller of a level."""
+    return c.MapControl(number, None, range, "dB", sounding, when=when, words=words)
+
+
+def map_notes(
+    notes: tuple[int, int],
+    target: str,
+    impulse: tuple[float, float],
+    *,
+    when: c.When,
+    words: Words,
+) -> c.MapNotes:
+    """Notes that strike."""
+    return c.MapNotes(*notes, target, impulse, when=when, words=words)
+
+
+def unmap_control(number: int, *, when: c.When, words: Words) -> c.Unmap:
+    """The end of a controller's map."""
+    return c.Unmap(c.MapControl(number, None, (0.0, 0.0)).name, when=when, words=words)
+
+
+def unmap_notes(notes: tuple[int, int], *, when: c.When, words: Words) -> c.Unmap:
+    """The end of a map of notes."""
+    return c.Unmap(c.MapNotes(*notes, "", (0.0, 0.0)).name, when=when, words=words)
+
+
 def tempo(
     bpm: tuple[float, float | None], over: Length | None, *, when: c.When, words: Words
 ) -> c.Tempo:
@@ -95,3 +142,28 @@ def tempo(
         message = "a ramp needs two tempos and a length: tempo 60 -> 84 over 4bar"
         raise TextError(message, offset=word.start, length=len(word.text))
     return c.Tempo(*bpm, over, when=when, words=words)
+
+
+def build(
+    name: str,
+    base: tuple[str, float, Mapping[str, str]],
+    *,
+    when: c.When,
+    words: Words,
+) -> c.Build:
+    """An instrument with its own fields."""
+    return c.Build(name, *base, when=when, words=words)
+
+
+def scene(
+    names: tuple[str, str | None], over: Length | None, *, when: c.When, words: Words
+) -> c.Scene:
+    """A scene, or the way from one to another, which has a length. Raises TextError."""
+    first, second = names
+    if second is None:
+        return c.Scene(first, None, over, when=when, words=words)
+    if over is None:
+        word = words["names"]
+        message = "the way from one scene to another needs a length: scene A -> B over 4bar"
+        raise TextError(message, offset=word.start, length=len(word.text))
+    return c.Scene(second, first, over, when=when, words=words)

@@ -119,8 +119,6 @@ def _no_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextErro
         )
     if some:
         return verbs.ambiguous(first, some, place)
-    if first in verbs.NOT_BUILT:
-        return TextError(verbs.NOT_BUILT[first], offset=place, length=len(first))
     played = first in scope.gestures or first in scope.takes
     if played and (player := next(iter(scope.players), None)):
         message = f"{quote(first)} is not a verb; a player plays it"
@@ -142,7 +140,8 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
         return
     first = words[0].text
     if first in scope.players:
-        effects = ((verb, verbs.forms_of(verb)[0].effect) for verb in verbs.SUBJECT_VERBS)
+        about = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
+        effects = ((f.verb, f.effect) for f in about if f.slots[0].value is v.PLAYER)
         hints.found.extend(v.Completion(*pair) for pair in effects)
     elif first in scope.gestures:
         hints.found.append(v.Completion("=", "defines it anew"))

@@ -9,7 +9,7 @@ from pathlib import Path
 from ergon.repl.language.playing import OPTION_HINTS
 from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
-from ergon.scores.gesture.words import OPTIONS
+from ergon.scores.pattern.words import OPTIONS
 
 WHEN = (
     ("", "at the next boundary of `quant`: the next bar, unless it was set"),
@@ -22,6 +22,15 @@ NOTATION = (
     ("6@+1/8", "an eighth after the point before"),
     ("smooth, line, hold, throw", "the curve to the points that follow; smooth if none is written"),
     ("( … )*4", "four times, each after the end of the one before"),
+)
+PATTERNS = (
+    ("knock lean ~", "one after the other, a step each; ~ rests"),
+    ("knock (lean lean)", "a group shares one step evenly"),
+    ("(knock lean)*2", "written out twice: four steps"),
+    ("choose knock lean", "one of them in each round"),
+    ("walk knock lean tap", "the first; then the same or a neighbour of the one before"),
+    ("shuffle knock lean tap", "all, in an order of its own in each round"),
+    ("every 4th do mirror", "every fourth round is transformed"),
 )
 KEYS = (
     ("F12", "panic"),
@@ -56,7 +65,8 @@ def about(verb: str) -> tuple[str, ...]:
 
 def _words(verb: str) -> tuple[tuple[str, str], ...]:
     if verb == "plays":
-        return tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
+        options = tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
+        return (*options, *PATTERNS)
     if verb == "do":
         return tuple((example, "") for example in EXAMPLES.values())
     return NOTATION if verb == "=" else ()
@@ -75,6 +85,7 @@ def sheet() -> str:
         (f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in OPTION_HINTS.items()
     )
     lines += _table("further words of plays", ("write", "meaning"), options)
+    lines += _table("patterns", ("write", "meaning"), PATTERNS)
     lines += _table("keys", ("key", "effect"), KEYS)
     return "\n".join(lines).rstrip() + "\n"
 

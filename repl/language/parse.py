@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language.commands import Command, Define
+from ergon.repl.language.commands import Build, Command, Define, Takes
 from ergon.repl.language.grammar import command
 from ergon.repl.language.lines import lines
 from ergon.repl.language.refusal import Refusal
-from ergon.repl.language.scope import Scope, with_gesture
+from ergon.repl.language.scope import Scope, with_name
 
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
 
@@ -43,9 +43,19 @@ def _commands(text: str, scope: Scope) -> Iterator[Command]:
         read = command(line, scope)
         if read is None:
             continue
-        if isinstance(read, Define) and read.name not in scope.gestures:
-            scope = with_gesture(scope, read.name)
+        scope = _after(scope, read)
         yield read
+
+
+def _after(scope: Scope, read: Command) -> Scope:
+    """The scope of the lines below a command: with the names that it adds."""
+    if isinstance(read, Define):
+        return with_name(scope, "gestures", read.name)
+    if isinstance(read, Build):
+        return with_name(scope, "instruments", read.name)
+    if isinstance(read, Takes):
+        return with_name(with_name(scope, "keys", read.key), "players", read.player)
+    return scope
 
 
 def _corrected(text: str, scope: Scope, error: TextError) -> str | None:

@@ -12,8 +12,9 @@ from ergon.notation.text.errors import TextError
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Plays, When, Word
 from ergon.repl.language.scope import Scope
-from ergon.scores.gesture import words as play_words
+from ergon.scores.edits.entries import of_play
 from ergon.scores.gesture.transforms import ARITY, Transform
+from ergon.scores.pattern import words as play_words
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.part import PLAY, SHAPES
 
@@ -23,7 +24,10 @@ _ELSEWHERE = {"rate": "'rate' belongs to the score: leave it out here"}
 
 @dataclass(frozen=True, slots=True)
 class ParsedPlay:
-    """What is played and how; `written` has the place of each word, relative to the first."""
+    """What is played, a name or a pattern, and how.
+
+    `written` has the place of each word, relative to the first.
+    """
 
     what: str
     options: Mapping[str, Any]
@@ -32,14 +36,21 @@ class ParsedPlay:
 
 
 def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> ParsedPlay:
-    said = play_words.parse(text)
-    _at(said.what.offset, v.PLAYED, said.what.text, scope)
+    names: list[play_words.Word] = []
+
+    def called(word: str, at: int) -> str:
+        names.append(play_words.Word(word, at))
+        return word
+
+    said = play_words.parse(text, called=called)
+    for one in names or [said.what]:
+        _at(one.offset, v.PLAYED, one.text, scope)
     options = {}
     for name, word in said.options.items():
         if name in _ELSEWHERE:
             raise TextError(_ELSEWHERE[name], offset=word.offset, length=len(word.text))
         options[name] = _at(word.offset, _value(name), word.text, scope)
-    return ParsedPlay(said.what.text, options, said.do, said)
+    return ParsedPlay(" ".join(said.what.text.split()), options, said.do, said)
 
 
 def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
@@ -50,12 +61,21 @@ def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
         raise
 
 
+def _by_example(option: str) -> v.Value:
+    """A value of which an example tells most."""
+    shape, example = SHAPES[option], play_words.OPTIONS[option] or ""
+    assert isinstance(shape, Text), option
+    parse, offered = shape.parse, v.Completion(example, PLAY.by_name[option].doc)
+    return v.Value(shape.what, lambda text, *_: parse(text), lambda _: (offered,))
+
+
 # Values for which a line knows more than a part's table: marks and completions.
 _HERE = {
     "at": v.POSITION,
     "until": v.POSITION,
     "every": v.LENGTH,
     "times": v.TIMES,
+    **{name: _by_example(name) for name in ("chance", "euclid", "swing", "skip")},
 }
 
 
@@ -85,11 +105,14 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         for option, hint in OPTION_HINTS.items():
             if option not in context.before:
                 yield v.Completion(option, hint)
+    if not any(word in (*play_words.OPTIONS, "do", *ARITY) for word in context.before):
+        yield from v.PLAYED.offers(context)
     yield from v.transforms(context)
 
 
 # The options of `plays`, each with a line about it.
-OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in (*_ELSEWHERE, "at")}
+_UNTYPED = (*_ELSEWHERE, "at", play_words.NTH)
+OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _UNTYPED}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 
@@ -119,6 +142,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
         options.get("until"),
         play.do,
         manner(options),
+        of_play(play.written, words["play"].text).with_fields(at=None),
         when=at or when,
         words=said,
     )
@@ -127,8 +151,9 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
 def _as_in_a_part(said: Mapping[str, Word], play: ParsedPlay) -> str:
     """What is played and how, without when."""
     options = [name for name in play.written.options if name != "at"]
-    flags = [name for name in options if play_words.OPTIONS[name] is None]
-    values = [f"{name} {said[name].text}" for name in options if name not in flags]
+    flags = [name for name in options if play_words.OPTIONS.get(name, "") is None]
+    words = {play_words.NTH: "every"}
+    values = [f"{words.get(n, n)} {said[n].text}" for n in options if n not in flags]
     chain = [f"do {said['do'].text}"] if play.do else []
     return " ".join([play.what, *values, *flags, *chain])
 

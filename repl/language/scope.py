@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
@@ -11,12 +14,17 @@ from ergon.notation.tables import kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.reading.piece import Gesture, Piece
 
+SUFFIXES = (".yaml", ".yml")  # of scores
+_FILES_MAX = 10_000  # of a folder that is listed
 _AT_THE_BEGINNING = ("X0", "V0")  # they set where a mass starts, which is over
 
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """The names of a session, each with a hint; `targets` are what `set` may change."""
+    """The names of a session, each with a hint; `targets` are what `set` may change.
+
+    Scores that a line may name lie in `folder`.
+    """
 
     players: Mapping[str, str] = field(default_factory=dict)
     gestures: Mapping[str, str] = field(default_factory=dict)
@@ -25,10 +33,23 @@ class Scope:
     marks: Mapping[str, str] = field(default_factory=dict)
     instruments: Mapping[str, str] = field(default_factory=dict)
     targets: Mapping[str, Text] = field(default_factory=dict)
+    folder: Path | None = None
+    strikes: Mapping[str, str] = field(default_factory=dict)
 
 
-def scope_of(piece: Piece) -> Scope:
-    """The names of a piece."""
+def scores_in(folder: Path | None) -> list[Path]:
+    """The files of scores in a folder, by name; none where it cannot be read."""
+    if folder is None:
+        return []
+    try:
+        found = itertools.islice(folder.iterdir(), _FILES_MAX)
+        return sorted(path for path in found if path.suffix in SUFFIXES)
+    except OSError:
+        return []
+
+
+def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
+    """The names of a piece, and of the scores in a folder."""
     return Scope(
         players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
         gestures={name: _about(gesture) for name, gesture in piece.gestures.items()},
@@ -37,12 +58,18 @@ def scope_of(piece: Piece) -> Scope:
         marks={mark.name: f"mark, {mark.at.text}" for mark in piece.marks},
         instruments={name: "instrument" for name in piece.instruments},
         targets=dict(_targets(piece)),
+        folder=folder,
+        strikes={one.name: "strikes" for one in piece.strikes},
     )
 
 
-def with_gesture(scope: Scope, name: str) -> Scope:
-    """The scope, and a gesture that a line above has defined."""
-    return replace(scope, gestures={**scope.gestures, name: "gesture"})
+def with_name(scope: Scope, section: str, name: str) -> Scope:
+    """The scope, and a name in one of its sections that a line above has defined."""
+    known = getattr(scope, section)
+    if name in known:
+        return scope
+    added: Any = {section: {**known, name: "defined above"}}
+    return replace(scope, **added)
 
 
 def _about(gesture: Gesture) -> str:

@@ -14,11 +14,12 @@ from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.notes import note_number
+from ergon.repl.language.scope import Scope, scores_in
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
-from ergon.scores.gesture.words import OPTIONS
+from ergon.scores.pattern.words import OPTIONS
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.
@@ -90,7 +91,8 @@ def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
     return TextError(message, length=len(text), suggestion=near)
 
 
-def _new_name(text: str) -> str:
+def new_name(text: str) -> str:
+    """A name that could be given to something. Raises TextError."""
     if not NAME.fullmatch(text) or len(text) > MAX_NAME:
         message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(text))
@@ -102,7 +104,7 @@ def _new_name(text: str) -> str:
 
 
 def _free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    _new_name(text)
+    new_name(text)
     taken = {*scope.gestures, *scope.takes, *scope.marks}
     if text in taken:
         numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", text)
@@ -119,11 +121,11 @@ def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         return text
     if text in scope.takes:
         raise TextError(f"{quote(text)} is a take: give the gesture another name", length=len(text))
-    return _new_name(text)
+    return new_name(text)
 
 
-def _another(value: Value, field: str) -> Value:
-    """A name that is not the one given before."""
+def another(value: Value, field: str) -> Value:
+    """A name that is not the one given before, in the field."""
 
     def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
         if text == given[field]:
@@ -143,15 +145,16 @@ def _no_offers(_: CompletionContext) -> tuple[Completion, ...]:
 
 
 PLAYER = name("a player", "players")
+_RESTS = name("a player or strikes", "players", "strikes")
 PLAYER_OR_ALL = Value(
-    "a player or all",
-    lambda text, scope, given: None if text == "all" else PLAYER.read(text, scope, given),
-    lambda context: (*PLAYER.offers(context), Completion("all", "every player")),
+    "a player, strikes or all",
+    lambda text, scope, given: None if text == "all" else _RESTS.read(text, scope, given),
+    lambda context: (*_RESTS.offers(context), Completion("all", "every player")),
 )
 PLAYED = name("a gesture or a take", "gestures", "takes")
 KEY = name("a key", "keys")
-OTHER_KEY = _another(KEY, "a")
-OTHER_PLAYER = _another(PLAYER, "player")
+OTHER_KEY = another(KEY, "a")
+OTHER_PLAYER = another(PLAYER, "player")
 SOUNDING = name("an instrument or a player", "instruments", "players")
 ANYTHING = name(
     "a name of this score", "gestures", "takes", "players", "keys", "instruments", "marks"
@@ -342,10 +345,81 @@ LOOKED_AT = Value(
 CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _changes)
 
 
+# --- MIDI ----------------------------------------------------------------------------------------
+
+
+def _ends(text: str, example: str) -> tuple[str, str]:
+    """Both ends of a range; one alone is both."""
+    low, dots, high = text.partition("..")
+    if dots and not (low and high):
+        raise TextError(f"a range has two ends, such as {example}", length=max(1, len(text)))
+    return low, high or low
+
+
+def _range(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float, float, str]:
+    shape = scope.targets[given["target"]]
+    dimension = _DIMENSIONS.get(shape, q.NUMBER)
+    low, high = (float(shape.parse(end)) for end in _ends(text, f"{dimension.example}..…"))
+    # A constant of a law is taken in SI units, whichever they are.
+    return low, high, "" if shape is k.CONSTANT else dimension.si
+
+
+def _ranges(context: CompletionContext) -> Iterator[Completion]:
+    yield from of(context.scope.targets[context.given["target"]]).offers(context)
+
+
+def _levels(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (k.LEVEL.parse(end) for end in _ends(text, "-40dB..0dB"))
+    return low, high
+
+
+def _notes(text: str, *_: Any) -> tuple[int, int]:
+    low, high = (note_number(end) for end in _ends(text, "C3..C5"))
+    if low > high:
+        raise TextError(f"the range {quote(text)} goes down: write the lower note first")
+    return low, high
+
+
+def _impulses(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (q.quantity(end, q.IMPULSE) for end in _ends(text, "1mNs..20mNs"))
+    return low, high
+
+
+def _struck(text: str, *_: Any) -> str:
+    if not re.fullmatch(r"[\w.-]{1,200}", text):
+        raise TextError(f"{quote(text)} is not a module, such as bell.m", length=len(text))
+    return text
+
+
+def _struck_modules(context: CompletionContext) -> Iterator[Completion]:
+    names = dict.fromkeys(target.rpartition(".")[0] for target in context.scope.targets)
+    return (Completion(name, "a module") for name in names if name not in context.scope.keys)
+
+
+CONTROLLER = quantity(k.integer(0, 127, "21"), "21", (), "a controller, 0 to 127")
+RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _range, _ranges)
+LEVELS = Value(
+    "two levels, such as -40dB..0dB", _levels, _with_units("-40dB..0dB", ("dB",), "levels")
+)
+NOTES = Value(
+    "a note or a range, such as 60, C4 or C3..C5",
+    _notes,
+    lambda _: (Completion("C3..C5", "notes"),),
+)
+STRUCK = Value("a module, such as bell.m", _struck, _struck_modules)
+IMPULSES = Value(
+    "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
+    _impulses,
+    _with_units("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
+)
+
+
 # --- what is played ------------------------------------------------------------------------------
 
 
 def _points(context: CompletionContext) -> Iterator[Completion]:
+    if context.before and "@" not in context.before[0]:
+        return  # no notation begins so
     match = _NUMBER.fullmatch(context.typed.partition("@")[0])
     if context.typed and match is None:
         yield from _curves(context)
@@ -391,5 +465,32 @@ def _file(text: str, *_: Any) -> str:
     return str(k.PATH.parse(word))
 
 
-FILE = Value("the name of a file", _file, _no_offers)
+def _files(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:
+    """The scores in the session's folder."""
+    for path in scores_in(context.scope.folder):
+        yield Completion(path.name if suffix else path.stem, "a score")
+
+
+def _scenes(text: str, *_: Any) -> tuple[str, str | None]:
+    names = [(word.strip(), text.index(word)) for word in text.split("->")]
+    if len(names) > 2:
+        raise TextError("a scene goes to one other: scene A -> B over 4bar", length=len(text))
+    for name, offset in names:
+        if not name:
+            raise TextError("a scene needs a name, such as verse-2", offset=len(text))
+        if not NAME.fullmatch(name) or len(name) > MAX_NAME:
+            message = f"{quote(name)} is not the name of a scene, such as verse-2"
+            raise TextError(message, offset=offset, length=max(1, len(name)))
+    return names[0][0], names[1][0] if len(names) > 1 else None
+
+
+def _scene_offers(context: CompletionContext) -> Iterator[Completion]:
+    if not context.before or context.before[-1] == "->":
+        yield from _files(context, suffix=False)
+    elif len(context.before) == 1:
+        yield Completion("->", "to another scene")
+
+
+FILE = Value("the name of a file", _file, _files)
+SCENES = Value("the name of a scene, such as verse-2", _scenes, _scene_offers)
 EXPRESSION = Value("a Python expression", lambda text, *_: text, _no_offers)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import automating, forms
 from ergon.repl.language import commands as c
-from ergon.repl.language import forms
+from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
+from ergon.repl.language.striking import NAMED, NOTES, PLAYED_ON, STRIKING, strikes
 from ergon.repl.language.values import Completion, Value
 
 VERB = Value(
@@ -27,9 +29,8 @@ _OVER = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
 _OFF = Slot("", "", None, "off")
 _SOUNDING = Slot("name", "NAME", v.SOUNDING)
 _SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
-_SHOWN = Slot("name", "NAME", v.LOOKED_AT)
 _SHOWN_OR_ALL = Slot("name", "NAME", v.LOOKED_AT, optional=True)
-_PLAY = "NAME [from TIME] [every LENGTH] [times N] [until WHERE] [do …] [touch …]"
+_PLAY = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
 
 
 def _form(
@@ -51,9 +52,19 @@ def _form(
 # fmt: off
 GROUPS: dict[str, tuple[Form, ...]] = {
     "what is played": (
-        _form("plays", "p", "the player plays a gesture or a take, in place of the last",
+        _form("plays", "p", "the player plays a gesture, take or pattern from here on",
               "ada plays knock every 1 times 8", plays,
               _PLAYER, Slot("play", _PLAY, PLAYING, many=True), subject=True),
+        _form("strikes", "str", "strikes modules without a key",
+              "rain strikes bell every 1 impulse 2mNs", strikes,
+              Slot("name", "NAME", NAMED),
+              Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] …",
+                   STRIKING, many=True), subject=True),
+        _form("notes", "no", "strikes an instrument at the pitches of a pattern",
+              "bell notes A3 C4 E4 euclid 5 8", strikes,
+              Slot("name", "INSTRUMENT", PLAYED_ON),
+              Slot("fields", "NOTE … [every LENGTH] [euclid N N] [impulse …] [chance P] …",
+                   NOTES, many=True), subject=True),
         _form("do", "d", "transforms further what the player plays",
               "ada do scale 1.2, mirror", c.Do,
               _PLAYER, Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),
@@ -89,11 +100,47 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "quant 2bar", c.Quant, Slot("grid", "now|beat|bar|LENGTH", v.GRID), timed=False),
     ),
     "matter": (
+        _form("set", "set", "a parameter of a CEL follows a pattern of values",
+              "set bell.m.f A3 C4 E4 every 1", automating.follow,
+              Slot("target", "PATH", automating.LED),
+              Slot("fields", "VALUE … every LENGTH …", automating.VALUES, many=True)),
         _form("set", "set", "a physical parameter glides to a value, or by a factor",
               "set bell.m.K x1.5 over 2bar", forms.change,
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
+        _form("lfo", "lf", "a parameter of a CEL swings between two values",
+              "lfo bell.m.K 0.8..1.2 period 4bar", automating.swing,
+              Slot("target", "PATH", automating.LED),
+              Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", automating.SWING,
+                   many=True)),
+        _form("lfo", "lf", "a parameter of a CEL has its own value again",
+              "lfo bell.m.K off", automating.stop_lfo, Slot("target", "PATH", automating.LED),
+              _OFF),
         _form("couple", "c", "joins two keys by a spring and a damper",
               "couple k1 k2 K=40N/m", forms.couple, *_KEYS, *_LINK),
+        _form("=", "=", "adds an instrument like another, or from a file",
+              "bell2 = bell/bell transpose 7st", forms.build,
+              Slot("name", "NAME", s.PART_NAME),
+              Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE,
+                   many=True), subject=True),
+        _form("link", "li", "joins two modules, or a key and a module, by a link",
+              "link k1 bell.m BUT K=4kN/m", c.Link,
+              Slot("a", "MODULE", s.LINK_END), Slot("b", "MODULE", s.OTHER_END),
+              Slot("kind", "KIND", s.LINK_KIND),
+              Slot("fields", "FIELD=VALUE …", s.LINK_FIELDS, many=True)),
+        _form("takes", "t", "the player takes a key; who and what is new is added",
+              "mia takes k3 like k1", c.Takes,
+              Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
+              Slot("like", "KEY", v.KEY, "like", optional=True), subject=True),
+        _form("route", "ro", "an instrument sounds from these channels, and no others",
+              "route bell 3 4 gain -6dB", c.Route,
+              Slot("name", "INSTRUMENT", s.INSTRUMENT),
+              Slot("channels", "CHANNEL …|nearest", s.CHANNELS, many=True),
+              Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True)),
+        _form("remove", "rem", "removes what has a name, and what belongs to it alone",
+              "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
+        _form("rename", "ren", "gives a gesture, a take or a player another name",
+              "rename lean tilt", c.Rename,
+              Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME)),
         _form("uncouple", "unc", "removes what joins two keys",
               "uncouple k1 k2", c.Uncouple, *_KEYS),
     ),
@@ -106,6 +153,37 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               _PLAYER, Slot("by", "PLAYER", v.OTHER_PLAYER), *_LINK),
         _form("guide", "gu", "ends the guidance of a hand",
               "guide remi off", c.Guide, _PLAYER, _OFF),
+    ),
+    "sound in a file": (
+        _form("record", "rec", "ends the file of what is heard", "record audio off",
+              forms.record_audio, Slot("", "", None, "audio"), _OFF, timed=False),
+        _form("record", "rec", "records what is heard in a file", "record audio evening.wav",
+              forms.record_audio, Slot("", "", None, "audio"), Slot("file", "FILE", v.FILE),
+              timed=False),
+    ),
+    "controllers and notes": (
+        _form("map", "map", "a MIDI controller moves a parameter",
+              "map cc 21 bell.m.K 1kN/m..9kN/m", forms.map_control,
+              Slot("number", "N", v.CONTROLLER, "cc"), Slot("target", "PATH", v.TARGET),
+              Slot("range", "VALUE..VALUE", v.RANGE)),
+        _form("map", "map", "a MIDI controller moves a level, in dB",
+              "map cc 7 gain bell -40dB..0dB", forms.map_gain,
+              Slot("number", "N", v.CONTROLLER, "cc"),
+              Slot("sounding", "NAME", v.SOUNDING, "gain"),
+              Slot("range", "LEVEL..LEVEL", v.LEVELS)),
+        _form("map", "map", "a MIDI controller moves the level of everything",
+              "map cc 8 gain -40dB..0dB", forms.map_gain,
+              Slot("number", "N", v.CONTROLLER, "cc"), Slot("", "", None, "gain"),
+              Slot("range", "LEVEL..LEVEL", v.LEVELS)),
+        _form("map", "map", "MIDI notes strike modules, by their velocity",
+              "map note C3..C5 bell.m 1mNs..20mNs", forms.map_notes,
+              Slot("notes", "NOTE|NOTE..NOTE", v.NOTES, "note"), Slot("target", "MODULE", v.STRUCK),
+              Slot("impulse", "IMPULSE..IMPULSE", v.IMPULSES)),
+        _form("maps", "maps", "lists the maps", "maps", c.Maps, timed=False),
+        _form("unmap", "unma", "ends the map of a controller",
+              "unmap cc 21", forms.unmap_control, Slot("number", "N", v.CONTROLLER, "cc")),
+        _form("unmap", "unma", "ends a map of notes", "unmap note C3..C5", forms.unmap_notes,
+              Slot("notes", "NOTE|NOTE..NOTE", v.NOTES, "note")),
     ),
     "mix": (
         _form("gain", "ga", "sets the level of an instrument, a player or everything",
@@ -129,6 +207,9 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("keep", "k", "writes what was played last as a score of its own",
               "keep 8bar as verse-2", c.Keep, Slot("length", "LENGTH", v.LENGTH),
               Slot("name", "NAME", v.NEW_NAME, "as"), timed=False),
+        _form("scene", "sce", "plays kept bars from their beginning, again and again",
+              "scene verse-2 -> refrain over 4bar", forms.scene,
+              Slot("names", "NAME|NAME -> NAME", v.SCENES, many=True), _OVER),
         _form("save", "sa", "writes the score, comments and all",
               "save scores/duet-live.yaml", c.Save,
               Slot("file", "FILE", v.FILE, optional=True), timed=False),
@@ -140,12 +221,16 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "seed 7", c.Seed, Slot("seed", "N", v.SEED)),
     ),
     "looking": (
-        _form("?", "?", "draws a gesture, or shows where a name is defined",
-              "? lean", c.Look, _SHOWN, timed=False),
+        _form("?", "?", "draws a gesture, a name's definition, or alone two bars",
+              "? lean", c.Look, _SHOWN_OR_ALL, timed=False),
         _form("show", "sh", "lists who plays what, or shows where a name is defined",
               "show ada", c.Show, _SHOWN_OR_ALL, timed=False),
         _form("scope", "sc", "draws where a player's key was in the last two seconds",
               "scope ada", c.Trace, Slot("name", "NAME", v.MOVING), timed=False),
+        _form("scope", "sc", "keeps that drawing above the status line",
+              "scope remi on", c.TraceOn, Slot("name", "NAME", v.MOVING), Slot("", "", None, "on"),
+              timed=False),
+        _form("scope", "sc", "ends it", "scope off", c.TraceOn, _OFF, timed=False),
         _form("help", "he", "lists the verbs, or explains one",
               "help plays", c.Help, Slot("verb", "VERB", VERB, optional=True), timed=False),
         _form("py", "py", "evaluates Python in which `session` and `piece` are known",
@@ -160,7 +245,6 @@ FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in som
 SHORTEST = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(form.verb for form in FORMS if form.subject and form.verb != "=")
 VERBS = tuple(dict.fromkeys(form.verb for form in FORMS if not form.subject))  # they begin a line
-NOT_BUILT = {"link": "ergon cannot share its tempo with other machines (link) yet"}
 
 
 def forms_of(verb: str) -> tuple[Form, ...]:

@@ -68,13 +68,18 @@ class Screen:
             include_default_pygments_style=False,
             history=InMemoryHistory() if history is None else LineHistory(history),
             key_bindings=bindings(self),
-            bottom_toolbar=lambda: status(
-                self._session.state(), self._app.output.get_size().columns
-            ),
+            bottom_toolbar=self._below,
             input=keyboard(self._comes),
         )
         self._app = self._prompt.app
         self._prompt.default_buffer.accept_handler = self._entered
+
+    def _below(self) -> str:
+        """The status line, below the drawing of a key that is traced where there is room."""
+        state, size = self._session.state(), self._app.output.get_size()
+        rows = state.drawing if len(state.drawing) < size.rows // 2 else ()
+        drawn = [clean(row)[: size.columns] for row in rows]
+        return "\n".join([*drawn, status(state, size.columns)])
 
     def run(self) -> int:
         """Serve until somebody leaves; the number of lines that were refused."""

@@ -47,6 +47,11 @@ def started(tempo: TempoMap, beat: float, seconds: float) -> Clock:
     return Clock(seconds - tempo.seconds(beat), beat)
 
 
+def entered(clock: Clock, tempo: TempoMap, beat: float, seconds: float) -> Clock:
+    """The clock of another piece, which goes on, or stands, at a beat."""
+    return started(tempo, beat, seconds) if clock.goes else Clock(None, beat)
+
+
 def boundary(tempo: TempoMap, beat: float, grid: Length) -> float:
     """The first beat from `beat` on that is a multiple of `grid`: of bars from the first, of beats
     from the beginning of their bar, in seconds from the beginning of the piece."""

@@ -14,7 +14,7 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
 from ergon.repl.language.commands import NOW, When
-from ergon.repl.session.clock import Clock, boundary, started
+from ergon.repl.session.clock import Clock, boundary, entered, started
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import HORIZON, JOIN, Running, follow
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
@@ -197,7 +197,8 @@ class Commits:
 
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
-        before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None, dropped=())
+        before = replace(before, cuts=False, damp=None, glide=GLIDE, enters=None, read=None)
+        before = replace(before, dropped=())
         return one.edit(before, one.beat)
 
     def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
@@ -218,6 +219,9 @@ class Commits:
             leave = on.beat(one.start)
             tempo = version.piece.tempo_map
             clock = started(tempo, enter, seconds + self.lead) if one.goes else Clock(None, leave)
+        elif version.enters is not None:
+            enter = version.enters
+            clock = entered(clock, version.piece.tempo_map, enter, seconds + self.lead)
         made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
         self._check_sound(made.stage)
         # Every version is made here, so none plays that a real hand's key cannot bear.

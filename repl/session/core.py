@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.scope import scope_of
-from ergon.repl.session import computing, version_edits
+from ergon.repl.session import computing, inspection, version_edits
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
-from ergon.repl.session.disk import Disk
+from ergon.repl.session.disk import Disk, folder_of
 from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.journal_content import text_fields
+from ergon.repl.session.journal_content import effect_fields, text_fields
+from ergon.repl.session.midi_input import MidiInput
+from ergon.repl.session.movements import Movements
 from ergon.repl.session.running import Running, begin
+from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.watch import Watch
@@ -31,6 +35,7 @@ from ergon.repl.session_protocol import Reply
 from ergon.scores.edits import merging
 
 if TYPE_CHECKING:
+    from ergon.repl.language.scope import Scope
     from ergon.repl.session.engine import Engine
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
@@ -39,7 +44,16 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _BAR = Length(bars=1.0)
+_DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
+_TRACE_HEIGHT = 6  # characters
 _LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
+
+
+class Attached(Protocol):
+    """What is open for as long as a session: a port, a socket."""
+
+    def close(self) -> None:
+        """Close it."""
 
 
 class SessionCore:
@@ -84,14 +98,22 @@ class SessionCore:
         self.commits.past.update((one.number, one) for one in past.versions)
         self.cancelled: list[Waiting] = []  # lines that `undo` took back before they took effect
         self.captures = Captures(hands)
+        self.sound_file = SoundFile()
         self.guidance = Guidance(self.commits)
         self.computing = computing.Computing()
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
+        self.movements = Movements(self)
+        self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
+        self.traced: str | None = None  # whose key is drawn while it moves
+        self.drawing: tuple[str, ...] = ()
+        self._drawn = 0  # the frame of that drawing
+        self._attached: list[Attached] = []
+        self._turns: list[Callable[[float], object]] = []
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
-        self._scope = scope_of(version.piece)
+        self._scope = scope_of(version.piece, folder_of(version.texts))
         self._scope_piece = version.piece
         self._messages: deque[str] = deque(maxlen=1000)
         # The share of the scene's force that each player was last told.
@@ -102,6 +124,21 @@ class SessionCore:
         self.lock = threading.RLock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
+
+    @property
+    def scope(self) -> Scope:
+        """The names that a line may use now."""
+        return self._scope
+
+    def attach(self, one: Attached, turn: Callable[[float], object] | None = None) -> None:
+        """Close a port or a socket when the session ends.
+
+        Until then the thread that attends to the engine takes its `turn` some 50 times a second,
+        at an instant [s, time.monotonic].
+        """
+        self._attached.append(one)
+        if turn is not None:
+            self._turns.append(turn)
 
     def say(self, message: str) -> None:
         """Add a message."""
@@ -120,7 +157,7 @@ class SessionCore:
         when: When = next((c.when for c in commands if c.when is not None), None)
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
-        said = [version_edits.summary(command, made) for command in commands]
+        said = [version_edits.summary(command, made, where) for command in commands]
         said += self.force_messages(made)
         said += self._dropped_messages(made.version)
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
@@ -163,11 +200,13 @@ class SessionCore:
         is_read: bool = False,
         is_limited: bool = True,
         redoes: bool = False,
+        replaces: int | None = None,
     ) -> tuple[str, Running]:
         """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
-        Returns the beat as written, and the version staged. Texts read from files are kept in the
-        journal. Raises StoppedError where a line that `is_limited` takes too long.
+        In the history it `replaces` a line. Returns the beat as written, and the version staged.
+        Texts read from files are kept in the journal. Raises StoppedError where a line that
+        `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self.number += 1
@@ -207,10 +246,14 @@ class SessionCore:
             resets=resets,
             restores=restores,
             where=where,
+            **({} if replaces is None else {"replaces": replaces}),
             **(self._fields_read(made.version) if is_read else {}),
         )
         if restores is None:
             self.history.add(number)
+            if replaces is not None:
+                self.history.remove(replaces)
+                self.commits.past.pop(replaces, None)
             if not redoes:
                 self.cancelled.clear()
             self.history.sort(self.commits.order())
@@ -226,7 +269,7 @@ class SessionCore:
             if self.watch is not None:
                 self.watch.follow(version.read)
         disk["disk"] = self.disk.hashes_by_name(version.texts)
-        return {**text_fields(version.texts), **disk}
+        return {**text_fields(version.texts), **disk, **effect_fields(version)}
 
     def drop(self, waiting: Waiting) -> None:
         """Remove a line that has not taken effect."""
@@ -263,11 +306,31 @@ class SessionCore:
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
+            self.movements.turn()
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
+            said, closed = self.sound_file.turn(self.commits.engine, self.commits.rate)
+            if said:
+                self._messages.append(said)
+            if closed is not None:
+                self._tell("sound", first=closed.first, frames=closed.frames)
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
             self._tell_troubles()
+            if self.traced is not None:
+                frame = self.commits.engine.frame
+                if frame >= self._drawn + _DRAWS_EVERY * self.commits.rate:
+                    self.trace()
+
+    def trace(self) -> None:
+        """Draw the key that is traced, if one is."""
+        engine, running = self.commits.engine, self.commits.running
+        self._drawn, self.drawing = engine.frame, ()
+        if self.traced is not None:
+            with contextlib.suppress(NotTakenError):  # the player is gone, or has not moved yet
+                own = self.traced, engine.tick_frames, self.captures.path
+                lines = inspection.scoped(running, engine.frame, *own, height=_TRACE_HEIGHT)
+                self.drawing = tuple(lines)
 
     def _tell_troubles(self) -> None:
         """A message for each trouble of the engine that is new; counts not more than once a
@@ -286,6 +349,8 @@ class SessionCore:
                 self._tell("hand", player=player, real=is_real, frame=event.frame)
             if event.sentence:
                 self._messages.append(f"{self._written(event.frame)} {event.sentence}")
+            elif event.strike is not None:
+                self.midi.struck(event)
             elif event.ticket is not None and event.is_late:
                 self.guidance.late(event.ticket)
                 self._late(self.commits.late(event.ticket))
@@ -332,13 +397,17 @@ class SessionCore:
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
                 # What a line read is merged with what plays when it takes effect.
-                texts = text_fields(one.made.version.texts) if one.is_read and one.made else {}
+                texts: dict[str, object] = {}
+                if one.is_read and one.made:
+                    version = one.made.version
+                    texts = {**text_fields(version.texts), **effect_fields(version)}
                 self._tell("commit", number=one.number, frame=frame, beat=one.beat, **texts)
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece
         if piece is not self._scope_piece:
-            self._scope, self._scope_piece = scope_of(piece), piece
+            folder = folder_of(self.commits.head.texts)
+            self._scope, self._scope_piece = scope_of(piece, folder), piece
 
     def _written(self, frame: int) -> str:
         running: Running = self.commits.running

@@ -116,6 +116,12 @@ def on_disk(path: Path) -> str | None:
         return None
 
 
+def folder_of(texts: Texts) -> Path:
+    """The folder that a session writes to: the score's; for a score that ships, the current one."""
+    path = Path(texts.path)
+    return Path() if is_shipped(path) else path.parent
+
+
 def as_written(file: str, text: str) -> bytes:
     """The bytes of a text that replaces a file; the file's byte order mark is kept."""
     try:

@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
+from ergon.repl.session.version import NotTakenError
+
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -75,7 +79,8 @@ class EngineStatus:
 
 @dataclass(frozen=True, slots=True)
 class EngineEvent:
-    """A change that was made or came too late (by its ticket), or a sentence for the player.
+    """A change or a strike that was made or came too late (by its ticket), or a sentence for the
+    player.
 
     `real`, by player: whether a person moves the player's key from this frame on.
     """
@@ -83,8 +88,22 @@ class EngineEvent:
     frame: int
     ticket: int | None = None
     is_late: bool = False
+    strike: int | None = None  # the ticket of a strike, which was done unless it `is_late`
     sentence: str = ""
     real: Mapping[str, bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class SoundFileStatus:
+    """The state of a file of sound: its first frame of the session (None: not begun), its frames,
+    how many of them are silence because the disk was too slow, whether it is closed, and why it
+    could not be written."""
+
+    first: int | None
+    frames: int
+    missing: int
+    ended: bool
+    error: str | None = None
 
 
 class Engine(Protocol):
@@ -115,6 +134,24 @@ class Engine(Protocol):
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
         """Guide players' hands by new paths from frame `at` on; the ticket."""
+
+    def strike(self, point: int, impulse: float) -> int | None:
+        """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread.
+
+        Its ticket, which an event reports; None where too many strikes wait.
+        """
+
+    def record_sound(self, path: Path) -> None:
+        """Write what is heard to a new file, from the next tick on.
+
+        Raises NotTakenError, EngineError.
+        """
+
+    def end_sound(self) -> None:
+        """End the file of `record_sound`."""
+
+    def sound_recorded(self) -> SoundFileStatus | None:
+        """The state of the file of `record_sound`; None where there was none."""
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""
@@ -187,6 +224,25 @@ class SteppedEngine:
         """Do nothing: no hand is real here."""
         self._tickets += 1
         return self._tickets
+
+    def strike(self, point: int, impulse: float) -> int:
+        """Strike a point of what plays by an impulse [N·s], at the next frame."""
+        self._due()  # a change of this frame comes before it
+        self._tickets += 1
+        is_missed = not self._simulation.strike(point, impulse)
+        self._events.append(EngineEvent(self.frame, strike=self._tickets, is_late=is_missed))
+        return self._tickets
+
+    def record_sound(self, path: Path) -> None:
+        """Refuse: what is computed here is rendered, not heard. Raises NotTakenError."""
+        raise NotTakenError("no sound output is open: `ergon render` writes a file")
+
+    def end_sound(self) -> None:
+        """Do nothing: no sound is recorded."""
+
+    def sound_recorded(self) -> SoundFileStatus | None:
+        """No sound is recorded."""
+        return None
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.together import write_all
-from ergon.notation.text.files import is_shipped
+from ergon.notation.text.edit import EditError
+from ergon.repl.language.scope import SUFFIXES
 from ergon.repl.session import save_as
-from ergon.repl.session.disk import as_written, home
+from ergon.repl.session.disk import as_written, folder_of, home
 from ergon.repl.session.version import NotTakenError, piece_of
 from ergon.scores.edits import keeping, parts
 from ergon.scores.edits.texts import Texts
@@ -19,16 +20,25 @@ if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
     from ergon.repl.session.core import SessionCore
 
-_SUFFIXES = (".yaml", ".yml")
-
 
 def keep(session: SessionCore, length: Length, name: str) -> list[str]:
     """Write the last bars as a score beside this one; the names of the files written."""
     version, now = session.commits.head, session.commits.now()
     tempo = version.piece.tempo_map
-    beats = tempo.after(0.0, length) if not length.seconds else None
-    start = now - beats if beats is not None else tempo.beats(tempo.seconds(now) - length.seconds)
-    kept = keeping.keep(version.texts, version.piece, name, max(0.0, start), now)
+    bar = tempo.bars.start(tempo.bar_beat(now)[0])
+    is_bars = length.bars and not length.beats and not length.seconds
+    ends = [bar, now] if is_bars and bar > 0.0 else [now]  # whole bars are those that are over
+    while True:
+        stop = ends.pop(0)
+        start = tempo.beats(tempo.seconds(stop) - length.seconds)
+        if not length.seconds:
+            start = stop - tempo.after(0.0, length)
+        try:
+            kept = keeping.keep(version.texts, version.piece, name, max(0.0, start), stop)
+            break
+        except EditError:
+            if not ends:
+                raise
     piece_of(kept)
     target = _target(kept, Path(name))
     if target is None:
@@ -49,10 +59,25 @@ def save(session: SessionCore, target: Path | None) -> list[str]:
     return _write(session, texts, None if target is None else _target(texts, target))
 
 
-def folder_of(texts: Texts) -> Path:
-    """The folder that a session writes to: the score's; for a score that ships, the current one."""
-    path = Path(texts.path)
-    return Path() if is_shipped(path) else path.parent
+def beside(texts: Texts, target: Path, suffix: str) -> Path:
+    """A new file in the folder that a session writes to. Raises NotTakenError."""
+    folder = folder_of(texts)
+    path = folder / target if target.parent == Path() else target
+    if path.suffix == "":
+        path = path.with_suffix(suffix)
+    if path.suffix.lower() != suffix:
+        raise NotTakenError(
+            f"{path.name} does not end in {suffix}", f"record audio {path.stem}{suffix}"
+        )
+    try:
+        is_inside = path.resolve().parent == folder.resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
+        raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
+    if not is_inside:
+        raise NotTakenError(
+            f"a session writes in {folder.resolve()} alone", f"record audio {path.name}"
+        )
+    return folder / path.name
 
 
 def _target(texts: Texts, target: Path) -> Path | None:
@@ -60,7 +85,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
     own, folder = Path(texts.path), folder_of(texts)
     path = folder / target if target.parent == Path() else target
     if path.suffix == "":
-        path = path.with_suffix(own.suffix if own.suffix in _SUFFIXES else _SUFFIXES[0])
+        path = path.with_suffix(own.suffix if own.suffix in SUFFIXES else SUFFIXES[0])
     try:
         real, is_inside = path.resolve(), path.resolve().parent == folder.resolve()
         is_own = real == own.resolve()

@@ -13,6 +13,7 @@ from typing import Any
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event
 from ergon.repl.session.journal_names import journal_name
+from ergon.repl.session.midi_maps import maps_field, read_maps
 from ergon.repl.session.version import Faders, PastVersion
 from ergon.scores.edits.texts import Texts
 
@@ -53,6 +54,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 "files": {name: delta for name, delta in changed.items() if delta is not None},
                 "gone": sorted(before.keys() - files.keys()),
                 **faders_fields(version.faders),
+                **maps_field(version.maps),
             }
         )
         before = files
@@ -88,6 +90,7 @@ def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVers
                 faders(row),
                 {},
                 row.get("where", str, ""),
+                maps=read_maps(row),
             )
         )
     if len({version.number for version in versions}) < len(versions):

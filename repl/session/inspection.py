@@ -55,7 +55,15 @@ def drawn(version: Version, name: str) -> list[str]:
     return [f"{name} on {first.key}", *text.splitlines()]
 
 
-def scoped(running: Running, frame: int, name: str, every: int, hands: Path | None) -> list[str]:
+def scoped(
+    running: Running,
+    frame: int,
+    name: str,
+    every: int,
+    hands: Path | None,
+    *,
+    height: int = _HEIGHT,
+) -> list[str]:
     """Draw where a player's key was in the last seconds.
 
     A real hand's is read from the recording `hands`, in ticks of `every` frames; any other is where
@@ -82,7 +90,7 @@ def scoped(running: Running, frame: int, name: str, every: int, hands: Path | No
     step = max(1, len(path) // (_POINTS * width))
     seconds = [(number - len(path)) * every / rate for number in range(0, len(path), step)]
     curve = Curve(name, seconds, [1e3 * float(x) for x in path[::step]])
-    text = plot([curve], width=width, height=_HEIGHT, x_label="position [mm]")
+    text = plot([curve], width=width, height=height, x_label="position [mm]")
     whose = "its hand" if is_real else "as its part moves it"
     head = f"{name} on {key}, the last {len(path) * every / rate:.1f} s, {whose}"
     return [head, *text.splitlines()]
@@ -120,9 +128,9 @@ def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> li
         begun = [line for line in lines if line.begin <= now]
         goes_on = [line for line in begun if line.is_open(now, piece)]
         # Of an entry that begins nothing more the last occurrence may sound.
-        on = {line.play.what for line in goes_on}
+        on = {name for line in goes_on for name in line.play.names}
         for what in dict.fromkeys(sounding):
-            goes_on += [line for line in begun if line.play.what == what and what not in on][-1:]
+            goes_on += [line for line in begun if what in line.play.names and what not in on][-1:]
         coming = sorted((line for line in lines if line.begin > now), key=lambda line: line.begin)
         said = [_entry(line.play) for line in goes_on] or ["nothing"]
         said += [f"then {_entry(line.play)}" for line in coming[:1]]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from ergon.notation.text.bounds import Bounds
 from ergon.rendering.silence import Silence
@@ -15,7 +16,8 @@ from ergon.repl.session.history_content import faders_fields, history_fields, re
 from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
-from ergon.repl.session.version import Faders, Version, piece_of
+from ergon.repl.session.midi_maps import Map, Place, maps_field, read_maps
+from ergon.repl.session.version import GLIDE, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 
 _EVERY_MAX = 1 << 16  # frames of a tick
@@ -25,6 +27,7 @@ _BEAT_MAX = 1e7
 _RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
 _HASH = 64  # digits
+_GLIDE_MAX = 86_400.0  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +45,11 @@ class SessionStart:
     history: PastVersions | None = None
     base: Texts | None = None
     take: JournalTake | None = None
+    maps: Mapping[str, Map] = field(default_factory=dict)
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
-        return Version(0, "", self.texts, piece_of(self.texts), self.faders)
+        return Version(0, "", self.texts, piece_of(self.texts), self.faders, maps=self.maps)
 
     def fields(self) -> dict[str, object]:
         """The fields of the journal's first event."""
@@ -57,6 +61,7 @@ class SessionStart:
             "gain": self.gain,
             "limit": self.limit,
             "highpass": self.highpass,
+            **maps_field(self.maps),
             **({} if self.history is None else history_fields(self.history)),
             **({} if self.base is None else {"base": text_fields(self.base)}),
             **({} if self.take is None else self.take.fields()),
@@ -70,19 +75,37 @@ def text_fields(texts: Texts) -> dict[str, object]:
     return {"score": texts.path, "text": texts.text, "overlay": overlay}
 
 
+def effect_fields(version: Version) -> dict[str, object]:
+    """The fields of a journal for how a version that was read takes over."""
+    found: dict[str, object] = {}
+    if version.glide != GLIDE:
+        found["glide"] = version.glide
+    if version.enters is not None:
+        found["enters"] = version.enters
+    return found
+
+
+class ReadVersion(NamedTuple):
+    """What a line read from files, and how that takes over, as in a `Version`."""
+
+    texts: Texts
+    glide: float
+    enters: float | None
+
+
 @dataclass(slots=True)
 class JournalContent:
     """How a session began, and which line took effect at which frame.
 
-    `texts` are those that lines read, by the line of the journal; `disk` holds the last hashes of
-    files on the disk. A journal that `ended` was written to its end.
+    `read` are the versions that lines read, by the line of the journal; `disk` holds the last
+    hashes of files on the disk. A journal that `ended` was written to its end.
     """
 
     opening: SessionStart
     first: Event
     disk: Disk
     lines: dict[int, Event] = field(default_factory=dict)
-    texts: dict[int, Texts] = field(default_factory=dict)
+    read: dict[int, ReadVersion] = field(default_factory=dict)
     commits: list[tuple[int, float, Event]] = field(default_factory=list)  # frame, beat, line
     dropped: set[int] = field(default_factory=set)
     late: dict[int, float] = field(
@@ -94,6 +117,8 @@ class JournalContent:
     silences: list[Silence] = field(default_factory=list)
     base: Texts | None = None  # what the files held when they were last read or saved
     events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
+    # Strikes by MIDI notes, in the order done: frame, what, impulse [N·s], event.
+    strikes: list[tuple[int, Place, float, Event]] = field(default_factory=list)
 
     def order(self) -> dict[int, float]:
         """The place of every line in the order in which they take effect, by number."""
@@ -125,13 +150,16 @@ class JournalContent:
                 history.go_to(restores)
             else:
                 history.add(number)
+                replaced = event.fields.get("replaces")
+                if isinstance(replaced, int):
+                    history.remove(replaced)
                 history.sort(order)
         return history
 
     def all_texts(self) -> Iterator[Texts]:
         """Every version of the score that was read from files."""
         yield self.opening.texts
-        yield from self.texts.values()
+        yield from (one.texts for one in self.read.values())
 
 
 def read_journal(
@@ -161,6 +189,7 @@ def read_journal(
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
         read_history(first, where.texts, _desk),
         take=take_of(first, path),
+        maps=read_maps(first),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))
@@ -171,6 +200,7 @@ def read_journal(
     for event in events:
         _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
+    replay.strikes.sort(key=lambda strike: strike[0])
     return replay
 
 
@@ -236,6 +266,12 @@ def _desk(event: Event) -> Faders:
     return Faders(event.mapping("gains", float), muted, solo, master)
 
 
+def _read_version(event: Event, where: _FileLocations) -> ReadVersion:
+    glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE)
+    enters = _beat(event, "enters") if "enters" in event.fields else None
+    return ReadVersion(where.texts(event), glide, enters)
+
+
 def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> None:
     if event.name in ("line", "commit", "late", "dropped"):
         number = event.number_of("number", int, 0, _NUMBER_MAX)
@@ -246,13 +282,13 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
         event.get("line", str)
         _beat(event, "beat")
         if "text" in event.fields:
-            replay.texts[event.number] = texts = where.texts(event)
-            replay.disk.note_read(texts)
+            replay.read[event.number] = made = _read_version(event, where)
+            replay.disk.note_read(made.texts)
     elif event.name == "commit":
         if number not in replay.lines:
             event.wrong(f"the journal has no line with the number {number}")
         if "text" in event.fields:  # other than when the line was typed
-            replay.texts[replay.lines[number].number] = where.texts(event)
+            replay.read[replay.lines[number].number] = _read_version(event, where)
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":
@@ -261,6 +297,8 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
             replay.starts[number] = event.number_of("start", int, 0, _FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
+    elif event.name == "strike":
+        replay.strikes.append(_strike(event))
     elif event.name == "silence":
         _add_silence(replay, event)
     elif event.name == "end":
@@ -273,6 +311,16 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
     if "frame" in event.fields:
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.n_frames = max(replay.n_frames, frame)
+
+
+def _strike(event: Event) -> tuple[int, Place, float, Event]:
+    place = (
+        event.get("part", str),
+        event.get("module", str),
+        event.number_of("member", int, -1, _NUMBER_MAX),
+    )
+    impulse = event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
+    return event.number_of("frame", int, 0, _FRAME_MAX), place, impulse, event
 
 
 def _add_silence(replay: JournalContent, event: Event) -> None:

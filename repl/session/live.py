@@ -11,11 +11,18 @@ from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import PlaybackConfig, bars, every, perform
 from ergon.live.trouble import troubles
-from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath
+from ergon.repl.session.engine import (
+    Change,
+    EngineEvent,
+    EngineStatus,
+    GuidedPath,
+    SoundFileStatus,
+)
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from ergon import _core
     from ergon.live.guard import HandForceBounds
@@ -48,7 +55,7 @@ class LiveEngine:
         self._n_silences = 0
         # Once it is closed: its last status, and the events that were not reported.
         self._last: _core.Status | None = None
-        self._left: list[tuple[int, str, float]] = []
+        self._left: list[_core.PerformanceEvent] = []
 
     @property
     def performance(self) -> _core.Performance:
@@ -103,6 +110,25 @@ class LiveEngine:
             guidance=[one.steps for one in guided],
         )
 
+    def strike(self, point: int, impulse: float) -> int | None:
+        """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread."""
+        return None if self._last else self._performance.strike(point, impulse)
+
+    def record_sound(self, path: Path) -> None:
+        """Write what is heard to a new file, from the next tick on. Raises EngineError."""
+        self._performance.record_audio(path)
+
+    def end_sound(self) -> None:
+        """End the file of `record_sound`."""
+        self._performance.end_audio()
+
+    def sound_recorded(self) -> SoundFileStatus | None:
+        """The state of the file of `record_sound`; None where there was none."""
+        now = None if self._last else self._performance.audio_recorded()
+        if now is None:
+            return None
+        return SoundFileStatus(now.first, now.frames, now.missing, now.ended, now.error)
+
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""
         for group, gain in gains.items():
@@ -129,6 +155,8 @@ class LiveEngine:
             frame, what, number = event
             if what in ("changed", "late"):
                 found.append(EngineEvent(frame, int(number), is_late=what == "late"))
+            elif what in ("struck", "missed"):
+                found.append(EngineEvent(frame, strike=int(number), is_late=what == "missed"))
             elif sentence := said(event, self._players, self._boards):
                 found.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
         self._left = []
@@ -140,7 +168,7 @@ class LiveEngine:
             self._sound = len(sound)
         return found
 
-    def _real_now(self, event: tuple[int, str, float]) -> dict[str, bool]:
+    def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
         _, what, number = event
         if what == "gone":
             return dict.fromkeys(self._on_board[int(number)], False)

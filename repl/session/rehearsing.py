@@ -21,14 +21,15 @@ def rehearse(piece: Piece, name: str) -> Stage | None:
     Raises StageError.
     """
     plays = {
-        (piece.players[play.player].key, _without_places(play.do), play.manner): play
+        (piece.players[play.player].key, _without_places(do), play.manner): (play.manner, do)
         for play in piece.parts
-        if play.what == name
+        if name in play.names
+        for do in play.chains
     }
     if not plays:
         return _on_some_key(piece, name)
     bare = _bare(piece)
-    first, *_ = [solo(bare, name, key, play.do, play.manner) for (key, *_), play in plays.items()]
+    first, *_ = [solo(bare, name, key, do, how) for (key, *_), (how, do) in plays.items()]
     return first
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -12,16 +13,16 @@ from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import version_edits
-from ergon.repl.session.clock import Clock, started
+from ergon.repl.session.clock import Clock, entered, started
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event
-from ergon.repl.session.journal_content import JournalContent
+from ergon.repl.session.journal_content import JournalContent, ReadVersion
 from ergon.repl.session.journal_hands import HeldHands, held
+from ergon.repl.session.midi_maps import number_of
 from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
-from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import MAX_SECONDS
 
 if TYPE_CHECKING:
@@ -73,7 +74,8 @@ class ReplayedSession:
         self._commits = Commits(self._engine, running, real, 0, version)
         self._versions = _earlier(replay, version)
         self._coming = list(replay.commits)
-        self._texts = replay.texts
+        self._strikes = deque(replay.strikes)
+        self._read = replay.read
         self._done = replay.first
         self.rate = running.stage.rate
         # A session that was killed may have recorded hands after its last line.
@@ -116,6 +118,8 @@ class ReplayedSession:
         """Frames to the next line that comes into effect."""
         for frame, *_ in self._coming[:1]:
             yield max(1, frame - self._engine.frame)
+        for frame, *_ in self._strikes and (self._strikes[0],):
+            yield max(1, frame - self._engine.frame)
         yield most
 
     def _due(self) -> None:
@@ -127,7 +131,7 @@ class ReplayedSession:
             with _errors_placed(event):
                 waiting = Waiting(
                     event.get("line", str),
-                    edit_of_line(event, self._versions, self._commits.head, self._texts),
+                    edit_of_line(event, self._versions, self._commits.head, self._read),
                     beat,
                     frame,
                     goes if isinstance(goes, bool) else None,
@@ -138,6 +142,11 @@ class ReplayedSession:
                 self._done = event
         with _errors_placed(self._done):
             self._commits.tick()
+        while self._strikes and self._strikes[0][0] <= self._engine.frame:
+            _, place, impulse, event = self._strikes.popleft()
+            self._engine.strike(number_of(place), impulse)
+            if any(one.strike is not None and one.is_late for one in self._engine.events()):
+                event.wrong("what plays there has no point for this strike")
 
 
 def _earlier(replay: JournalContent, version: Version) -> dict[int, PastVersion]:
@@ -165,8 +174,8 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     ]
     for frame, beat, event in (*replay.commits, *waited):
         with _errors_placed(event):
-            version = replace(version, cuts=False, damp=None, glide=GLIDE)
-            version = edit_of_line(event, versions, version, replay.texts)(version, beat)
+            version = replace(version, cuts=False, damp=None, glide=GLIDE, enters=None)
+            version = edit_of_line(event, versions, version, replay.read)(version, beat)
             tempo, goes = version.piece.tempo_map, event.fields.get("goes")
             versions[event.get("number", int)] = PastVersion.of(
                 version, tempo.written(beat), event.get("line", str)
@@ -175,6 +184,8 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
                 clock = started(tempo, beat, frame / rate + lead)
             elif goes is False:
                 clock = Clock(None, clock.beat(tempo, frame / rate))
+            elif version.enters is not None:
+                clock = entered(clock, tempo, version.enters, frame / rate + lead)
     tempo = version.piece.tempo_map
     beat = clock.beat(tempo, replay.n_frames / rate)
     if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):
@@ -182,7 +193,7 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     bar, _ = tempo.bar_beat(beat)
     # Guidance does not resume: a hand is pulled only after a line asks for it.
     begun = replace(version, number=0, line="", guides={}, cuts=False, damp=None, glide=GLIDE)
-    begun = replace(begun, base=replay.base)
+    begun = replace(begun, base=replay.base, enters=None)
     return begun, Clock(None, tempo.bars.start(bar)), _past(replay, begun, versions)
 
 
@@ -203,13 +214,19 @@ def _past(
 
 
 def edit_of_line(
-    event: Event, versions: Mapping[int, PastVersion], on: Version, read: Mapping[int, Texts]
+    event: Event,
+    versions: Mapping[int, PastVersion],
+    on: Version,
+    read: Mapping[int, ReadVersion],
 ) -> VersionEdit:
     """The version edit of a journal's line; other effects are left out. Raises NotTakenError."""
     if event.fields.get("resets"):
         return version_edits.hushed
-    if (texts := read.get(event.number)) is not None:
-        return lambda version, beat: replace(version, texts=texts, piece=piece_of(texts))
+    if (known := read.get(event.number)) is not None:
+        texts, glide, enters = known
+        return lambda version, beat: replace(
+            version, texts=texts, piece=piece_of(texts), glide=glide, enters=enters
+        )
     restores = event.fields.get("restores")
     if isinstance(restores, int):
         target = versions.get(restores)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import UNSAID, Play
 from ergon.scores.staging.gliding import Glide, glides
@@ -142,5 +143,5 @@ def _staged(
         store=store,
         real=real,
         on_fault="mute",
-        going=Going(spans, like, start, moving),
+        going=Going(spans, like, start, moving, strike_points(version)),
     )

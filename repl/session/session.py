@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import threading
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -102,6 +103,7 @@ class Session(SessionCore):
             recording=None if capture is None else capture.seconds(frame, running.stage.rate),
             panicked=self.stops.panicked,
             let_go=look.let_go,
+            drawing=self.drawing,
             troubles=(*(("JOURNAL NOT WRITTEN",) if failed else ()), *look.troubles),
         )
 
@@ -150,6 +152,8 @@ class Session(SessionCore):
         while not self._over.wait(_LOOK):
             try:
                 self.pump()
+                for turn in self._turns:
+                    turn(time.monotonic())
                 if (paths := self.guidance.due()) is not None:
                     with self.lock:
                         self.guidance.hand(*paths)
@@ -164,6 +168,8 @@ class Session(SessionCore):
         if self._over.is_set():
             return
         self._over.set()
+        for attached in self._attached:
+            attached.close()
         if self._thread is not None:
             self._thread.join()
         with self.lock:

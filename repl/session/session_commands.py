@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ergon._core import StoppedError
 from ergon.live.display import SILENT, decibels_of
@@ -15,7 +15,8 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
-from ergon.repl.session import computing, files, inspection, version_edits
+from ergon.repl.session import bars, computing, files, inspection, version_edits
+from ergon.repl.session.scene_edits import scene_of
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.repl.session_protocol import Reply
 
@@ -27,7 +28,22 @@ _TAPS_APART = 3.0
 _TAPS = 8  # only the latest taps count
 _SHOWN = 1000  # characters of what `py` gives
 
+_Act = TypeVar("_Act", bound=Callable[..., Reply])
 
+# What each command does: a verb is a row of `language/verbs`, its values, and a function here or in
+# `version_edits`.
+SESSION_COMMANDS: dict[type[c.Command], Callable[[SessionCore, Any], Reply]] = {}
+
+
+def _does(kind: type[c.Command]) -> Callable[[_Act], _Act]:
+    def known(act: _Act) -> _Act:
+        SESSION_COMMANDS[kind] = act
+        return act
+
+    return known
+
+
+@_does(c.Play)
 def _play(session: SessionCore, command: c.Play) -> Reply:
     clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
     if command.start is None and clock.goes:
@@ -50,6 +66,7 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
     return Reply(True, f"ok from {where}")
 
 
+@_does(c.Stop)
 def _stop(session: SessionCore, command: c.Stop) -> Reply:
     if not session.commits.running.clock.goes:
         raise NotTakenError("the piece is already stopped; `play` continues it")
@@ -58,11 +75,13 @@ def _stop(session: SessionCore, command: c.Stop) -> Reply:
     return Reply(True, f"ok {where} the piece stops; `play` continues from there")
 
 
+@_does(c.Panic)
 def _panic(session: SessionCore, command: c.Panic) -> Reply:
     session.stops.panic_in_turn()
     return Reply(True, "")
 
 
+@_does(c.Release)
 def _release(session: SessionCore, command: c.Release) -> Reply:
     if not session.stops.is_stopped:
         raise NotTakenError("no panic is active, and no force is off")
@@ -72,12 +91,14 @@ def _release(session: SessionCore, command: c.Release) -> Reply:
     return Reply(True, "ok")
 
 
+@_does(c.Quant)
 def _quant(session: SessionCore, command: c.Quant) -> Reply:
     session.quant = None if isinstance(command.grid, c.Now) else command.grid
     session.quant_text = command.words["grid"].text
     return Reply(True, f"ok lines act on: {session.quant_text}")
 
 
+@_does(c.Tap)
 def _tap(session: SessionCore, command: c.Tap) -> Reply:
     now = time.monotonic()
     taps = session.taps
@@ -91,10 +112,12 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
     return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
 
+@_does(c.Undo)
 def _undo(session: SessionCore, command: c.Undo) -> Reply:
     return _back_by(session, 1, "undo", "this is the first version")
 
 
+@_does(c.Back)
 def _back(session: SessionCore, command: c.Back) -> Reply:
     line = f"back {command.count}"
     return _back_by(session, command.count, line, "there are fewer versions than that")
@@ -118,6 +141,7 @@ def _back_by(session: SessionCore, count: int, line: str, none: str) -> Reply:
     return _restore(session, target, line)
 
 
+@_does(c.Redo)
 def _redo(session: SessionCore, command: c.Redo) -> Reply:
     history, commits = session.history, session.commits
     if history.index + 1 < len(history.numbers):
@@ -145,6 +169,7 @@ def _restore(session: SessionCore, index: int, line: str) -> Reply:
     return Reply(True, f"ok {where} {'; '.join(said)}")
 
 
+@_does(c.History)
 def _history(session: SessionCore, command: c.History) -> Reply:
     rows = []
     for index, number in enumerate(session.history.numbers):
@@ -154,10 +179,12 @@ def _history(session: SessionCore, command: c.History) -> Reply:
     return Reply(True, "", lines=tuple(rows))
 
 
+@_does(c.Help)
 def _help(session: SessionCore, command: c.Help) -> Reply:
     return Reply(True, "", lines=overview() if command.verb is None else about(command.verb))
 
 
+@_does(c.Show)
 def _show(session: SessionCore, command: c.Show) -> Reply:
     commits = session.commits
     if command.name is not None:
@@ -166,11 +193,17 @@ def _show(session: SessionCore, command: c.Show) -> Reply:
     return Reply(True, "", lines=tuple(inspection.show(commits.head, playing, commits.now())))
 
 
+@_does(c.Look)
 def _look(session: SessionCore, command: c.Look) -> Reply:
+    commits = session.commits
+    if command.name is None:
+        playing = commits.running.in_flight(commits.engine.frame)
+        return Reply(True, "", lines=tuple(bars.drawn(commits.head.piece, playing, commits.now())))
     with session.computing.within(computing.LINE):
-        return Reply(True, "", lines=tuple(inspection.drawn(session.commits.head, command.name)))
+        return Reply(True, "", lines=tuple(inspection.drawn(commits.head, command.name)))
 
 
+@_does(c.Trace)
 def _scope(session: SessionCore, command: c.Trace) -> Reply:
     with session.computing.within(computing.LINE):
         lines = inspection.scoped(
@@ -183,6 +216,16 @@ def _scope(session: SessionCore, command: c.Trace) -> Reply:
     return Reply(True, "", lines=tuple(lines))
 
 
+@_does(c.TraceOn)
+def _scope_on(session: SessionCore, command: c.TraceOn) -> Reply:
+    if command.name is not None:
+        _scope(session, c.Trace(command.name))  # refuses what cannot be drawn
+    session.traced = command.name
+    session.trace()
+    return Reply(True, "ok")
+
+
+@_does(c.Meters)
 def _meters(session: SessionCore, command: c.Meters) -> Reply:
     peaks = session.commits.engine.status().peaks
     shown = [
@@ -192,6 +235,14 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
     return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
 
 
+@_does(c.Maps)
+def _maps(session: SessionCore, command: c.Maps) -> Reply:
+    maps = session.commits.head.maps.values()
+    lines = tuple(own.line.removeprefix("map ") for own in maps)
+    return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
+
+
+@_does(c.Save)
 def _save(session: SessionCore, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
     if not written:
@@ -199,6 +250,7 @@ def _save(session: SessionCore, command: c.Save) -> Reply:
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
+@_does(c.Record)
 def _record(session: SessionCore, command: c.Record) -> Reply:
     if session.captures.path is None or command.player not in session.commits.real:
         raise NotTakenError(
@@ -216,16 +268,31 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
     )
 
 
+@_does(c.RecordOff)
 def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
     beat, _ = session.commits.place(command.when, session.quant)
     own = session.captures.end(session.commits.frame(beat))
     return Reply(True, f"ok {session.written(beat)} take {own.name} ends")
 
 
+@_does(c.RecordAudio)
+def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
+    engine = session.commits.engine
+    if command.file is None:
+        return Reply(True, f"ok {session.sound_file.end(engine)} ends")
+    path = files.beside(session.commits.head.texts, Path(command.file), ".wav")
+    session.sound_file.begin(engine, path)
+    return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
+
+
+@_does(c.Keep)
 def _keep(session: SessionCore, command: c.Keep) -> Reply:
-    return Reply(True, f"ok wrote {', '.join(files.keep(session, command.length, command.name))}")
+    written = files.keep(session, command.length, command.name)
+    scene_of(session.commits.head.texts, command.name)  # so that `scene` answers at once
+    return Reply(True, f"ok wrote {', '.join(written)}")
 
 
+@_does(c.Py)
 def _py(session: SessionCore, command: c.Py) -> Reply:
     """Evaluate the performer's own code: whatever it raises is the performer's error."""
     scope: dict[str, Any] = {
@@ -244,30 +311,6 @@ def _py(session: SessionCore, command: c.Py) -> Reply:
         raise NotTakenError(f"your Python raised {said[:_SHOWN]}") from None
 
 
+@_does(c.Quit)
 def _quit(session: SessionCore, command: c.Quit) -> Reply:
     return Reply(True, "bye", leaves=True)
-
-
-SESSION_COMMANDS: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] = {
-    c.Play: _play,
-    c.Stop: _stop,
-    c.Panic: _panic,
-    c.Release: _release,
-    c.Quant: _quant,
-    c.Tap: _tap,
-    c.Undo: _undo,
-    c.Redo: _redo,
-    c.Back: _back,
-    c.History: _history,
-    c.Help: _help,
-    c.Show: _show,
-    c.Look: _look,
-    c.Trace: _scope,
-    c.Meters: _meters,
-    c.Save: _save,
-    c.Record: _record,
-    c.RecordOff: _record_off,
-    c.Keep: _keep,
-    c.Py: _py,
-    c.Quit: _quit,
-}

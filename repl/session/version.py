@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
+    from ergon.repl.language.commands import MapControl, MapNotes
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece
@@ -58,9 +59,10 @@ class Version:
 
     A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
     that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
-    player who guides a real hand; `read` is what the line read from the disk, and `dropped` are the
-    places whose typing gave way to it. `base` is what the files held when they were last read or
-    saved.
+    player who guides a real hand; `maps` are those of MIDI, by their names; a version that `enters`
+    goes on from that beat of its own piece, whatever the beat was before; `read` is what the line
+    read from the disk, and `dropped` are the places whose typing gave way to it. `base` is what the
+    files held when they were last read or saved.
     """
 
     number: int
@@ -72,6 +74,8 @@ class Version:
     damp: float | None = None
     glide: float = GLIDE
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
+    enters: float | None = None
+    maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
     read: Texts | None = None
     dropped: Sequence[Spot] = ()
     base: Texts | None = None
@@ -91,13 +95,14 @@ class PastVersion:
     guides: Mapping[str, HandGuide]
     where: str = ""
     base: Texts | None = None
+    maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
 
     @classmethod
     def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
         """Keep a version for `undo`, as that of another `line` where one is given."""
         line = version.line if line is None else line
         own = version
-        return cls(own.number, line, own.texts, own.faders, own.guides, where, own.base)
+        return cls(own.number, line, own.texts, own.faders, own.guides, where, own.base, own.maps)
 
     def restored(self, version: Version, beat: float) -> Version:
         """The version as it was, in place of another."""
@@ -108,6 +113,7 @@ class PastVersion:
             piece=piece,
             faders=self.faders,
             guides=self.guides,
+            maps=self.maps,
             base=self.base or version.base,
         )
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
+from ergon.repl.session import midi_maps
+from ergon.repl.session import scene_edits as scene_edits
+from ergon.repl.session import structure_edits as structure_edits
+from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
+from ergon.repl.session.edit_table import makes, moves, with_texts, writes
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
-from ergon.scores.edits import keys, matter, merging, names, parts, times
+from ergon.scores.edits import automation, keys, matter, merging, names, parts, strikes, times
+from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
@@ -40,16 +46,12 @@ def combined(commands: Sequence[c.Command]) -> VersionEdit:
 def hushed(version: Version, beat: float) -> Version:
     """No player plays on, and no strikes follow."""
     texts = parts.hush(version.texts, version.piece, beat)
-    return replace(_with_texts(version, texts), cuts=True)
-
-
-def _with_texts(version: Version, texts: Texts) -> Version:
-    return replace(version, texts=texts, piece=piece_of(texts))
+    return replace(with_texts(version, texts), cuts=True)
 
 
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:
     """The version with a take of a name."""
-    return _with_texts(version, names.take(version.texts, name, file, channel))
+    return with_texts(version, names.take(version.texts, name, file, channel))
 
 
 # --- what is written -----------------------------------------------------------------------------
@@ -59,26 +61,46 @@ def _define(command: c.Define, version: Version, beat: float) -> Texts:
     return names.define(version.texts, command.name, command.words["notation"].text)
 
 
+@writes(c.Plays)
 def _plays(command: c.Plays, version: Version, beat: float) -> Texts:
-    said = command.words["play"].text
-    return parts.play(version.texts, version.piece, command.player, beat, said)
+    assert command.entry is not None  # every line has one
+    return parts.play(version.texts, version.piece, command.player, beat, command.entry)
 
 
+@writes(c.Do)
 def _do(command: c.Do, version: Version, beat: float) -> Texts:
-    said = command.words["do"].text
-    return parts.transform(version.texts, version.piece, command.player, beat, said)
+    return parts.transform(version.texts, version.piece, command.player, beat, command.chain)
 
 
+@writes(c.StrikeModules)
+def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
+    return strikes.strike(version.texts, version.piece, command.name, beat, command.fields)
+
+
+@writes(c.Automate)
+def _automate(command: c.Automate, version: Version, beat: float) -> Texts:
+    own = command
+    return automation.automate(version.texts, version.piece, own.target, beat, own.kind, own.fields)
+
+
+@writes(c.StopLfo)
+def _stop_lfo(command: c.StopLfo, version: Version, beat: float) -> Texts:
+    return automation.stop(version.texts, version.piece, command.target, beat)
+
+
+@writes(c.Rest)
 def _rest(command: c.Rest, version: Version, beat: float) -> Texts:
     return parts.rest(version.texts, version.piece, command.player, beat)
 
 
+@writes(c.Tempo)
 def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
     end = "" if command.end is None else f" -> {command.end:.12g}"
     over = command.words["over"].text if command.over is not None else None
     return times.change(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
 
 
+@writes(c.Nudge)
 def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
     """The beat that begins lasts longer by a length; the next ones have the old tempo."""
     tempo = version.piece.tempo_map
@@ -94,26 +116,30 @@ def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
     return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
 
 
+@writes(c.Couple)
 def _couple(command: c.Couple, version: Version, beat: float) -> Texts:
     stiffness, viscosity = f"{command.stiffness:.12g}N/m", f"{command.viscosity:.12g}Ns/m"
     ends = command.a, command.b
     return keys.couple(version.texts, version.piece, beat, *ends, stiffness, viscosity)
 
 
+@writes(c.Uncouple)
 def _uncouple(command: c.Uncouple, version: Version, beat: float) -> Texts:
     return keys.uncouple(version.texts, version.piece, beat, command.a, command.b)
 
 
 def _set(command: c.Set, version: Version, beat: float) -> Texts:
     value = command.words["change"].text
-    return matter.set_value(version.texts, version.piece, command.target, value)
+    texts = automation.released(version.texts, version.piece, command.target, beat)
+    return matter.set_value(texts, version.piece, command.target, value)
 
 
+@makes(c.Set)
 def _set_gliding(command: c.Set) -> VersionEdit:
     """Set a parameter, which glides `over` a length."""
 
     def edit(version: Version, beat: float) -> Version:
-        made = _with_texts(version, _set(command, version, beat))
+        made = with_texts(version, _set(command, version, beat))
         if command.over is None:
             return made
         tempo = version.piece.tempo_map
@@ -123,107 +149,54 @@ def _set_gliding(command: c.Set) -> VersionEdit:
     return edit
 
 
+@writes(c.Seed)
 def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
     return names.seed(version.texts, command.seed)
-
-
-_TEXT_EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
-    c.Plays: _plays,
-    c.Do: _do,
-    c.Rest: _rest,
-    c.Tempo: _tempo,
-    c.Nudge: _nudge,
-    c.Couple: _couple,
-    c.Uncouple: _uncouple,
-    c.Seed: _seed,
-}
 
 
 # --- faders --------------------------------------------------------------------------------------
 
 
+@moves(c.Gain)
 def _gain(command: c.Gain, faders: Faders, names: frozenset[str]) -> Faders:
     if command.name is None:
         return replace(faders, master=command.ratio)
     return replace(faders, gains={**faders.gains, **dict.fromkeys(names, command.ratio)})
 
 
+@moves(c.Mute)
 def _mute(command: c.Mute, faders: Faders, names: frozenset[str]) -> Faders:
     return replace(faders, muted=faders.muted | names)
 
 
+@moves(c.Solo)
 def _solo(command: c.Solo, faders: Faders, names: frozenset[str]) -> Faders:
     return replace(faders, solo=names)
 
 
+@moves(c.Unmute)
 def _unmute(command: c.Unmute, faders: Faders, names: frozenset[str]) -> Faders:
     if command.name is None:
         return replace(faders, muted=frozenset(), solo=frozenset())
     return replace(faders, muted=faders.muted - names, solo=frozenset())
 
 
-_FADER_EDITS: Mapping[type[c.Command], Callable[[Any, Faders, frozenset[str]], Faders]] = {
-    c.Gain: _gain,
-    c.Mute: _mute,
-    c.Solo: _solo,
-    c.Unmute: _unmute,
-}
-
-
-def _parts(version: Version, name: str | None) -> frozenset[str]:
-    """An instrument, or those that a player's key touches."""
-    piece = version.piece
-    if name is None:
-        return frozenset()
-    if name in piece.instruments:
-        return frozenset([name])
-    key = piece.players[name].key
-    touched = frozenset(
-        end.part
-        for instrument in piece.instruments.values()
-        for module in instrument.modules
-        for end in _ends(module.fields.get("between"), key)
-    )
-    if not touched:
-        raise NotTakenError(
-            f"{name} plays the key {key}, which touches no instrument: name an instrument"
-        )
-    return touched
-
-
-def _ends(between: Any, key: str) -> list[Any]:
-    """The ends of a link that are not the key; none where the key is not linked."""
-    if not between or all(end.part != key for end in between):
-        return []
-    return [end for end in between if end.part != key]
-
-
 # --- all of it -----------------------------------------------------------------------------------
 
 
-def _text_edit(command: c.Command) -> VersionEdit:
-    change = _TEXT_EDITS[type(command)]
-    return lambda version, beat: _with_texts(version, change(command, version, beat))
-
-
+@makes(c.Define)
 def _define_rehearsed(command: c.Define) -> VersionEdit:
     """Define a gesture, and rehearse it on its keys."""
 
     def edit(version: Version, beat: float) -> Version:
-        made = _with_texts(version, _define(command, version, beat))
+        made = with_texts(version, _define(command, version, beat))
         rehearse(made.piece, command.name)
         return made
 
     return edit
 
 
-def _fader_edit(command: Any) -> VersionEdit:
-    change = _FADER_EDITS[type(command)]
-    return lambda version, beat: replace(
-        version, faders=change(command, version.faders, _parts(version, command.name))
-    )
-
-
+@makes(c.Guide)
 def _guide(command: c.Guide) -> VersionEdit:
     """Guide a hand along another player's part, or end that."""
     guide = None if command.by is None else guide_of(command)
@@ -239,6 +212,20 @@ def _guide(command: c.Guide) -> VersionEdit:
     return edit
 
 
+@makes(c.MapControl)
+@makes(c.MapNotes)
+def _map(command: midi_maps.Map) -> VersionEdit:
+    """Map a MIDI controller or notes."""
+    return lambda version, beat: replace(version, maps=midi_maps.with_map(version, command))
+
+
+@makes(c.Unmap)
+def _unmap(command: c.Unmap) -> VersionEdit:
+    """End a map."""
+    return lambda version, beat: replace(version, maps=midi_maps.without_map(version, command.name))
+
+
+@makes(c.Load)
 def _load(command: c.Load) -> VersionEdit:
     files: list[Texts] = []
 
@@ -248,11 +235,13 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.trusts
             folder = Path(command.file).parent
             files.append(_file(command.file, Bounds.around(folder, trust=trust)))
-        return replace(_with_texts(version, files[0]), read=files[0], base=files[0])
+        made = replace(with_texts(version, files[0]), read=files[0], base=files[0])
+        return replace(made, enters=beat if sounds_from(made.piece, beat) else 0.0)
 
     return edit
 
 
+@makes(c.Reload)
 def _reload(command: c.Reload) -> VersionEdit:
     """Read the score's files again, as they are when the line is typed; what was typed stays.
 
@@ -267,7 +256,7 @@ def _reload(command: c.Reload) -> VersionEdit:
         now = files[path]
         piece_of(now)  # its own mistakes come before those of the merge
         texts, dropped = merging.merged(version.base or version.texts, now, version.texts)
-        made = _with_texts(version, texts)
+        made = with_texts(version, texts)
         return replace(made, read=now, base=now, dropped=tuple(dropped))
 
     return edit
@@ -280,39 +269,33 @@ def _file(path: str, bounds: Bounds | None) -> Texts:
         raise NotTakenError(f"{path}: {error.strerror}") from None
 
 
+@makes(c.Hush)
 def _hush(command: c.Hush) -> VersionEdit:
     return hushed
 
 
+@makes(c.Damp)
 def _damp(command: c.Damp) -> VersionEdit:
     return lambda version, beat: replace(hushed(version, beat), damp=command.time)
 
 
-VERSION_EDITS: Mapping[type[c.Command], Callable[[Any], VersionEdit]] = {
-    **dict.fromkeys(_TEXT_EDITS, _text_edit),
-    **dict.fromkeys(_FADER_EDITS, _fader_edit),
-    c.Set: _set_gliding,
-    c.Guide: _guide,
-    c.Define: _define_rehearsed,
-    c.Hush: _hush,
-    c.Damp: _damp,
-    c.Load: _load,
-    c.Reload: _reload,
-}
-
-
-READS_FILES = (c.Load, c.Reload)
+READS_FILES = (c.Load, c.Reload, c.Scene)
 
 
 # --- what is said of it --------------------------------------------------------------------------
 
 
-def summary(command: c.Command, made: Running) -> str:
-    """What a reply says of a command beyond `ok`."""
+def summary(command: c.Command, made: Running, where: str) -> str:
+    """What a reply says of a command beyond `ok` and `where` it acts."""
     if isinstance(command, c.Define):
         return _defined(command, made)
     if isinstance(command, c.Plays):
         return f"{command.player}: {command.words['play'].text}"
+    if isinstance(command, c.Scene):
+        begun = "" if command.before is None else f"{command.before}, then "
+        return f"{begun}{command.name}, from its beginning, again and again"
+    if isinstance(command, c.Load) and made.version.enters == 0.0 and where != "1|1":
+        return f"{Path(command.file).name} begins at 1|1, for its bars are past"
     if isinstance(command, c.Guide):
         by = command.by
         return (
@@ -331,7 +314,7 @@ def _defined(command: c.Define, made: Running) -> str:
     if "throw" not in {point.curve for point in gesture.points[1:]}:
         seconds = last.beats * 60.0 / piece.tempo_map.bpm(0.0) + last.seconds
         said += f", {int(seconds * made.stage.rate + 0.5):,} ergons"
-    if any(play.what == command.name for play in piece.parts):
+    if any(command.name in play.names for play in piece.parts):
         return said
     able = keys_for(piece, command.name)
     if len(able) == len(piece.keys):

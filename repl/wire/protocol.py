@@ -156,6 +156,7 @@ def encode_state(state: State) -> dict[str, Any]:
         "panicked": state.panicked,
         **({"let_go": True} if state.let_go else {}),
         **({"troubles": list(state.troubles)} if state.troubles else {}),
+        **({"drawing": list(state.drawing)} if state.drawing else {}),
     }
 
 
@@ -175,6 +176,7 @@ def decode_state(said: Any) -> State:
             panicked=bool(said["panicked"]),
             let_go=bool(said.get("let_go")),
             troubles=tuple(map(str, said.get("troubles", ()))),
+            drawing=tuple(map(str, said.get("drawing", ()))),
         )
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         raise ProtocolError("the session's answer is not a state") from None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ergon.notation.clock.meter import SAME
@@ -11,8 +12,9 @@ from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
-from ergon.scores.edits.texts import Texts
-from ergon.scores.gesture import words
+from ergon.scores.edits.texts import SECTIONS, Texts
+from ergon.scores.pattern import words
+from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Play
 
 
@@ -28,6 +30,10 @@ class Entry:
         said = {**self.fields, **fields}
         return replace(self, fields={name: text for name, text in said.items() if text is not None})
 
+    def at(self, where: str) -> Entry:
+        """The entry from a position on."""
+        return replace(self, fields={"at": where, **self.fields})
+
     def flow(self) -> str:
         """As an item of a list."""
         said: dict[str, edit.Tree] = dict(self.fields)
@@ -39,7 +45,9 @@ class Entry:
         """As the words of a row, after its position."""
         said = [self.fields["play"]]
         for name, text in self.fields.items():
-            if name in words.OPTIONS and name != "at":
+            if name == words.NTH:
+                said += ["every", text]
+            elif name in words.OPTIONS and name != "at":
                 is_flag = words.OPTIONS[name] is None
                 said += ([name] if text == "true" else []) if is_flag else [name, text]
         return " ".join([*said, *(["do", ", ".join(self.do)] if self.do else [])])
@@ -66,13 +74,33 @@ class Line:
             return piece.tempo_map.resolve(self.play.until) > at + SAME
         return self.play.times not in (None, 1)
 
+    def count_before(self, at: float) -> int:
+        """How many of its beginnings, or places of its pattern, lie before a beat."""
+        return bisect_left(self.starts or (), at - SAME)
 
-def of_words(text: str, at: str) -> Entry:
-    """The entry that the words of a line stand for. Raises EditError."""
+    def part(self, first: int, last: int, at: Callable[[float], str]) -> Entry:
+        """The entry of its beginnings from number `first` up to `last`, its beats as `at` says."""
+        starts = self.starts or ()
+        if not isinstance(starts, Steps):
+            count = last - first
+            entry = self.entry.with_fields(at=at(starts[first]), until=None, times=str(count))
+            return entry if count > 1 else entry.with_fields(every=None, times=None)
+        return self.entry.with_fields(**starts.part(first, last, at))
+
+
+def of_words(text: str) -> Entry:
+    """The entry that the words of a line stand for, without its beginning. Raises EditError."""
     try:
-        return _of_play(words.parse(text), text, at)
+        return of_play(words.parse(text), text)
     except TextError as error:
         raise EditError(error.message) from None
+
+
+def of_play(play: words.PlayWords, text: str) -> Entry:
+    """The entry of a play that was read from a text, without its beginning."""
+    options = {name: word.text for name, word in play.options.items()}
+    do = tuple(text[t.offset : t.offset + t.length] for t in play.do)
+    return Entry({"play": play.what.text, **options}, do)
 
 
 def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
@@ -86,7 +114,7 @@ def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
         for row, offset in words.rows(node.text):
             number, done = number + node.text.count("\n", done, offset), offset
             read = words.parse_row(row, offset)
-            found.append((number, _of_play(read.play, node.text, read.at.text), row))
+            found.append((number, of_play(read.play, node.text).at(read.at.text), row))
     pairs = zip(piece.parts, piece.starts, strict=True)
     plays = [pair for pair in pairs if pair[0].player == player]
     return [
@@ -95,33 +123,63 @@ def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
     ]
 
 
-def stop(
-    texts: Texts, player: str, until: str, closed: Sequence[Line], dropped: Sequence[Line] = ()
+def change(
+    texts: Texts,
+    player: str,
+    until: str = "",
+    closed: Sequence[Line] = (),
+    dropped: Sequence[Line] = (),
+    new: Sequence[Entry] = (),
 ) -> Texts:
-    """End some entries at a position, and remove others."""
-    path = ("parts", player)
-    if isinstance(_part(texts, player), Scalar):
-        rows: dict[int, str | None] = {line.number: _closed(line, until) for line in closed}
-        rows |= dict.fromkeys(line.number for line in dropped)
-        if not rows:
-            return texts
-        return texts.edited("parts", lambda own: edit.put_rows(own, path, rows))
-    for line in closed:
-        try:
-            texts = texts.put((*path, line.number, "until"), until)
-        except EditError:  # an alias cannot be edited: write the entry out
-            texts = texts.put((*path, line.number), line.entry.with_fields(until=until).flow())
-    return texts.remove(*((*path, line.number) for line in dropped)) if dropped else texts
+    """End some entries of a player at a position, remove others, and add new ones.
+
+    New ones are written as the others of the part are. Raises EditError.
+    """
+    if not (closed or dropped or new):
+        return texts
+    path, node = ("parts", player), _part(texts, player)
+    if isinstance(node, Scalar) and not node.is_empty:
+        return texts.edited("parts", _of_table(path, node.text, until, closed, dropped, new))
+
+    def changed(own: document.Document, lacks: int) -> str:
+        for line in closed:
+            item = (*path, line.number - lacks)
+            try:
+                text = edit.put(own, (*item, "until"), until)
+            except EditError:  # an alias cannot be edited: write the entry out
+                text = edit.put(own, item, line.entry.with_fields(until=until).flow())
+            own = edit.read(text, own.file)
+        # New entries first: a list that never becomes empty keeps its style.
+        for entry in new:
+            own = edit.read(edit.append(own, path, entry.flow(), SECTIONS), own.file)
+        if dropped:
+            return edit.remove(own, *((*path, line.number - lacks) for line in dropped))
+        return own.text
+
+    numbers = [line.number for line in closed]
+    numbers += [line.number - 1 for line in dropped]  # an item that stays keeps the list
+    return texts.edited_list(path, min(numbers, default=None), changed)
 
 
-def add(texts: Texts, player: str, entry: Entry) -> Texts:
-    """Add an entry, written as the others of the part are."""
-    node = _part(texts, player)
-    path = ("parts", player)
-    if not isinstance(node, Scalar) or node.is_empty:
-        return texts.append(path, entry.flow())
-    row = _aligned(entry, node.text)
-    return texts.edited("parts", lambda own: edit.add_row(own, path, row))
+def _of_table(
+    path: edit.Path,
+    table: str,
+    until: str,
+    closed: Sequence[Line],
+    dropped: Sequence[Line],
+    new: Sequence[Entry],
+) -> Callable[[document.Document], str]:
+    """The same change of a part that is a table."""
+    rows: dict[int, str | None] = {line.number: _closed(line, until) for line in closed}
+    rows |= dict.fromkeys(line.number for line in dropped)
+
+    def changed(own: document.Document) -> str:
+        text = own.text
+        for entry in new:
+            text = edit.add_row(edit.read(text, own.file), path, _aligned(entry, table))
+        return edit.put_rows(edit.read(text, own.file), path, rows) if rows else text
+
+    return changed
 
 
 def _part(texts: Texts, player: str) -> Node | None:
@@ -143,12 +201,6 @@ def _of_item(item: Node) -> Entry:
     elif isinstance(do, Scalar) and not do.is_empty:
         chain = [text.strip() for text in do.text.split(",")]
     return Entry(fields, tuple(chain))
-
-
-def _of_play(play: words.PlayWords, text: str, at: str) -> Entry:
-    options = {name: word.text for name, word in play.options.items()}
-    do = tuple(text[t.offset : t.offset + t.length] for t in play.do)
-    return Entry({"at": at, "play": play.what.text, **options}, do)
 
 
 def _closed(line: Line, until: str) -> str:

@@ -1,19 +1,23 @@
 """Keeping some bars of a score as a score of their own.
 
 It is the whole score with the same keys, instruments, gestures and mix, and with only those bars in
-its parts, from 1|1 on: it can be checked, rendered, loaded, copied from, or brought back.
+its parts, from 1|1 to its mark `end`: it can be checked, rendered, loaded, copied from, or brought
+back as a scene.
 """
 
 from __future__ import annotations
+
+import math
+from bisect import bisect_left
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, parts
+from ergon.scores.edits import entries
 from ergon.scores.edits.lists import dropped, items, place
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.scenes import END
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -30,35 +34,18 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         lines = entries.lines(texts, piece, player)
         chosen = [entry for line in lines if (entry := window.of(line)) is not None]
         found = found or bool(chosen)
-        kept = entries.stop(kept, player, "", (), lines)
-        for entry in chosen:
-            kept = entries.add(kept, player, entry)
+        kept = entries.change(kept, player, dropped=lines, new=chosen)
     for strikes in piece.strikes:
         kept, is_in = window.strikes(kept, strikes)
         found = found or is_in
     if not found:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
-    kept = window.duet(kept)
+    kept = window.automation(window.duet(kept)).put(("marks", END), window.at(stop))
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
     # The tempo last: until then positions are read by the old tempo map.
     return window.tempo(kept)
-
-
-def bring(texts: Texts, piece: Piece, kept: Piece, said: Texts, at: float) -> Texts:
-    """Let kept bars be played from a beat on by their players; others rest. Raises EditError."""
-    texts = parts.rest(texts, piece, None, at)
-    for player in kept.players:
-        for line in entries.lines(said, kept, player):
-            entry = line.entry.with_fields(at=written(piece, at + line.begin))
-            if line.play.until is not None:
-                until = at + kept.tempo_map.resolve(line.play.until)
-                entry = entry.with_fields(until=written(piece, until))
-            if player not in piece.players:
-                raise EditError(f"this score has no player {player}")
-            texts = entries.add(texts, player, entry)
-    return texts
 
 
 class _Window:
@@ -93,13 +80,8 @@ class _Window:
             return entry.with_fields(
                 until=self.at(min(self.stop, self.map.resolve(line.play.until)))
             )
-        inside = self.within(list(line.starts))
-        if not inside:
-            return None
-        entry = line.entry.with_fields(at=self.at(inside[0]), until=None)
-        if len(inside) == 1:
-            return entry.with_fields(every=None, times=None)
-        return entry.with_fields(times=str(len(inside)))
+        first, last = line.count_before(self.start), line.count_before(self.stop)
+        return line.part(first, last, self.at) if first < last else None
 
     def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
         """Strikes as far as they fall here."""
@@ -109,15 +91,21 @@ class _Window:
         if strikes.span is not None:
             stop = self.map.after(begin, strikes.span)
         said: dict[str, str | None] = {"for": None, "until": None}
-        if strikes.rate is not None:
+        if strikes.pattern is not None:
+            places = strikes.steps(self.piece)
+            since, until = (bisect_left(places, at - SAME) for at in (self.start, self.stop))
+            if since == until:
+                return texts.remove(path), False
+            said |= places.part(since, until, self.at)
+        elif strikes.rate is not None:
             first, last = max(begin, self.start), min(stop, self.stop)
             if last <= first + SAME:
                 return texts.remove(path), False
             said |= {"at": self.at(first), "until": self.at(last)}
         else:
-            until = stop if strikes.until is not None or strikes.span is not None else None
+            end = stop if strikes.until is not None or strikes.span is not None else None
             every, times = strikes.every, strikes.times
-            found = starts(self.map, begin, Time(), every=every, times=times, until=until)
+            found = starts(self.map, begin, Time(), every=every, times=times, until=end)
             inside = self.within(found)
             if not inside:
                 return texts.remove(path), False
@@ -138,6 +126,35 @@ class _Window:
             until = self.at(end) if coupling.until is not None and end < self.stop else None
             said = {"at": self.at(begin), "until": until}
             texts = self._said(texts, place(texts, "duet", number), said)
+        return texts
+
+    def automation(self, texts: Texts) -> Texts:
+        """Automation as far as it holds here."""
+        for number in reversed(range(len(self.piece.automation))):
+            one = self.piece.automation[number]
+            begin = self.map.resolve(one.at)
+            end = math.inf if one.until is None else self.map.resolve(one.until)
+            said: dict[str, str | None] = {"at": self.at(begin)}
+            places = None if one.swing is not None else one.steps(self.map, self.piece.seed)
+            if places is not None:
+                end = min(end, places.beat(len(places)))
+            if begin >= self.stop - SAME or end <= self.start + SAME:
+                texts = dropped(texts, "automation", number)
+                continue
+            if end < math.inf:
+                said["until"] = self.at(min(end, self.stop))
+            if begin < self.start - SAME and places is not None:
+                first = bisect_left(places, self.start - SAME)
+                if first == len(places):
+                    texts = dropped(texts, "automation", number)
+                    continue
+                said |= places.part(first, len(places), self.at)
+                said["until"] = self.at(min(end, self.stop))
+            elif begin < self.start - SAME and one.swing is not None:
+                period = self.map.after(begin, one.swing.period) - begin
+                phase = (one.swing.phase + (self.start - begin) / period) % 1.0
+                said["phase"] = f"{phase:.12g}"
+            texts = self._said(texts, place(texts, "automation", number), said)
         return texts
 
     def tempo(self, texts: Texts) -> Texts:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ergon.instruments.kinds import KINDS
+from ergon.instruments.model import Module
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Values
 from ergon.notation.text import document, edit
@@ -25,7 +26,7 @@ _OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
 _RETUNED = ("f", "t60", "M")  # of a single generator, beside `like` or `from`
 _UNITS = {
     **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
-    **{"X0": "m", "V0": "m/s", "hardening": "N/m3"},
+    **{"X0": "m", "V0": "m/s", "hardening": "N/m3", "stretching": "N/m3"},
 }
 _LN_1000 = 6.907755278982137  # a decay by 60 dB
 _AMOUNT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.+-]*[^\s.+-]*)")
@@ -93,6 +94,20 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
         return texts.put((*owner.base, owner.kind), edit.flow(copy), owner.file)
     path = (*owner.base, "modules", owner.module)
     return texts.put(path, edit.flow({owner.kind: copy}), owner.file)
+
+
+def quantities(module: Module) -> Iterator[tuple[str, float]]:
+    """The fields of a module that are one number, and its constants; not where it starts."""
+    for name, value in module.fields.items():
+        if isinstance(value, float) and name not in ("X0", "V0"):
+            yield name, value
+    yield from module.fields.get("constants", {}).items()
+
+
+def said(value: float, name: str, *, is_ca: bool) -> str:
+    """A value [SI] as a score says it, to the last bit."""
+    is_plain = is_ca and name in ("M", "K", "Z")
+    return f"{value!r}{'' if is_plain else _UNITS.get(name, '')}"
 
 
 def gain(texts: Texts, name: str | None, level: str) -> Texts:
@@ -237,7 +252,8 @@ def _text(value: float, name: str, owner: _Owner) -> str:
 
 
 def _node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:
-    node = texts.document(file).root
-    for name in path:
+    is_own = file == texts.path
+    node = texts.section(path[0]) if is_own else texts.document(file).root
+    for name in path[1:] if is_own else path:
         node = node.get(name) if isinstance(node, document.Mapping) else None
     return node

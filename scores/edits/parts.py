@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
-from ergon.scores.edits import entries
+from ergon.scores.edits import automation, entries, strikes
+from ergon.scores.edits.entries import Entry
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import Middle, apply
+from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece
 
 
-def play(texts: Texts, piece: Piece, player: str, at: float, words: str) -> Texts:
-    """Let a player play the words of a line from a beat on; `every` alone repeats without end.
+def play(texts: Texts, piece: Piece, player: str, at: float, entry: Entry) -> Texts:
+    """Let a player play an entry from a beat on.
 
-    Raises EditError.
+    `every` or `euclid` without an end repeats for ever. Raises EditError.
     """
-    entry = entries.of_words(words, written(piece, at))
-    if "every" in entry.fields and not {"times", "until"} & set(entry.fields):
+    entry = entry.at(written(piece, at))
+    if {"every", "euclid"} & set(entry.fields) and not {"times", "until"} & set(entry.fields):
         entry = entry.with_fields(until=end(piece, at))
-    return entries.add(rest(texts, piece, player, at), player, entry)
+    return _ended(texts, piece, _known(piece, player), at, [entry])
 
 
-def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Texts:
+def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequence[str]) -> Texts:
     """Transform further what a player plays; its next occurrence keeps its beat.
 
     What begins just there begins so; a gesture that plays once and is still under way begins
     again. Raises EditError.
     """
-    chain = tuple(text.strip() for text in do.split(","))
     lines = entries.lines(texts, piece, _known(piece, player))
     playing = [line for line in lines if line.is_open(at, piece)]
     begins = [line for line in lines if abs(line.begin - at) < SAME]
@@ -37,52 +42,57 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
         playing = [line for line in lines if _is_under_way(line, piece, at)][-1:]
     if not (playing or begins):
         raise EditError(f"{player} plays nothing at {piece.tempo_map.written(at)}")
+    closed, new = [], []
     for line in playing:
-        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
-        if not line.is_open(at, piece):
+        more = Entry(line.entry.fields, (*line.entry.do, *chain))
+        if line.is_open(at, piece):
+            closed.append(line)
+            more = _rest_of(line, piece, more, at)
+        else:
             more = more.with_fields(at=written(piece, at), every=None, times=None, until=None)
-            texts = entries.add(texts, player, more)
-            continue
-        texts = entries.stop(texts, player, written(piece, at), [line])
-        left = [start for start in line.starts or () if start >= at - SAME]
-        more = more.with_fields(at=written(piece, left[0] if left else at))
-        if left and "times" in more.fields:
-            more = more.with_fields(times=str(len(left)))
-        texts = entries.add(texts, player, more)
-    for line in begins:
-        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
-        texts = entries.add(texts, player, more)
-    return entries.stop(texts, player, written(piece, at), [], begins)
+        new.append(more)
+    new += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
+    return entries.change(texts, player, written(piece, at), closed, begins, new)
+
+
+def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) -> entries.Entry:
+    """An entry of a line that goes on from a beat on."""
+    starts = line.starts or ()
+    done = line.count_before(at)
+    if isinstance(starts, Steps) and done < len(starts):
+        left = replace(line, entry=entry).part(done, len(starts), partial(written, piece))
+        until = None if "times" in entry.fields else entry.fields.get("until")
+        return left if until is None else left.with_fields(until=until)
+    more = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else at))
+    if done < len(starts) and "times" in more.fields:
+        more = more.with_fields(times=str(len(starts) - done))
+    return more
 
 
 def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
-    """End the part of a player (None: of all) at a beat. Raises EditError."""
+    """End the part of a player (None: of all), or strikes, at a beat. Raises EditError."""
+    if player is not None and (own := strikes.named(piece, player)):
+        for one in own:
+            texts = strikes.end(texts, piece, one, at)
+        return texts
     for name in piece.players if player is None else (_known(piece, player),):
-        lines = entries.lines(texts, piece, name)
-        closed = [line for line in lines if line.is_open(at, piece)]
-        later = [line for line in lines if line.begin >= at - SAME]
-        texts = entries.stop(texts, name, written(piece, at), closed, later)
+        texts = _ended(texts, piece, name, at)
     return texts
+
+
+def _ended(texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()) -> Texts:
+    """The part of a player ended at a beat, and new entries in its place."""
+    lines = entries.lines(texts, piece, player)
+    closed = [line for line in lines if line.is_open(at, piece)]
+    later = [line for line in lines if line.begin >= at - SAME]
+    return entries.change(texts, player, written(piece, at), closed, later, new)
 
 
 def hush(texts: Texts, piece: Piece, at: float) -> Texts:
     """End all parts and strikes at a beat. Raises EditError."""
     texts = rest(texts, piece, None, at)
-    tempo = piece.tempo_map
-    for strikes in piece.strikes:
-        begin = tempo.resolve(strikes.at)
-        path = ("strikes", strikes.name)
-        if begin >= at - SAME:
-            texts = texts.remove(path)
-            continue
-        stop = begin if strikes.until is None else tempo.resolve(strikes.until)
-        if strikes.span is not None:
-            stop = tempo.after(begin, strikes.span)
-            texts = texts.remove((*path, "for")) if stop > at else texts
-        elif strikes.times is not None and strikes.every is not None and strikes.until is None:
-            stop = tempo.after(begin, strikes.every.times(strikes.times))
-        if stop > at + SAME:
-            texts = texts.put((*path, "until"), written(piece, at))
+    for one in piece.strikes:
+        texts = strikes.end(texts, piece, one, at)
     return texts
 
 
@@ -94,8 +104,12 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
                 continue
             # An entry that begins later is left to play once.
             until = written(piece, max(at, line.begin + 1.0))
-            texts = entries.stop(texts, name, until, [line])
-    return texts
+            texts = entries.change(texts, name, until, [line])
+    for one in piece.strikes:
+        if one.until is not None and END.fullmatch(one.until.text) is not None:
+            until = written(piece, max(at, piece.tempo_map.resolve(one.at) + 1.0))
+            texts = texts.put(("strikes", one.name, "until"), until)
+    return automation.finish(texts, piece, at)
 
 
 def _known(piece: Piece, player: str) -> str:
@@ -106,8 +120,15 @@ def _known(piece: Piece, player: str) -> str:
 
 def _is_under_way(line: entries.Line, piece: Piece, at: float) -> bool:
     """Whether the last occurrence of an entry has begun and not ended."""
-    tempo, gesture = piece.tempo_map, piece.gestures.get(line.play.what)
+    tempo, what = piece.tempo_map, line.play.what
     begin = line.starts[-1] if line.starts else line.begin
+    if isinstance(line.starts, Steps):
+        places = range(len(line.starts))
+        last = next((n for n in reversed(places) if line.starts.course.played(n)), None)
+        if last is None:
+            return False
+        begin, what = line.starts[last], line.starts.course.played(last) or ""
+    gesture = piece.gestures.get(what)
     if begin >= at - SAME or gesture is None:
         return False
     beat = 60.0 / tempo.bpm(begin)

@@ -15,8 +15,9 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.memory import Memory
-from ergon.notation.text.sections import lines
+from ergon.notation.text.sections import Section, alone, lines
 from ergon.notation.text.syntax import MAX_BYTES, decode
+from ergon.notation.text.window import Window, last_items, one_line
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.uses import Names, Uses
@@ -100,7 +101,10 @@ class Texts:
         return uses.read(own), uses
 
     def edited(
-        self, section: str | int, change: Callable[[Document], str], file: str | None = None
+        self,
+        section: str | int,
+        change: Callable[[Document], str],
+        file: str | None = None,
     ) -> Texts:
         """Edit the lines of one section alone, which takes a tenth of the time.
 
@@ -115,29 +119,103 @@ class Texts:
                     return self.changed(self.text[:first] + text + self.text[last:])
         return self.changed(change(self.document(file)), file)
 
+    def edited_list(
+        self,
+        path: edit.Path,
+        first: int | None,
+        change: Callable[[Document, int], str],
+        file: str | None = None,
+    ) -> Texts:
+        """Edit a list at a path from item `first` on (None: at its end), and no more is read.
+
+        `change` is told how many items its document lacks. Where the items cannot stand alone it
+        edits the section.
+        """
+
+        def window(text: str, section: Section) -> Window | None:
+            return last_items(text, section.name, section.value, path[1:], first)
+
+        return self._edited_alone(path, window, change, file)
+
+    def _edited_line(
+        self, path: edit.Path, change: Callable[[Document], str], file: str | None
+    ) -> Texts:
+        """Edit a value below the line at which a path ends, and no more is read where it can be."""
+
+        def window(text: str, section: Section) -> Window | None:
+            return one_line(text, section.name, section.value, path[1:])
+
+        return self._edited_alone(path, window, lambda own, _: change(own), file)
+
+    def _edited_alone(
+        self,
+        path: edit.Path,
+        window: Callable[[str, Section], Window | None],
+        change: Callable[[Document, int], str],
+        file: str | None,
+    ) -> Texts:
+        own = lines(self.text, str(path[0])) if file in (None, self.path) else None
+        section = self._alone(str(path[0])) if own is not None else None
+        if own is not None and section is not None:
+            text = self.text[slice(*own)]
+            with contextlib.suppress(EditError):
+                if (part := window(text, section)) is not None:
+                    said = change(edit.read(part.text, self.path), part.first)
+                    if (whole := part.put_back(text, said)) is not None:
+                        return self.changed(self.text[: own[0]] + whole + self.text[own[1] :])
+        return self.edited(path[0], lambda own: change(own, 0), file)
+
+    def _alone(self, name: str) -> Section | None:
+        return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
+
     def section(self, name: str) -> Node | None:
         """The node of a section of the score; its places count from the section's first line."""
-        own = lines(self.text, name)
-        root = None
-        if own is not None:
-            with contextlib.suppress(EditError):
-                root = edit.read(self.text[slice(*own)], self.path).root
-        if not isinstance(root, document.Mapping) or [*root.entries] != [name]:
-            root = self.document().root
+        if (section := self._alone(name)) is not None:
+            return section.value
+        root = self.document().root
         return root.get(name) if isinstance(root, document.Mapping) else None
 
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:
         """Set a value. Raises EditError."""
-        return self.edited(path[0], lambda own: edit.put(own, path, text, SECTIONS), file)
+        at, first = _list_in(path)
+
+        def change(own: Document, lacks: int) -> str:
+            return edit.put(own, _shifted(path, lacks), text, SECTIONS)
+
+        if first is None:
+            return self._edited_line(path, lambda own: change(own, 0), file)
+        return self.edited_list(at, first, change, file)
 
     def append(self, path: edit.Path, text: str) -> Texts:
         """Add an item to a list. Raises EditError."""
-        return self.edited(path[0], lambda own: edit.append(own, path, text, SECTIONS))
+        return self.edited_list(path, None, lambda own, _: edit.append(own, path, text, SECTIONS))
 
     def remove(self, *paths: edit.Path, file: str | None = None) -> Texts:
         """Remove entries or items of one parent. Raises EditError."""
-        if (
-            min(len(path) for path in paths) == 1
-        ):  # removing a section changes more than its own lines
+        # Removing a section changes more than its own lines.
+        if min(len(path) for path in paths) == 1:
             return self.changed(edit.remove(self.document(file), *paths), file)
-        return self.edited(paths[0][0], lambda own: edit.remove(own, *paths), file)
+        found = [_list_in(path) for path in paths]
+        firsts = [first for _, first in found if first is not None]
+        if len(firsts) < len(found):
+            return self._edited_line(paths[0], lambda own: edit.remove(own, *paths), file)
+
+        def change(own: Document, lacks: int) -> str:
+            return edit.remove(own, *(_shifted(path, lacks) for path in paths))
+
+        # With an item that stays a list is never empty.
+        return self.edited_list(found[0][0], min(firsts) - 1, change, file)
+
+
+def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
+    """The path of the first list on a path, and which item of it; None where there is no list."""
+    for place, name in enumerate(path):
+        if isinstance(name, int):
+            return path[:place], name
+    return path, None
+
+
+def _shifted(path: edit.Path, lacks: int) -> edit.Path:
+    """A path in a document that lacks the first items of its first list."""
+    at, first = _list_in(path)
+    return path if first is None else (*at, first - lacks, *path[len(at) + 1 :])

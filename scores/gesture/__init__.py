@@ -1,1 +1,1 @@
-"""What a hand does: notation, transformations, the words of a part, captured takes."""
+"""What a hand does: notation, transformations, captured takes."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.notation.clock.positions import Position
+from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
 from ergon.notation.text.document import Scalar
@@ -15,7 +17,10 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.gesture import notation
+from ergon.scores.pattern.order import plain
+from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading.manner import manner
+from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
     Accuracy,
     Coupling,
@@ -185,12 +190,35 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
             f"{v.context.of('rate')}: the strikes have no end; write `for` or `until`",
             "rate",
         )
-    if not v.written("rate", "every") and (many := v.written("times", "for", "until")):
+    if v.written("rate") and (extra := v.written(*PATTERN_FIELDS, "notes")):
+        v.error(
+            "E111",
+            f"{v.context.of(extra[0])}: strikes by chance have no steps; write `every` instead of "
+            "`rate`",
+            extra[0],
+        )
+    if (extra := v.written("notes", "chance", "swing", "skip")) and not v.written(
+        "rate", "every", "euclid"
+    ):
+        message = f"{v.context.of(extra[0])}: the length of a step is missing; write `every`"
+        v.error("E103", message, extra[0])
+    if not v.written("rate", "every", "euclid") and (many := v.written("times", "for", "until")):
         message = (
             f"{v.context.of(many[0])}: the time between strikes is missing; "
             "write `every`, or `rate` for strikes by chance"
         )
         v.error("E103", message, many[0])
+    order = plain(v.context.name)
+    notes: Mapping[str, Amount] = {}
+    if v["notes"] is not None:
+        try:
+            order, notes = parse_values(v["notes"], k.PITCH.parse, is_pitch=True)
+        except TextError as error:
+            node = v.nodes["notes"]
+            assert isinstance(node, Scalar)
+            v.context.text_error(error, node, "notes", inside=False)
+    has_pattern = v.written(*PATTERN_FIELDS, "notes")
+    pattern = pattern_of(v.given, order) if has_pattern else None
     return Strikes(
         name=v.context.name,
         to=to,
@@ -204,6 +232,8 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         mass=v["mass"],
         speed=v["speed"],
         place=v.place,
+        pattern=pattern,
+        notes=notes,
     )
 
 

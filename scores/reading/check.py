@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from ergon.instruments import rules
 from ergon.instruments.kinds import member_count
 from ergon.instruments.laws import LawText, is_name
-from ergon.instruments.model import Instrument, Layout, Module
+from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
 from ergon.notation.tables.fields import Values
@@ -17,7 +17,8 @@ from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import build
+from ergon.scores.reading import automation, build
+from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
@@ -73,6 +74,7 @@ class Checker:
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._modules()
         plays = self._plays()
+        changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
         gestures = {n: g for n, g in self.gestures.items() if g is not None}
         piece = Piece(
             title=score["title"],
@@ -93,6 +95,7 @@ class Checker:
             accuracy=build.accuracy(score["accuracy"]),
             place=score.place,
             tempo_map=times.map,
+            automation=tuple(changes),
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
@@ -285,15 +288,53 @@ class Checker:
             if part is MISSING:
                 continue
             for play in part:
-                if isinstance(play.what, Name):
-                    self._reach_played(play.what, f"part of {quote(name)}")
+                for played in play.names:
+                    if isinstance(played, Name):
+                        self._reach_played(played, f"part of {quote(name)}")
                 plays.append(play)
         return plays
 
     def _strikes(self, values: Values) -> Strikes:
         who = f"strikes {quote(values.context.name)}"
         targets = (self.scene.target(name, "mats", who) for name in values["to"] or ())
-        return build.strikes(values, tuple(t for t in targets if t is not None))
+        made = build.strikes(values, tuple(t for t in targets if t is not None))
+        for target in made.to if made.notes else ():
+            self._has_pitch(target, who)
+        return made
+
+    def _has_pitch(self, target: Target, who: str) -> None:
+        """Report a target that is not one CEL with values in SI units."""
+        part = self.scene.parts[target.part]
+        made = self._written[target.part][1]
+        is_ca = isinstance(made, Instrument) and made.ca_rate is not None
+        if part.modules[target.module].kind != "CEL" or is_ca:
+            message = f"{who}: {quote(target.text)} has no pitch of its own; notes are for CELs"
+            self.collector.error("E304", message, target.place)
+
+    def _automation(self, values: Any) -> Automation | None:
+        if not isinstance(values, Values) or not automation.check(values):
+            return None
+        name = values["set"] or values["lfo"]
+        head, _, parameter = str(name).rpartition(".")
+        if not head or parameter not in automation.PARAMETERS:
+            known = ", ".join(automation.PARAMETERS)
+            message = f"automation: {quote(name)} is not a parameter of a CEL ({known})"
+            self.collector.error("E301", message, name.place)
+            return None
+        target = self.scene.target(Name(head, name.place), "mat", "automation")
+        part = None
+        if target is not None:
+            part = self.keys.get(target.part) or self.instruments.get(target.part)
+        if target is None or part is None:
+            return None
+        module = next(one for one in part.modules if one.name == target.module)
+        is_ca = isinstance(part, Instrument) and part.ca_rate is not None
+        if module.kind != "CEL" or is_ca:
+            why = "has algorithmic values" if is_ca else f"is a {module.kind}, not a CEL"
+            message = f"automation: {quote(head)} {why}; automation changes CELs with SI values"
+            self.collector.error("E304", message, name.place)
+            return None
+        return automation.made(values, target, module, parameter)
 
     def _coupling(self, values: Any, number: int) -> Coupling | None:
         made = build.coupling(values, number) if isinstance(values, Values) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -20,11 +20,15 @@ from ergon.notation.tables.shapes import (
 from ergon.notation.text.document import Node, Scalar, Sequence
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Place
-from ergon.scores.gesture import words
+from ergon.scores.pattern import words
+from ergon.scores.pattern.order import Group, name_of, parse, plain
+from ergon.scores.pattern.turns import parse as parse_turns
 from ergon.scores.reading.manner import DO, OF_ENTRY, manner
+from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 from ergon.scores.reading.piece import Play
 
 MAX_ROWS = 1_000_000
+MAX_PATTERN = 10_000  # characters
 
 
 def _unused_rate(context: Context, place: Place) -> None:
@@ -37,32 +41,70 @@ def _play(values: Values) -> Play:
     if values.written("rate"):
         _unused_rate(values.context, values.place_of("rate"))
     until = values.place_of("until") if values.written("until") else None
-    return _made(values.given, values.context, values["play"], values.place_of("at"), until)
+    played: Played = values["play"] or Played("", None, values.place)
+    return _made(values.given, values.context, played, values.place_of("at"), until)
 
 
 def _made(
-    given: dict[str, Any], context: Context, name: Name, at: Place, until: Place | None
+    given: dict[str, Any], context: Context, played: Played, at: Place, until: Place | None
 ) -> Play:
+    pattern = pattern_of(given, played.order or plain(played.text))
+    only = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,
-        what=name,
+        what=played.text if only is None else only.name or "",
         at=given["at"],
         every=given.get("every"),
         times=given.get("times"),
         until=given.get("until"),
         do=given.get("do", ()),
         manner=manner(given),
-        place=name.place,
+        place=played.place,
         at_place=at,
         until_place=until,
+        pattern=pattern if only is None else None,
     )
 
 
+class Played(NamedTuple):
+    """What is played as written, its spaces evened, and its order where that is not one name."""
+
+    text: str
+    order: Group | None
+    place: Place
+
+
+class _PlayedShape(Reference):
+    """A gesture, a take, or a pattern of them."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        text = node.text if isinstance(node, Scalar) else ""
+        if not isinstance(node, Scalar) or not text.strip() or len(text) > MAX_PATTERN:
+            return super().read(node, name, context)
+        if text.strip().isidentifier():
+            return Played(Name(text.strip(), node.place), None, node.place)
+
+        def called(word: str, at: int) -> Name:
+            return Name(name_of(word, at), node.place_at(at, len(word)))
+
+        try:
+            order = parse(text, called)
+        except TextError as error:
+            context.text_error(error, node, name, inside=False)
+            return MISSING
+        return Played(" ".join(text.split()), order, node.place)
+
+
+_PLAYED = _PlayedShape("a gesture or a take, or several, such as knock lean knock")
+_TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror")
 _AT = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
-    Field("every", k.LENGTH, "time between repetitions", shown="its own length"),
-    Field("times", k.TIMES, "number of repetitions", shown="once, or until `until`"),
+    Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
+    Field("times", k.TIMES, "number of repetitions, or of rounds", shown="once, or until `until`"),
     Field("until", k.WHEN, "position from which on no repetition begins"),
+    *OF_PATTERN,
+    Field("nth", _TURNS, "transformations of every nth round"),
     *OF_ENTRY,
     Field("rate", k.RATE, "not used: the rate of the key holds"),
 )
@@ -71,7 +113,7 @@ PLAY = Record(
     "a gesture or take, when, how often and how",
     (
         _AT,
-        Field("play", Reference("a gesture or a take"), "what is played", required=True),
+        Field("play", _PLAYED, "what is played: a name or a pattern", required=True),
         *_OPTIONS,
         Field("do", DO, "transformations, left to right"),
     ),
@@ -115,7 +157,9 @@ class Part(Shape):
 
 def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     try:
-        row = words.parse_row(text, offset)
+        row = words.parse_row(
+            text, offset, lambda word, place: Name(word, node.place_at(place, len(word)))
+        )
     except TextError as error:
         context.text_error(error, node, "", inside=True)
         return None
@@ -133,14 +177,16 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     if "rate" in given:
         _unused_rate(context, _place(row.play.options["rate"], node))
     what, until = row.play.what, row.play.options.get("until")
+    text = " ".join(what.text.split())
     at = _place(row.at, node)
     # In a literal block both words stand in one line of the file.
     column = at.column + what.offset - row.at.offset
-    place = Place(at.file, at.line, column, len(what.text)) if node.style == "|" else None
+    is_block = node.style == "|"
+    place = Place(at.file, at.line, column, len(what.text)) if is_block else _place(what, node)
     return _made(
         given,
         context,
-        Name(what.text, place or _place(what, node)),
+        Played(Name(text, place), row.play.order, place),
         at,
         _place(until, node) if until else None,
     )

@@ -9,6 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from ergon.instruments.kinds import LATER_FIELDS
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.positions import Length, Position
@@ -17,6 +18,14 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.values import Place, Point
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Transform
+from ergon.scores.pattern.draws import Draws
+from ergon.scores.pattern.pattern import Course, Pattern
+from ergon.scores.pattern.steps import Steps, steps
+from ergon.scores.pattern.values import Amount
+from ergon.scores.reading.automation import Automation
+
+# Of a field that came later: where it says nothing, the hash of a score is what it was before.
+UNTOLD = {"untold": True}
 
 Touch = Literal["open", "tracked"]
 Ergons = Literal["event", "particle"]
@@ -138,6 +147,24 @@ class Strikes:
     mass: float | None
     speed: float | None
     place: Place
+    pattern: Pattern | None = field(default=None, metadata=UNTOLD)
+    notes: Mapping[str, Amount] = field(default_factory=dict, metadata=UNTOLD)  # of the pattern
+
+    @property
+    def who(self) -> str:
+        """Whose draws a pattern makes."""
+        return f"strikes/{self.name}"
+
+    def steps(self, piece: Piece) -> Steps:
+        """When a pattern strikes: its places. Raises TextError."""
+        assert self.pattern is not None
+        tempo = piece.tempo_map
+        at = tempo.resolve(self.at)
+        until = None if self.until is None else tempo.resolve(self.until)
+        if self.span is not None:
+            until = tempo.after(at, self.span)
+        course = Course(self.pattern, Draws(piece.seed, self.who))
+        return steps(tempo, at, course, every=self.every, times=self.times, until=until)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +194,7 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """A line of a part: a gesture or take, when, how often and how."""
+    """A line of a part: a gesture, a take or a pattern of them, when, how often and how."""
 
     player: str
     what: str
@@ -180,6 +207,25 @@ class Play:
     place: Place
     at_place: Place
     until_place: Place | None
+    pattern: Pattern | None = field(default=None, metadata=UNTOLD)  # None: `what` alone
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The gestures and takes that it may play, each once."""
+        if self.pattern is None:
+            return (self.what,)
+        return tuple(dict.fromkeys(leaf.name or "" for leaf in self.pattern.leaves()))
+
+    @property
+    def chains(self) -> tuple[tuple[Transform, ...], ...]:
+        """Its transformations, and those of a pattern's rounds that have more."""
+        turns = () if self.pattern is None else self.pattern.turns
+        return (self.do, *((*self.do, *turn.do) for turn in turns))
+
+    def course(self, seed: int) -> Course:
+        """What a pattern plays in each of its places, when chance derives from a seed."""
+        assert self.pattern is not None
+        return Course(self.pattern, Draws(seed, f"{self.player}/{self.what}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,6 +314,14 @@ class Piece:
     tempo_map: TempoMap = field(compare=False, repr=False)
     # Of each part: the beats on which it is played; None where a take's file says how long it is.
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
+    automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
+
+    def modules(self) -> Iterator[tuple[str, Module]]:
+        """Every module of the keys and instruments, with the name of its part."""
+        for key in self.keys.values():
+            yield from ((key.name, module) for module in key.modules)
+        for instrument in self.instruments.values():
+            yield from ((instrument.name, module) for module in instrument.modules)
 
     def digest(self) -> str:
         """SHA-256 of the values: not of text, comments, order of names, places or paths.
@@ -304,6 +358,17 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
 }
 
 
+def _earlier(value: Any) -> Any:
+    """The fields of a module without later ones that have their defaults."""
+    if not isinstance(value, Mapping):
+        return value
+    return {
+        name: own
+        for name, own in value.items()
+        if name not in LATER_FIELDS or own != LATER_FIELDS[name]
+    }
+
+
 def _chunks(value: Any) -> Iterator[bytes]:
     """A value as bytes, without ambiguity: every item says its type, every group its size."""
     if is_dataclass(value) and not isinstance(value, type):
@@ -312,9 +377,11 @@ def _chunks(value: Any) -> Iterator[bytes]:
         skipped = _NOT_VALUES.get(type(value), ())
         yield b"{" + type(value).__name__.encode()
         for f in fields(value):
-            if f.name not in skipped:
+            is_untold = f.metadata.get("untold") and not getattr(value, f.name)
+            if f.name not in skipped and not is_untold:
                 yield f".{f.name}=".encode()
-                yield from _chunks(getattr(value, f.name))
+                inner = getattr(value, f.name)
+                yield from _chunks(_earlier(inner) if isinstance(value, Module) else inner)
         yield b"}"
     elif isinstance(value, Mapping):
         yield b"m%d" % len(value)

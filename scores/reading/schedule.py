@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ergon.notation.clock.occurrences import MAX_OCCURRENCES, starts
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Time
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Middle, Transform, apply, apply_to_take
+from ergon.scores.pattern.steps import steps
 from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
 
 # How long a gesture is, and what was lost by its transformations, a sentence each.
@@ -30,6 +32,11 @@ def schedule(
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
     for play, at in zip(piece.parts, begins, strict=True):
+        if play.pattern is not None:
+            placed = _pattern(piece, play, at, lengths, room, collector)
+            room -= len(placed)
+            result.append(placed)
+            continue
         beats = None
         gesture = piece.gestures.get(play.what)
         length, notes = Time(), _NOTHING
@@ -50,6 +57,43 @@ def schedule(
     for strikes in piece.strikes:
         room_for_strikes -= _count(strikes, piece, room_for_strikes, collector)
     return tuple(result)
+
+
+def _pattern(
+    piece: Piece,
+    play: Play,
+    at: float,
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
+    room: int,
+    collector: Collector,
+) -> Sequence[float]:
+    """Beats on which the places of a pattern begin."""
+    assert play.pattern is not None
+    tempo, own = piece.tempo_map, {}
+    for name in play.names:
+        gesture = piece.gestures.get(name)
+        if gesture is None:
+            for chain in play.chains:
+                _take_can(replace(play, what=name, do=chain), collector)
+            continue
+        own[name], notes = _length(piece, gesture, play, at, lengths)
+        for note in notes:
+            collector.error("W315", f"{quote(name)}: {note}", play.place)
+    try:
+        return steps(
+            tempo,
+            at,
+            play.course(piece.seed),
+            every=play.every,
+            times=play.times,
+            until=None if play.until is None else tempo.resolve(play.until),
+            length=own.get,
+            room=room,
+        )
+    except TextError as error:
+        code = error.code if error.code != "E204" else "E305"
+        collector.error(code, f"{quote(play.what)}: {error.message}", play.place)
+        return ()
 
 
 def _beats(
@@ -74,7 +118,14 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
         stop = tempo.after(start, strikes.span) if strikes.span is not None else start
     lasting = tempo.seconds(stop) - tempo.seconds(start)
     each = 1.0
-    if strikes.rate is not None:
+    if strikes.pattern is not None:
+        try:
+            each = float(len(strikes.steps(piece)))
+        except TextError as error:
+            message = f"strikes {quote(strikes.name)}: {error.message}"
+            collector.error("E305", message, strikes.place)
+            return 0.0
+    elif strikes.rate is not None:
         each = strikes.rate * lasting
     elif strikes.every is not None:
         step = tempo.seconds(tempo.after(start, strikes.every)) - tempo.seconds(start)

@@ -22,8 +22,10 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import TextError
+from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.manner import DO, OF_GESTURE
 from ergon.scores.reading.part import PART
+from ergon.scores.reading.patterns import OF_PATTERN
 from ergon.scores.reading.piece import METHODS
 
 RATE = 44100.0  # frames a second of a score that says nothing
@@ -131,8 +133,10 @@ STRIKES = Record(
         Field("until", k.WHEN, "when they end, instead of `for`"),
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
-        Field("times", k.TIMES, "number of strikes, with `every`"),
+        Field("times", k.TIMES, "number of strikes, with `every`; of rounds, with `euclid`"),
+        *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
+        Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
     ),
@@ -323,6 +327,7 @@ SCORE = Record(
         Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
         Field("takes", NamesOf(TAKE, "take"), "captured hands"),
         Field("strikes", NamesOf(STRIKES, "strikes"), "ergons without a key"),
+        Field("automation", ListOf(AUTOMATION, single=True), "parameters that change in time"),
         Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
         Field("duet", ListOf(COUPLING, single=True), "links between keys"),
         Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),

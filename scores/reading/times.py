@@ -41,6 +41,7 @@ class Times:
             good &= self._mark_exists(mark.at, mark.place)
         for values, entry in self._lines:
             good &= self._mark_exists(entry.at, values.place_of("at"))
+            good &= all(name in values.given for name in values.nodes)  # else it is reported
         if not good or len(positions) != len(self._known):
             return TempoMap()
         entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
@@ -93,6 +94,7 @@ class Times:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
         entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
+        entries += score["automation"] or ()
         for values in entries:
             if isinstance(values, Values):
                 at, until = values["at"], values["until"]

@@ -89,6 +89,8 @@ class Uses:
             self.collector.error("E105", message, place)
             return
         document = self.files.required(file, names.document.folder, place)
+        if document is None or document.root is None:
+            self.collector.lacks_names = True
         if document is None:
             return
         opened = [name for name, _ in self._open]

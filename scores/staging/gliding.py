@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 _Values = tuple[float, ...]  # of a CEL k, z, m; of a link K, where its force goes by it
-_TWO_PI = 6.283185307179586
-_LN_1000 = 6.907755278982137  # a decay by 60 dB
+TWO_PI = 6.283185307179586
+LN_1000 = 6.907755278982137  # a decay by 60 dB
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +51,16 @@ def glides(
     before: Piece, after: Piece, running: Iterable[Glide], start: float, seconds: float
 ) -> tuple[Glide, ...]:
     """What glides from `start` [s] on, when a piece takes over from another: for so many seconds
-    what differs, and what is `running` already to its end."""
+    what differs, and what is `running` already to its end. A link that is new comes from no force,
+    where it joins what was there before."""
     old, new = dict(_values(before)), dict(_values(after))
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     found = {}
     for where, values in new.items():
         current = under_way.get(where)
+        if where not in old and len(values) == 1 and _joins(after, where, before):
+            found[where] = current or Glide(*where, (0.0,), values, start, start + seconds)
+            continue
         if where not in old or len(old[where]) != len(values):
             continue
         if current is not None and current.after == values:
@@ -65,6 +69,15 @@ def glides(
             now = old[where] if current is None else current.at(start)
             found[where] = Glide(*where, now, values, start, start + seconds)
     return tuple(found.values())
+
+
+def _joins(piece: Piece, where: tuple[str, str], before: Piece) -> bool:
+    """Whether a link has an end in a part that another piece has too."""
+    part, name = where
+    owner = piece.keys.get(part) or piece.instruments[part]
+    module = next(module for module in owner.modules if module.name == name)
+    ends = {end.part for end in module.fields["between"]}
+    return any(end in before.keys or end in before.instruments for end in ends)
 
 
 def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
@@ -81,15 +94,20 @@ def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
                 yield (instrument.name, module.name), values
 
 
+def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
+    """K [N/m], Z [N·s/m] and M [kg] of a CEL's fields."""
+    mass = float(fields["M"])
+    if fields.get("f") is None:
+        return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), mass
+    omega, t60 = TWO_PI * float(fields["f"]), fields.get("t60")
+    sigma = LN_1000 / float(t60) if t60 else 0.0
+    return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
+
+
 def _of(module: Module) -> _Values | None:
-    fields: Mapping[str, Any] = module.fields
     if module.kind == "CEL":
-        mass = float(fields["M"])
-        if fields.get("f") is None:
-            return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), mass
-        omega, t60 = _TWO_PI * float(fields["f"]), fields.get("t60")
-        sigma = _LN_1000 / float(t60) if t60 else 0.0
-        return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
+        return ties(module.fields)
+    fields: Mapping[str, Any] = module.fields
     if module.kind in LINKS and fields.get("K"):
         return (float(fields["K"]),)
     return None

@@ -7,7 +7,7 @@ from array import array
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, TypedDict, cast, overload
 
 from ergon import _core
@@ -18,6 +18,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.sampled import refused_point, sentence
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
+from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
     UNSAID,
@@ -167,7 +168,9 @@ class Hands:
         """
         if self._key_of(play) not in self._keys:
             return  # of a piece that had a key more
-        if (gesture := self.piece.gestures.get(play.what)) is not None:
+        if isinstance(starts, Steps):
+            self._play_pattern(play, starts.with_seed(self.piece.seed))
+        elif (gesture := self.piece.gestures.get(play.what)) is not None:
             chain = (*gesture.do, *play.do)
             for start in self._room(play, self._due(play, starts or ()), len(gesture.points)):
                 self._put_gesture(play, gesture, chain, start)
@@ -175,6 +178,34 @@ class Hands:
             begins = self._due(play, self._ends(play, take) if starts is None else starts)
             for start in self._room(play, begins):
                 self._put_take(play, take, start)
+
+    def _play_pattern(self, play: Play, places: Steps) -> None:
+        """What a pattern plays in its places within the window."""
+        course = places.course
+        since, until = self.window.since - SAME, self.window.until - SAME
+        first, last = bisect_left(places, since), bisect_left(places, until)
+        own: dict[tuple[str, tuple[Transform, ...]], Play] = {}
+        due: list[tuple[Play, float, int]] = []
+        for place in range(first, last):
+            if not place % 1024:
+                _core.poll()
+            if (name := course.played(place)) is not None:
+                key = name, course.do(place)
+                if key not in own:
+                    own[key] = replace(play, what=name, do=(*play.do, *key[1]), pattern=None)
+                due.append((own[key], places[place], place))
+        for one in own.values():
+            begins = [start for other, start, _ in due if other is one]
+            gesture = self.piece.gestures.get(one.what)
+            if not self._room(one, begins, len(gesture.points) if gesture else 1) and begins:
+                return
+        for one, start, place in due:
+            if (gesture := self.piece.gestures.get(one.what)) is not None:
+                chain = (*gesture.do, *one.do)
+                chance = course.draws.transforms(place + course.pattern.skip)
+                self._put_gesture(one, gesture, chain, start, chance)
+            elif (take := self.takes.get(one.what)) is not None:
+                self._put_take(one, take, start)
 
     def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
         """Those within the window; chance counts the ones before it as well."""
@@ -227,9 +258,14 @@ class Hands:
             return []
 
     def _put_gesture(
-        self, play: Play, gesture: Gesture, chain: tuple[Transform, ...], start: float
+        self,
+        play: Play,
+        gesture: Gesture,
+        chain: tuple[Transform, ...],
+        start: float,
+        chance: Chance | None = None,
     ) -> None:
-        shape = self._shape(play, gesture, chain, start)
+        shape = self._shape(play, gesture, chain, start, chance)
         tempo = self.piece.tempo_map
         t = [tempo.instant(start, at) for at in shape.times]
         if t[-1] <= self.window.after:
@@ -267,15 +303,24 @@ class Hands:
         )
 
     def _shape(
-        self, play: Play, gesture: Gesture, chain: tuple[Transform, ...], start: float
+        self,
+        play: Play,
+        gesture: Gesture,
+        chain: tuple[Transform, ...],
+        start: float,
+        chance: Chance | None,
     ) -> _Shape:
-        """A gesture as it is played from a beat on; worked out once where nothing is drawn."""
+        """A gesture as it is played from a beat on; worked out once where nothing is drawn.
+
+        Without a `chance` of its own it draws by the number of its occurrence.
+        """
         who = play.player, play.what
         occurrence = self._occurrences[who]
-        self._occurrences[who] += 1
+        self._occurrences[who] += chance is None
         if chain and any(one.word in _DRAWN for one in chain):
-            name = f"{play.player}/{play.what}"
-            chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
+            if chance is None:
+                name = f"{play.player}/{play.what}"
+                chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
             return self._shaped(play, gesture, chain, start, chance)
         manner = None if play.manner is UNSAID else play.manner
         key = (*who, play.do, manner, self.piece.tempo_map.bpm(start) if chain else 0.0)

@@ -7,7 +7,7 @@ or not at all. A fixed or imposed point ends an island; a live hand's key does n
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -78,7 +78,7 @@ class _Web:
         self._kinds: dict[tuple[str, str], str] = {}
         self._links: dict[int, list[tuple[int, Link]]] = {}
         self._ends: dict[tuple[str, str], tuple[int, int]] = {}
-        modules = [*_modules(piece)]
+        modules = [*piece.modules()]
         for part, module in modules:
             self._kinds[part, module.name] = module.kind
         self._held = {
@@ -165,10 +165,3 @@ def _way(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, .
         mat, link = step
         links.append(link)
     return tuple(reversed(links))
-
-
-def _modules(piece: Piece) -> Iterator[tuple[str, Module]]:
-    for key in piece.keys.values():
-        yield from ((key.name, module) for module in key.modules)
-    for instrument in piece.instruments.values():
-        yield from ((instrument.name, module) for module in instrument.modules)

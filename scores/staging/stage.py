@@ -12,11 +12,12 @@ from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
-from ergon.notation.clock.shifted import NEVER
+from ergon.notation.clock.shifted import NEVER, Standing
 from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Accuracy, Piece
+from ergon.scores.staging.automating import Points, Where, automated, led_on
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
 from ergon.scores.staging.listening import Listening
@@ -62,6 +63,7 @@ class Stage:
     is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
+    paths: Mapping[Where, Points] = field(default_factory=dict)  # of CELs with automation
     planned_for: Accuracy | None = None
 
     @property
@@ -101,6 +103,10 @@ class Stage:
         return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
 
 
+# MATs by part, module and member (-1: the middle one), and the engine's number of each.
+StrikePoints = Sequence[tuple[str, str, int, int]]
+
+
 class Span(NamedTuple):
     """A stretch of a session: what a piece says of it is played."""
 
@@ -113,13 +119,15 @@ class Going:
     """A stage that takes over while another sounds: at frame `start`, where it is `like` it.
 
     `spans` is what is played, by parts of this piece and of those before it; None: all of it.
-    `glides` are parameters that are still on their way.
+    `glides` are parameters that are still on their way. `strike_points` are MATs that may be struck
+    while it plays.
     """
 
     spans: Sequence[Span] | None = None
     like: Stage | None = None
     start: int = 0
     glides: Sequence[Glide] = ()
+    strike_points: StrikePoints = ()
 
 
 @dataclass(slots=True)
@@ -132,6 +140,7 @@ class Ready:
     hands: Hands
     collector: Collector
     live: tuple[LiveHand, ...]
+    paths: Mapping[Where, Points]
 
     @property
     def network(self) -> _core.Network:
@@ -146,13 +155,14 @@ def prepare(
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
     like: Stage | None = None,
+    start: int = 0,
 ) -> Ready:
     """What is and what will happen in a piece. Raises StageError with every mistake found.
 
     `real`: players whose hands are real, and where each was at every tick, if that is known;
     `silent`: instruments that are not listened to; `spans`: what is played by parts of this piece
     and of others before it, all of this one if nothing is said; `like`: a stage whose scene may be
-    the piece's own, and whose takes are.
+    the piece's own, and whose takes are; `start`: the frame at which this takes over from it.
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
@@ -170,11 +180,16 @@ def prepare(
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
+        paths = _automate(piece, spans, n_frames, collector)
+        if like is not None:
+            paths = led_on(like.paths, paths, piece, start / piece.rate)
+        for where, points in paths.items():
+            timeline.path(assembly.mats[where], points)
     except _core.EngineError as error:
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    return Ready(scene, timeline, n_frames, hands, collector, live)
+    return Ready(scene, timeline, n_frames, hands, collector, live, paths)
 
 
 @lasting
@@ -205,11 +220,12 @@ def stage(
         piece = replace(piece, seed=seed)
     going = going or Going()
     like = going.like
-    ready = prepare(piece, real, silent, going.spans, like)
+    ready = prepare(piece, real, silent, going.spans, like, going.start)
     native.speed_up(ready.network, ready.n_frames)
     if going.spans is not None:
         ready.timeline.open()
     _glide(piece, ready, going)
+    _let_strike(piece, ready, going)
     plan, is_kept, planned_for = None, False, None
     try:
         if planned:
@@ -243,14 +259,46 @@ def stage(
         is_kept,
         ready.live,
         ready.hands.takes.files,
+        ready.paths,
         planned_for,
     )
+
+
+def _automate(
+    piece: Piece, spans: Sequence[Span] | None, n_frames: int, collector: Collector
+) -> dict[Where, Points]:
+    """The points of CELs with automation, as far as the piece or its last stretch goes."""
+    tempo = piece.tempo_map
+    if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
+        return {}
+    if spans is None:
+        return automated(piece, -math.inf, tempo.beats(n_frames / piece.rate), collector)
+    if isinstance(tempo, Standing) or not spans:
+        here = tempo.beats(0.0)
+        return automated(piece, here, here, collector)
+    window = spans[-1].window
+    return automated(piece, window.since, window.until, collector)
 
 
 def _glide(piece: Piece, ready: Ready, going: Going) -> None:
     try:
         for glide in going.glides:
+            if (glide.part, glide.module) in ready.paths:
+                continue  # automation leads it
             glide.put(ready.timeline, ready.scene.assembly)
+    except _core.EngineError as error:
+        raise _refused(piece, ready.collector, error) from error
+
+
+def _let_strike(piece: Piece, ready: Ready, going: Going) -> None:
+    """Name the MATs that may be struck while it plays."""
+    assembly = ready.scene.assembly
+    try:
+        for part, module, member, number in going.strike_points:
+            first = assembly.mats.get((part, module))
+            if first is not None:  # nobody hears what is left out
+                mat = ready.network.centre(first) if member < 0 else first + member
+                ready.timeline.strike_point(mat, number)
     except _core.EngineError as error:
         raise _refused(piece, ready.collector, error) from error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from ergon import _core
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Time
+from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Strikes
 
 ANY = (-math.inf, math.inf)
@@ -36,6 +38,8 @@ class Striking:
         elif strikes.until is not None:
             stop = tempo.resolve(strikes.until)
         try:
+            if strikes.pattern is not None:
+                return self._by_pattern(strikes.steps(piece))
             if strikes.rate is not None and strikes.impulse is not None and stop is not None:
                 end = tempo.seconds(stop)
                 self.timeline.rain(
@@ -56,6 +60,20 @@ class Striking:
         except TextError as error:
             collector.error("E305", error.message, strikes.place)
         return 0.0
+
+    def _by_pattern(self, places: Steps) -> float:
+        """Strikes in the places of a pattern; chance leaves out each member by itself."""
+        course, tempo = places.course, self.piece.tempo_map
+        pattern = course.pattern
+        first, last = (bisect_left(places, instant, key=tempo.seconds) for instant in self.within)
+        for place in range(first, last):
+            if course.named(place) is None:
+                continue
+            instant, number = tempo.seconds(places[place]), place + pattern.skip
+            for member, mat in enumerate(self.mats):
+                if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
+                    self._strike(mat, instant, member, number)
+        return tempo.seconds(places[-1]) if places else 0.0
 
     def _each(self, at: float, stop: float | None) -> float:
         """Strikes at written instants: all members at once, once or `every` so often."""

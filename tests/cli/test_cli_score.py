@@ -80,13 +80,16 @@ def test_a_file_that_is_not_there(capsys: Capture) -> None:
     assert "nowhere.yaml" in capsys.readouterr().err
 
 
+def followed(capsys: Capture) -> list[dict]:
+    return [record for record in records(capsys) if record["event"] == "followed"]
+
+
 def test_check_simulate_says_how_gestures_were_followed(capsys: Capture) -> None:
     assert app.run(["check", "--simulate", "bell.yaml"]) == 0
     out = capsys.readouterr().out
     assert re.search(r"ada knock.* on k1: followed within .*m rms, worst .*m at \d+\|[\d.]+", out)
     assert app.run(["check", "--simulate", "--json", "bell.yaml"]) == 0
-    (record,) = records(capsys)
-    assert record["event"] == "followed"
+    (record,) = followed(capsys)
     assert (record["player"], record["gesture"], record["key"]) == ("ada", "knock", "k1")
     assert record["worst_m"] >= record["rms_m"] >= 0
 
@@ -98,7 +101,7 @@ def test_a_layer_is_not_held_against_a_path(folder: Path, capsys: Capture) -> No
     assert app.run(["check", "--simulate", "layer.yaml"]) == 0
     assert "ada knock on k1: a layer, added to the gesture that runs\n" in capsys.readouterr().out
     assert app.run(["check", "--simulate", "--json", "layer.yaml"]) == 0
-    (record,) = records(capsys)
+    (record,) = followed(capsys)
     assert record["ergons"] > 0
     assert record["is_layer"]
     assert record["worst_at"] is record["worst_at_s"] is None
@@ -120,6 +123,32 @@ def test_what_was_followed_exactly_has_no_worst(folder: Path, capsys: Capture) -
     (folder / "exact.yaml").write_text(SCORE.replace("times: 2", "times: 2, touch: tracked"))
     assert app.run(["check", "--simulate", "exact.yaml"]) == 0
     assert re.search(r"ada knock ×2 on k1: followed (exactly|within)", capsys.readouterr().out)
+
+
+def test_check_simulate_says_what_swings_and_touches(folder: Path, capsys: Capture) -> None:
+    assert app.run(["check", "--simulate", "--json", "bell.yaml"]) == 0
+    found = records(capsys)
+    key = next(r for r in found if r["event"] == "swing" and r["mass"] == "k1")
+    assert key["low_m"] < 0 < key["high_m"] < 0.02
+    contact = next(r for r in found if r["event"] == "contact")
+    assert (contact["striker"], contact["closed"] > 0) == ("k1", True)
+    assert contact["first_s"] > 0
+    assert contact["deepest_m"] > 0
+
+
+def test_a_contact_that_never_closes_is_named(folder: Path, capsys: Capture) -> None:
+    assert "gap: 1mm" in SCORE
+    (folder / "far.yaml").write_text(SCORE.replace("gap: 1mm", "gap: 14mm"))
+    assert app.run(["check", "--simulate", "far.yaml"]) == 0
+    said = capsys.readouterr()
+    assert "warning[W320] contact" in said.err
+    missed = re.search(r"k1 comes within ([\d.]+) mm of touching", said.err)
+    reached = re.search(r"^k1: from .* to ([\d.]+) mm", said.out, re.MULTILINE)
+    assert missed
+    assert reached
+    assert float(missed[1]) + float(reached[1]) == pytest.approx(14.0, abs=0.05)
+    assert app.run(["render", "far.yaml", "-o", "far.wav"]) == 0
+    assert "far.wav is silent; `ergon check --simulate`" in capsys.readouterr().err
 
 
 # --- compile ------------------------------------------------------------------------------------

@@ -34,9 +34,10 @@ from hostile import (
     strikes,
     take,
 )
+from patience import PATIENCE
 
 MEMORY = 2 << 30
-SECONDS = 60  # for a family; each takes some tenths
+SECONDS = 60  # of a processor, for a family; each takes some tenths
 
 
 def wav(declared: int, channels: int = 1, bits: int = 16, rate: int = 44100) -> bytes:
@@ -105,6 +106,7 @@ TAKES = {
 def limited() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
 
 
 def ergon(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -121,7 +123,7 @@ def ergon(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=SECONDS,
+        timeout=PATIENCE,
         preexec_fn=limited,
         check=False,
     )

@@ -132,7 +132,7 @@ def test_what_a_score_names_for_its_render_is_no_input(piece, capsys):
         Path("s.yaml").write_text(SCORE.replace("{tail: 10ms}", f"{{tail: 10ms, file: {name}}}"))
         before = contents()
         assert app.run(["render", "s.yaml", "-f"]) == 2
-        assert "is an input" in capsys.readouterr().err
+        assert "but sound files end in .wav" in capsys.readouterr().err
         assert contents() == before
 
 
@@ -156,7 +156,7 @@ def test_a_journal_is_kept(piece, capsys):
     before = contents()
     for name in ("j.jsonl", "t.csv"):
         assert app.run(["render", "j.jsonl", "-f", "-o", name]) == 2
-        assert "is an input" in capsys.readouterr().err
+        assert "but sound files end in .wav" in capsys.readouterr().err
     assert contents() == before
     assert app.run(["render", "j.jsonl", "-o", "x.wav"]) == 0
 

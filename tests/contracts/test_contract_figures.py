@@ -209,7 +209,7 @@ def test_the_certificate_is_sharp(masses: int, method: str, factor: float):
         assert raised.value.module == "p.m0"
     else:
         found = network.certify(RATE)
-        assert (found.method, found.word) == (method, "proved")
+        assert (found.method, found.guarantee) == (method, "proved")
         assert found.lambda_max == pytest.approx(4.0 * factor, rel=1e-6)
 
 

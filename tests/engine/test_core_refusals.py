@@ -35,7 +35,7 @@ REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
     "start at nowhere": (lambda it: it[0].start(0, np.nan, 0.0), "finite"),
     "listening round the end": (
         lambda it: it[0].listen("o", positions=[(2**64 - 1, 1, 1.0)]),
-        "not there",
+        "does not exist",
     ),
 }
 

@@ -35,7 +35,7 @@ def scene(
     own = RATE if ca else None
     m, r = (RATE**2, RATE) if ca else (1.0, 1.0)
     network = _core.Network()
-    network.part("key", ca_rate=own, every=every)
+    network.part("key", ca_rate=own, macrostep=every)
     mats = [network.cel("m0", M=chain[0][0] * m, K=chain[1][0], Z=z[0] * r)]
     mats += [network.mas(f"m{i}", M=mass * m) for i, mass in enumerate(chain[0][1:], 1)]
     for i in range(3):
@@ -243,7 +243,7 @@ def test_a_large_island_is_followed_for_a_while():
     soft_one = {"z": (0.0, 0.0, 1e-9, 0.0), "t60": None, "masses": 150}
     plan = _core.Plan(*scene(10, **soft_one))
     row = slow_row(plan)
-    assert row.word == "tried"
+    assert row.guarantee == "tried"
     assert row.radius is not None
     assert abs(row.radius - 1.0) < 3e-5
     plan = _core.Plan(*scene(44, kc=5e3, chain=soft(10, 44, 2.6), **soft_one))
@@ -256,7 +256,7 @@ def test_a_large_island_is_followed_for_a_while():
 
 def lone_key(every: int | None, **more: Any) -> tuple[_core.Network, _core.Timeline, int, int]:
     network = _core.Network()
-    network.part("key", every=every)
+    network.part("key", macrostep=every)
     struck = network.cel("m", M=0.08, K=200.0, Z=0.4, X0=1e-3, rest=5e-4, **more)
     other = network.mas("n", M=0.03)
     network.ref("r", struck, other, K=150.0, Z=0.2)
@@ -283,7 +283,7 @@ def test_written_points_are_met(every: int, gesture: dict[str, Any]):
     # Another begins as it falls back, and throws it.
     timeline.gesture(key, [0.4, 0.45, 0.47], [1e-3, 3e-3, 1e-3], ["smooth", "smooth", "throw"])
     plan = _core.Plan(network, timeline)
-    assert slow_row(plan).every == every
+    assert slow_row(plan).macrostep == every
     simulation = _core.Simulation(network, timeline, plan=plan)
     worst, asked_for = 0.0, 0
     for _ in range(int(0.5 * RATE)):
@@ -346,7 +346,7 @@ def test_a_hand_that_holds_it_at_every_frame_has_it_so():
 
 def test_a_part_with_nothing_linear_goes_at_every_frame():
     network = _core.Network()
-    network.part("key", every=10)
+    network.part("key", macrostep=10)
     struck = network.mas("m", M=0.1)
     network.part("bell")
     bell = network.cel("b", M=2e-3, f=220.0)
@@ -365,7 +365,7 @@ def test_the_same_bytes_for_any_blocks_threads_and_from_a_snapshot():
     plan = _core.Plan(network, timeline, cents=3.0)
     pinned = _core.Plan(network, timeline, cents=3.0, pins=plan.choices())
     assert pinned.hash == plan.hash
-    assert slow_row(pinned).every == 10
+    assert slow_row(pinned).macrostep == 10
     whole = np.zeros((6000, 3))
     _core.Simulation(network, timeline, plan=plan).process(whole)
     assert whole[:, 2].any()

@@ -79,7 +79,9 @@ def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
     mixer.route(0, 0)
     mixer.route(1, 0)
     path = tmp_path / "played.wav"
-    played = _core.Performance(first, mixer, every=EVERY, audio=f"file:{path}", n_frames=n_frames)
+    played = _core.Performance(
+        first, mixer, tick_frames=EVERY, audio=f"file:{path}", n_frames=n_frames
+    )
     try:
         ticket = played.change(at, simulation=second, old=first)
         with pytest.raises(EngineError, match="not the first of a tick"):

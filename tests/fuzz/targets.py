@@ -16,6 +16,7 @@ from benches.mutated import bases, mutated
 from corrupted import corrupted
 from one_bell import SCORE as BELL
 from random_scores import LAWS, Score
+from sessions import Stepped
 from tests.fuzz import commands, sessions
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged, soup, tree
@@ -27,7 +28,7 @@ from ergon.exchange import plan_file, plan_store
 from ergon.live import boards, calibration
 from ergon.live.boards import BoardError
 from ergon.live.datagrams import MalformedDatagramError, messages, written
-from ergon.live.osc_in import OscRequestError, _level, _pressed, _text
+from ergon.live.osc_in import OscRequestError, level_of, pressed, text_of
 from ergon.notation.text.errors import TextError, full
 from ergon.notation.text.format import formatted
 from ergon.notation.text.memory import Memory
@@ -40,8 +41,9 @@ from ergon.repl.wire.protocol import (
     parse_request,
     request_id,
 )
-from ergon.scores.gesture import notation, words
+from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
+from ergon.scores.pattern import words
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import StageError, prepare, stage
 
@@ -461,7 +463,7 @@ def _osc(chance: random.Random) -> bytes:
 
 def _read_osc(datagram: bytes, _: Path) -> list[str]:
     said = []
-    asks = (_level(lambda ratio: None), _pressed(lambda: None), _text(lambda line: None))
+    asks = (level_of(lambda ratio: None), pressed(lambda: None), text_of(lambda line: None))
     for _address, arguments in messages(datagram):
         for ask in asks:
             try:
@@ -469,6 +471,43 @@ def _read_osc(datagram: bytes, _: Path) -> list[str]:
             except OscRequestError as error:
                 said.append(str(error))
     return said
+
+
+def _midi(chance: random.Random) -> list[bytes]:
+    """Packets of a MIDI port, most of them nearly right."""
+
+    def packet() -> bytes:
+        status = chance.choice(
+            (0x90, 0x80, 0xB0, 0xF2, 0xF8, 0xFA, 0xFB, 0xFC, chance.randrange(256))
+        )
+        data = bytes([status, chance.randrange(256), chance.choice((0, 1, 64, 127, 200))])
+        return data[: chance.choice((0, 1, 1, 2, 3, 3, 3, 3))] + chance.choice((b"", b"", b"\0"))
+
+    return [packet() for _ in range(chance.randrange(1, 40))]
+
+
+def _read_midi(packets: list[bytes], folder: Path) -> Iterator[str]:
+    """Send them to a session in which much is mapped."""
+    stepped = Stepped(BELL, folder, journal=False, keeps=False)
+    try:
+        for line in MAPS:
+            assert stepped.type(line).taken, line
+        stepped.run(0.01)
+        for packet in packets:
+            stepped.session.midi.receive(packet, 0.0)
+            stepped.run(0.004)
+        yield from stepped.session.messages()
+    finally:
+        stepped.session.close()
+
+
+MAPS = (
+    "map cc 1 bell.m.f 10Hz..30000Hz now",
+    "map cc 64 gain bell -400dB..24dB now",
+    "map cc 127 k1.M 1mg..1kg now",
+    "map note 0..127 bell.m -1Ns..1Ns now",
+    "map note 60 bell.m 1mNs now",
+)
 
 
 def _typed(chance: random.Random) -> str:
@@ -499,6 +538,7 @@ TARGETS = (
     Target("layouts", _beside("layouts/stereo.yaml"), _read_beside(LAID_OUT), (), 60),
     Target("socket lines", _wire, _read_wire, (ProtocolError,), 3000),
     Target("OSC packets", _osc, _read_osc, (MalformedDatagramError,), 2000, is_silent=True),
+    Target("MIDI packets", _midi, _read_midi, (), 30, 20_000),
     Target("journals", sessions.journal, sessions.read_journal, (), 20, limit=30.0),
     Target("sessions", sessions.typed, sessions.read_typed, (), 20, limit=30.0),
     Target("typed lines", _typed, _read_typed, (), 500),

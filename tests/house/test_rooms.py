@@ -8,8 +8,8 @@ from rust_imports import circles
 
 ROOT = Path(__file__).parents[2]
 TEXT, CLOCK, TABLES = (f"notation.{step}" for step in ("text", "clock", "tables"))
-GESTURE, READING, EDITS, STAGING = (
-    f"scores.{step}" for step in ("gesture", "reading", "edits", "staging")
+GESTURE, PATTERN, READING, EDITS, STAGING = (
+    f"scores.{step}" for step in ("gesture", "pattern", "reading", "edits", "staging")
 )
 MAY = {
     "common": set(),
@@ -21,9 +21,10 @@ MAY = {
     TABLES: {TEXT, CLOCK, "_core"},
     "instruments": {"notation", "_core"},
     GESTURE: {"notation", "_core"},
-    READING: {"notation", "instruments", GESTURE},
-    EDITS: {"notation", "instruments", GESTURE, READING},
-    STAGING: {"notation", "instruments", GESTURE, READING, "_core"},
+    PATTERN: {"notation", GESTURE, "_core"},
+    READING: {"notation", "instruments", GESTURE, PATTERN},
+    EDITS: {"notation", "instruments", GESTURE, PATTERN, READING},
+    STAGING: {"notation", "instruments", GESTURE, PATTERN, READING, "_core"},
     "repl.language": {"notation", "instruments", "scores"},
     "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
@@ -36,6 +37,7 @@ MAY = {
         "live",
         "view",
         "repl.session_protocol",
+        "repl.line_queue",
         "repl.language",
         "_core",
     },

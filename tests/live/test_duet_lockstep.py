@@ -215,7 +215,9 @@ def test_an_ergon_on_one_key_is_felt_on_the_other(tmp_path: Path):
         if k:
             assert felt.positions().max() > 4e-3
             assert felt.forces().max() > 0.02
-            assert np.array_equal(rendered(score, take), rendered(score, take))
+            # Nothing leads to the bell: that is said.
+            again = (rendered(score, take, doubted=True) for _ in range(2))
+            assert np.array_equal(*again)
         else:
             assert not felt.positions().any()
             assert not felt.forces().any()

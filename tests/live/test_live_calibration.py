@@ -172,7 +172,7 @@ def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture)
         assert known(board.in_lockstep)[0].sign == -1
         # A fifth of its force is as much as it gets.
         assert 0.1 < board.strongest < 4.01
-        device = _core.Device(board.in_lockstep, [known(board.in_lockstep)[0].told(0)])
+        device = _core.Device(board.in_lockstep, [known(board.in_lockstep)[0].for_core(0)])
         assert device.direction(0, 1e-3) == 1.0
         device.close()
         assert (

@@ -142,6 +142,7 @@ def test_every_code_has_a_page():
     source = [
         *ROOT.glob("notation/**/*.py"),
         *ROOT.glob("scores/**/*.py"),
+        *ROOT.glob("api/*.py"),
         *ROOT.glob("instruments/*.py"),
     ]
     used = {

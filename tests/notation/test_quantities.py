@@ -153,3 +153,47 @@ def test_no_text_raises_anything_else(text):
         except TextError:
             continue
         assert all(map(math.isfinite, value if isinstance(value, tuple) else (value,)))
+
+
+@pytest.mark.parametrize(
+    ("text", "suggestion"),
+    [
+        ("H3", "B3"),
+        ("Cis4", "C#4"),
+        ("Es3", "Eb3"),
+        ("as2", "Ab2"),
+        ("c4", "C4"),
+        ("C4#", "C#4"),
+        ("bb3", "Bb3"),
+        ("Cis4#", None),
+        ("X3", None),
+        ("440hz", "Hz"),
+    ],
+)
+def test_notes_of_other_spellings_are_suggested(text, suggestion):
+    with pytest.raises(TextError) as raised:
+        q.frequency(text)
+    assert raised.value.suggestion == suggestion
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "suggestion"),
+    [
+        ("4,5s", q.DURATION, "4.5s"),
+        ("1,000g", q.MASS, "1000g"),
+        ("10_000N/m", q.STIFFNESS, "10000N/m"),
+        ("0,0005m", q.POSITION, "0.0005m"),
+        ("\u22125mm", q.POSITION, "-5mm"),
+    ],
+)
+def test_numbers_of_other_spellings_are_suggested(text, dimension, suggestion):
+    with pytest.raises(TextError) as raised:
+        q.quantity(text, dimension)
+    assert raised.value.suggestion == suggestion
+    q.quantity(suggestion, dimension)
+
+
+def test_a_gain_without_a_unit_is_asked_for_one():
+    with pytest.raises(TextError, match=r"write x0\.5 for a factor, or 0\.5dB") as raised:
+        q.gain("0.5")
+    assert raised.value.suggestion == "x0.5"

@@ -281,3 +281,26 @@ def test_two_tempi_at_one_instant_are_a_mistake():
     with pytest.raises(TempoError) as raised:
         TempoMap(entries)
     assert (raised.value.entry, raised.value.field) == (1, "at")
+
+
+@pytest.mark.parametrize("text", ["72..108", "72 .. 108", "72-108", "72 to 108", "72 → 108"])
+def test_a_ramp_of_another_spelling_is_suggested(text):
+    with pytest.raises(TextError) as raised:
+        parse_bpm(text)
+    assert raised.value.suggestion == "72 -> 108"
+
+
+@pytest.mark.parametrize(
+    ("text", "suggestion"),
+    [("5:1", "5|1"), ("5 : 1.5", "5|1.5"), ("bar 5", "5|1"), ("2 s", "2s"), ("x y", None)],
+)
+def test_a_position_of_another_spelling_is_suggested(text, suggestion):
+    with pytest.raises(TextError) as raised:
+        parse_position(text)
+    assert raised.value.suggestion == suggestion
+
+
+def test_a_length_with_a_space_is_suggested_without():
+    with pytest.raises(TextError) as raised:
+        parse_length("2 bars")
+    assert raised.value.suggestion == "2bars"

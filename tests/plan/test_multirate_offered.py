@@ -27,7 +27,7 @@ def scene(
     """A key of masses in a row, with dampers of no proportion; its last one pulls a string."""
     own, m, r = (rate, rate**2, rate) if ca else (None, 1.0, 1.0)
     network = _core.Network()
-    network.part("key", ca_rate=own, every=every)
+    network.part("key", ca_rate=own, macrostep=every)
     mats = [network.cel("m0", M=0.05 * m, K=200.0, Z=0.4 * r)]
     mats += [network.mas(f"m{i}", M=0.05 * m) for i in range(1, masses)]
     for i in range(masses - 1):
@@ -58,7 +58,7 @@ def test_a_key_of_many_masses_is_made_slow_and_sounds_as_it_should():
     made = scene()
     plan = _core.Plan(*made, error_db=ASKED_DB)
     key = rows(plan)["key"]
-    assert (key.what, key.every, key.offered) == ("e4", 10, True)
+    assert (key.what, key.macrostep, key.offered) == ("e4", 10, True)
     assert key.preserved
     assert key.error_db is not None
     assert key.error_db <= -75.0

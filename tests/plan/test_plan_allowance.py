@@ -76,6 +76,24 @@ def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
     assert "planning ended, for its work is bounded" in capsys.readouterr().err
 
 
+def test_the_proof_that_slow_parts_do_not_grow_is_drawn() -> None:
+    network = _core.Network()
+    for name, every in (("one", 137), ("two", 139)):
+        network.part(name, macrostep=every)
+        mats = [network.cel(f"{name}0", M=0.5, K=20.0, Z=0.01)]
+        mats += [network.mas(f"{name}{i}", M=0.5) for i in range(1, 40)]
+        for i in range(39):
+            network.ref(f"{name}r{i}", mats[i], mats[i + 1], K=20.0, Z=0.01 * (1 + i % 3))
+    network.part("between")
+    network.ref("c", 39, 40, K=1.0, Z=0.0)
+    network.listen("end", positions=[(40, 1, 1.0)])
+    timeline = _core.Timeline(network, 44100.0)
+    timeline.gesture(timeline.key("key", 0), [0.0, 0.1], [0.0, 1e-3], ["smooth", "smooth"])
+    plan = _core.Plan(network, timeline, error_db=-60.0)
+    # A map of 19,043 frames, until all pulls fall together; the pilot alone takes 0.023 s.
+    assert 0.1 < plan.trials[0] <= plan.trials[1]
+
+
 @pytest.mark.parametrize(
     ("part", "shown"),
     [(1e-6, "0.0001%"), (0.0347, "3.5%"), (0.8, "80%"), (1.234, "123%"), (0.0, "0%")],

@@ -151,6 +151,17 @@ def test_by_ear_a_method_that_raves_gives_way():
     assert metrics.bands_db(ours, theirs, RATE) < 4.0
 
 
+@pytest.mark.parametrize("share", [0.05, 0.02])
+def test_what_a_trial_lost_cannot_diverge_when_nothing_is_left_to_try(share: float):
+    # At twenty times the blow the first trial leaves all bounds, and the allowance ends with it.
+    gong = scene(impulse=20.0 * HARD)
+    plan = _core.Plan(gong.network, gong.timeline, share=share)
+    assert any(row.cut_short for row in plan.rows())
+    playing = _core.Simulation(gong.network, gong.timeline, plan=plan, on_fault="mute")
+    playing.process(np.zeros((8000, gong.network.n_out)))
+    assert playing.muted() == []
+
+
 def test_it_is_said_and_kept(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ERGON_CACHE", "on")
     Path("a.yaml").write_text(score())

@@ -77,7 +77,9 @@ def test_no_byte_tells_of_what_is_not_heard(wishes: dict[str, Any]):
         silent = {" + ".join(row.parts): row for row in rows if row.what in ("unheard", "still")}
         assert {row.what for row in silent.values()} == {"unheard"}
         assert sum(row.n_mat for row in silent.values()) == 15 + 1 + 1 + 2
-        assert all((row.cost, row.word, row.modes) == (0.0, None, None) for row in silent.values())
+        assert all(
+            (row.cost, row.guarantee, row.modes) == (0.0, None, None) for row in silent.values()
+        )
         assert sum(row.n_mat for row in rows) == len(moving(scene))
 
 

@@ -80,7 +80,7 @@ def test_a_staged_key_is_slow_and_sounds_alike():
     plan = stage(piece(slow), planned=True).plan
     assert plan is not None
     (row,) = [row for row in plan.rows() if row.what == "e4"]
-    assert (row.parts, row.every, row.preserved) == (["k1"], 10, True)
+    assert (row.parts, row.macrostep, row.preserved) == (["k1"], 10, True)
     one, other = heard(slow), heard(HEAD + KEYS + REST)
     assert 0.0 < np.abs(one - other).max() < 10 ** (-60 / 20) * np.abs(other).max()
 

@@ -243,7 +243,7 @@ def test_silence_is_normalised_to_silence(tmp_path: Path) -> None:
 
 
 def test_stem_names() -> None:
-    names = stem_paths(Path("s"), ["ada", "é.x", "../up"])
+    names = stem_paths(Path("s"), ["ada", "é.x", "../up"], ".wav")
     assert [path.name for path in names] == ["01_ada.wav", "02_é.x.wav", "03_.._up.wav"]
 
 

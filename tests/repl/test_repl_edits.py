@@ -6,7 +6,9 @@ import pytest
 from edited import SCORES, TWO, begun, opened, piece_of, same
 
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits import keeping, keys, matter, names, parts, times
+from ergon.scores.edits import keeping, keys, matter, names, parts, scenes, times
+from ergon.scores.edits.entries import of_words
+from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
 
 
@@ -24,7 +26,8 @@ def test_bars_are_kept_as_they_were(path, start, stop):
         seconds = tempo.seconds(start + beat) - tempo.seconds(start)
         assert kept.tempo_map.seconds(beat) == pytest.approx(seconds, abs=1e-9)
         assert kept.tempo_map.bar_beat(beat)[1] == tempo.bar_beat(start + beat)[1]
-    back = piece_of(keeping.bring(texts, piece, kept, said, 100.0))
+    scene = Scene.of(said, kept)
+    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 100.0 + scene.beats))
     for player in piece.players:
         again = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0]
         same(again, begun(kept, player))
@@ -53,8 +56,8 @@ def some_line(choice, texts, piece, at):
     tempo = choice([("72",), ("60 -> 90", "2bar")])
     pair = [*piece.keys][:2]
     edits = {
-        "play": lambda: parts.play(texts, piece, player, at, words),
-        "transform": lambda: parts.transform(texts, piece, player, at, "scale 0.9, mirror"),
+        "play": lambda: parts.play(texts, piece, player, at, of_words(words)),
+        "transform": lambda: parts.transform(texts, piece, player, at, ["scale 0.9", "mirror"]),
         "define": lambda: names.define(texts, name, "0@0 smooth 5@60ms 0@120ms"),
         "set": lambda: matter.set_value(texts, piece, target, "x1.1"),
         "tempo": lambda: times.change(texts, piece, at, *tempo),

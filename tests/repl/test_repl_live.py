@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from commands import ERGON
+from commands import ERGON, PATIENT
 from emulators import emulator
 from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE, onset
@@ -189,7 +189,7 @@ def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
     (tmp_path / "score.yaml").write_text(score, encoding="utf-8")
     hand = ("--gesture", "0mm@0 (smooth 4mm@1 0mm@2)*300", "--hand", "900N/m")
     with emulator("frame", "--udp", "0", *hand) as key:
-        command = [*ERGON, "repl", "score.yaml", "--audio", "null", "--plain", "--strict"]
+        command = [*PATIENT, "repl", "score.yaml", "--audio", "null", "--plain", "--strict"]
         command += ["--live", f"leo={key.url}", "--unchecked"]
         out, recording = tmp_path / "out.txt", tmp_path / "session.take"
         with (

@@ -13,6 +13,7 @@ from ergon import _core
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.engine import EngineStatus
 from ergon.repl.session.version import NotTakenError
+from ergon.repl.wire.protocol import decode_state, encode_state
 
 
 @pytest.fixture
@@ -80,3 +81,55 @@ def test_a_take_of_nothing_is_not_written(tmp_path: Path):
     cut = Capture("remi", "solo", 0, 44 * 30)
     captures.write(cut, tmp_path, 44)
     assert cut.n_missing == 20
+
+
+def test_two_bars_are_drawn_beat_by_beat(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    own.ok("ada plays knock every 1/2 until 3|1")
+    own.ok("leo plays lean every 4")
+    own.run(2.76)  # a bar takes two seconds
+    lines = [line.replace("\u00b7", ".") for line in own.ok("?").lines]
+    assert lines == [
+        "     2|1      2        3        4        3|1      2        3        4",
+        "ada  kno knoc kno knoc kno knoc kno knoc .        .        .        .",
+        "leo  lean     .        .        .        lean     .        .        .",
+        "                  ^",
+    ]
+    own.ok("ada plays lean now\nleo plays knock at 3|2.5")
+    own.run(0.9)
+    rows = own.ok("?").lines
+    assert rows[1].startswith("ada  kn")
+    assert "knoc" in rows[2]
+
+
+def test_what_began_before_the_bar_goes_on(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COLUMNS", "30")
+    own.ok("slow = 0@0 smooth 3mm@6 smooth 0@8\nada plays slow")
+    own.run(2 + 2 + 0.6)
+    lines = [line.replace("\u00b7", ".").replace("\u2026", "~") for line in own.ok("?").lines]
+    assert lines == [
+        "     3|1   2     3     4",
+        "ada  ~     .     .     .",
+        "leo  .     .     .     .",
+        "           ^",
+    ]
+
+
+def test_a_key_is_traced_while_it_moves(own: Stepped):
+    assert not own.type("scope ada on").taken  # nothing of ada is to be seen yet
+    own.ok("ada plays knock every 1 now")
+    own.run(1.0)
+    own.ok("scope ada on")
+    first = own.session.state().drawing
+    assert "ada on k1, the last 1.0 s" in first[0]
+    assert 5 < len(first) < 12
+    own.run(1.1)
+    second = own.session.state().drawing
+    assert "the last 2.0 s" in second[0]
+    assert second != first
+    state = own.session.state()
+    assert decode_state(encode_state(state)) == state
+    own.ok("scope off")
+    assert own.session.state().drawing == ()
+    own.run(1.0)
+    assert own.session.state().drawing == ()

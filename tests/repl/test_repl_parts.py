@@ -7,11 +7,12 @@ from edited import DUET, SCORES, TWO, begun, lines, opened, piece_of
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import parts
+from ergon.scores.edits.entries import of_words
 
 
 def test_a_line_goes_on_from_its_beat():
     texts, piece = opened(DUET)
-    after = parts.play(texts, piece, "ada", 8.0, "roll every 2")
+    after = parts.play(texts, piece, "ada", 8.0, of_words("roll every 2"))
     assert lines(texts, after) == (
         [
             "    - {at: A, play: knock, every: 1, times: 16}",
@@ -30,12 +31,14 @@ def test_a_line_goes_on_from_its_beat():
 
 def test_a_table_stays_a_table():
     texts, piece = opened(DUET)
-    after = parts.play(texts, piece, "remi", 8.0, "lean every 4 times 2 layer do scale 0.5, mirror")
+    after = parts.play(
+        texts, piece, "remi", 8.0, of_words("lean every 4 times 2 layer do scale 0.5, mirror")
+    )
     assert lines(texts, after)[1] == [
         "A      lean every 8 times 2 until 3|1",
         "3|1    lean every 4 times 2 layer do scale 0.5, mirror",
     ]
-    again = parts.play(after, piece_of(after), "remi", 10.0, "lean")
+    again = parts.play(after, piece_of(after), "remi", 10.0, of_words("lean"))
     assert lines(after, again)[1] == [
         "3|1    lean every 4 times 2 layer do scale 0.5, mirror until 3|3",
         "3|3    lean",
@@ -54,7 +57,7 @@ def test_a_table_stays_a_table():
 )
 def test_words_become_fields(words, written):
     texts, piece = opened(TWO)
-    after = parts.play(texts, piece, "ada", 8.5, words)
+    after = parts.play(texts, piece, "ada", 8.5, of_words(words))
     assert lines(texts, after)[1][-1] == f"- {written}"
     piece_of(after)
 
@@ -62,10 +65,10 @@ def test_words_become_fields(words, written):
 def test_a_player_without_a_part_gets_one():
     text = Path(TWO).read_text().split("parts:")[0] + "parts:\n  ada:\n"
     texts, piece = opened(TWO, text)
-    after = parts.play(texts, piece, "remi", 0.0, "tap")
+    after = parts.play(texts, piece, "remi", 0.0, of_words("tap"))
     assert lines(texts, after) == ([], ["remi:", "- {at: 1|1, play: tap}"])
     texts, piece = opened(TWO, text.replace("parts:\n  ada:\n", ""))
-    after = parts.play(texts, piece, "remi", 0.0, "tap")
+    after = parts.play(texts, piece, "remi", 0.0, of_words("tap"))
     assert lines(texts, after) == ([], ["parts:", "remi:", "- {at: 1|1, play: tap}", ""])
 
 
@@ -73,38 +76,38 @@ def test_a_player_without_a_part_gets_one():
 def test_words_that_say_nothing_are_refused(words):
     texts, piece = opened(TWO)
     with pytest.raises(EditError):
-        parts.play(texts, piece, "ada", 8.0, words)
+        parts.play(texts, piece, "ada", 8.0, of_words(words))
 
 
 def test_what_plays_goes_on_otherwise_and_in_time():
     texts, piece = opened(TWO)
     old = begun(piece, "ada")
-    after = parts.transform(texts, piece, "ada", 9.0, "mirror, scale 1.2")
+    after = parts.transform(texts, piece, "ada", 9.0, ["mirror", "scale 1.2"])
     new = begun(piece_of(after), "ada")
     assert [start for start, *_ in new] == [start for start, *_ in old]
     for (start, what, do), (_, was, done) in zip(new, old, strict=True):
         # Of the entry that sounds, all that is left; what was to come later is as it was.
         more = ("mirror", "scale") if 9.0 <= start < 16.0 else ()
         assert (what, do) == (was, (*done, *more))
-    twice = parts.transform(after, piece_of(after), "ada", 10.0, "reverse")
+    twice = parts.transform(after, piece_of(after), "ada", 10.0, ["reverse"])
     assert ("mirror", "scale", "reverse") in {do[-3:] for _, _, do in begun(piece_of(twice), "ada")}
 
 
 def test_a_gesture_under_way_begins_again_transformed():
     texts, piece = opened(DUET)
-    texts = parts.play(texts, piece, "ada", 4.0, "lean")
-    after = parts.transform(texts, piece_of(texts), "ada", 6.0, "mirror")
+    texts = parts.play(texts, piece, "ada", 4.0, of_words("lean"))
+    after = parts.transform(texts, piece_of(texts), "ada", 6.0, ["mirror"])
     assert begun(piece_of(after), "ada")[-2:] == [(4.0, "lean", ()), (6.0, "lean", ("mirror",))]
     with pytest.raises(EditError, match="plays nothing"):
-        parts.transform(texts, piece_of(texts), "ada", 9.0, "mirror")
+        parts.transform(texts, piece_of(texts), "ada", 9.0, ["mirror"])
 
 
 @pytest.mark.parametrize(("score", "what"), [(DUET, "lean"), (TWO, "tap")])
 def test_what_begins_just_there_begins_transformed(score, what):
     texts, piece = opened(score)
-    texts = parts.play(texts, piece, "ada", 8.0, f"{what} every 2 times 3 do mirror")
-    once = parts.transform(texts, piece_of(texts), "ada", 8.0, "scale 0.5")
-    twice = parts.transform(once, piece_of(once), "ada", 8.0, "reverse")
+    texts = parts.play(texts, piece, "ada", 8.0, of_words(f"{what} every 2 times 3 do mirror"))
+    once = parts.transform(texts, piece_of(texts), "ada", 8.0, ["scale 0.5"])
+    twice = parts.transform(once, piece_of(once), "ada", 8.0, ["reverse"])
     before, after = begun(piece_of(texts), "ada"), begun(piece_of(twice), "ada")
     assert [where for where in after if where[0] < 8.0] == [b for b in before if b[0] < 8.0]
     do = ("mirror", "scale", "reverse")
@@ -144,8 +147,8 @@ def test_after_hush_no_ergon_begins(at):
 
 def test_what_is_saved_has_an_end():
     texts, piece = opened(TWO)
-    texts = parts.play(texts, piece, "ada", 8.0, "tap every 1")
-    texts = parts.play(texts, piece_of(texts), "remi", 30.0, "tap every 1")
+    texts = parts.play(texts, piece, "ada", 8.0, of_words("tap every 1"))
+    texts = parts.play(texts, piece_of(texts), "remi", 30.0, of_words("tap every 1"))
     after = parts.finish(texts, piece_of(texts), 20.0)
     assert "999|1" not in after.text
     assert begun(piece_of(after), "ada")[-1][0] == 19.0
@@ -155,7 +158,7 @@ def test_what_is_saved_has_an_end():
 def test_a_long_session_has_no_last_bar():
     texts, piece = opened(TWO)
     at = 950 * 4.0
-    after = piece_of(parts.play(texts, piece, "ada", at, "tap every 4"))
+    after = piece_of(parts.play(texts, piece, "ada", at, of_words("tap every 4")))
     assert begun(after, "ada")[-1][0] > at + 4000
 
 

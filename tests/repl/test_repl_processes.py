@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from commands import ERGON
+from commands import PATIENT
 from one_bell import SCORE
 from patience import PATIENCE, until
 from sockets import remote
@@ -35,7 +35,7 @@ class Stage:
         self._engines: set[int] = set()
 
     def command(self, *words: str) -> list[str]:
-        return [*ERGON, "repl", *words, "--socket", str(self.socket)]
+        return [*PATIENT, "repl", *words, "--socket", str(self.socket)]
 
     def prompt(self, *words: str) -> Terminal:
         state = {"XDG_STATE_HOME": str(self.folder / "state")}
@@ -184,7 +184,7 @@ def test_the_place_need_not_be_said(at_home: Stage):
 
     def script(lines: str, *words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [*ERGON, "repl", *words],
+            [*PATIENT, "repl", *words],
             cwd=at_home.folder,
             env={**os.environ, "XDG_RUNTIME_DIR": str(at_home.folder)},
             input=lines,

@@ -18,6 +18,7 @@ from tests.repl.test_repl_session import SCORE
 OTHER = SCORE.replace("60N/m", "80N/m").replace("A3", "C4").replace("bpm: 120", "bpm: 100")
 TABLE = SCORE.replace("  ada: []\n", "  ada: |\n    2|1 knock every 1 until 4|1\n    5|1 lean\n")
 MONO = SCORE.replace("channels: 2", "channels: 1").replace("to: [2]", "to: [1]")
+VERSE = OTHER.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1, times: 7}]")
 PLAYERS, GESTURES = ("ada", "leo"), ("knock", "lean", "far")
 
 
@@ -68,6 +69,13 @@ class Player:
             f"set drum.m.f {self.number(50, 200)}Hz",
             f"couple k1 k2 K={self.number(1, 60)}N/m Z=0.2Ns/m",
             "uncouple k1 k2",
+            f"b2 = {self.one('bell', 'drum')} transpose {self.draw.randint(-5, 9)}st\nroute b2 2",
+            f"link {self.one('k1', 'k2', 'bell.m')} {self.one('b2.m', 'drum.m')} "
+            + self.one("BUT K=300N/m gap=1mm", "REF K=20N/m Z=0.1Ns/m", "RES K=2kN/m"),
+            f"remove {self.one('b2', 'links.but-1', 'links.ref-1', 'links', 'far', 'mia')}",
+            f"{self.one('mia', 'leo')} takes {self.one('k1', 'k2', 'k3')}",
+            f"rename {self.one('knock far2', 'far2 knock', 'leo leo2', 'leo2 leo')}",
+            f"route {self.one('bell', 'drum')} {self.one('1', '2', '1 2', '3')}",
             f"gain {part} {self.number(-20, 3)}dB",
             f"mute {part}",
             f"solo {part}",
@@ -92,6 +100,8 @@ class Player:
             "release",
             "save",
             f"save {self.one('one', 'two', 'score')}",
+            f"scene {self.one('kept', 'more', 'verse', 'verse', 'table')}",
+            f"scene {self.one('kept', 'verse')} -> {self.one('table', 'verse')} over 1bar",
             f"keep {self.draw.randint(1, 8)}bar as {self.one('kept', 'more')}",
             "history",
             self.one("show", "show ada", "? knock", "scope ada", "meters", "help", "py piece.seed"),
@@ -130,7 +140,7 @@ def played(folder: Path, seed: int, n_lines: int) -> None:
     folder.mkdir()
     mine = folder / "mine"
     mine.mkdir()
-    for name, text in (("other", OTHER), ("table", TABLE), ("mono", MONO)):
+    for name, text in (("other", OTHER), ("table", TABLE), ("mono", MONO), ("verse", VERSE)):
         (mine / f"{name}.yaml").write_text(text)
     player = Player(seed)
     typed: list[str] = []

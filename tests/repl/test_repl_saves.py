@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from commands import ERGON
+from commands import ERGON, PATIENT
 from patience import PATIENCE
 from sessions import EVERY, Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
@@ -153,7 +153,7 @@ def test_a_score_that_ships_is_saved_where_we_are(
     before = shipped.read_bytes(), sorted(os.listdir(shipped.parent))
     lines = "seed 5\nsave\nkeep 1bar as one-gesture\nsave mine\nquit\n"
     done = subprocess.run(
-        [*ERGON, "repl", str(shipped), "--audio", "null", "--gain", "0dB", "--plain"],
+        [*PATIENT, "repl", str(shipped), "--audio", "null", "--gain", "0dB", "--plain"],
         input=lines,
         capture_output=True,
         text=True,
@@ -271,7 +271,7 @@ def test_a_used_file_of_remarks_only(tmp_path: Path) -> None:
 
 def resumed_by_hand(folder: Path, *words: str, lines: str = "save\nquit\n") -> str:
     done = subprocess.run(
-        [*ERGON, "repl", *words, "--audio", "null", "--gain", "0dB", "--plain"],
+        [*PATIENT, "repl", *words, "--audio", "null", "--gain", "0dB", "--plain"],
         cwd=folder,
         input=lines,
         capture_output=True,

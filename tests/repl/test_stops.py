@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from acted_session import Acted
-from commands import ERGON
+from commands import PATIENT
 from patience import until
 from sessions import Stepped
 from simulated_board import Simulated, simulated
@@ -53,7 +53,7 @@ INTERPRETER, LINE = STUCK.format("PyDLL"), STUCK.format("CDLL")
 def command(folder: Path, board: Simulated, *options: str) -> list[str]:
     (folder / "score.yaml").write_text(SHARED, encoding="utf-8")
     live = ["--live", f"remi={board.url}?lockstep", "--unchecked"]
-    return [*ERGON, "repl", "score.yaml", *live, "--audio", "null", *options]
+    return [*PATIENT, "repl", "score.yaml", *live, "--audio", "null", *options]
 
 
 @contextmanager

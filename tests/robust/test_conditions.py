@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from commands import ERGON
+from commands import ERGON, PATIENT
+from patience import PATIENCE
 from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
@@ -24,7 +25,6 @@ from ergon.repl.session.journal import read
 DEVICE = [*ERGON, "emulate", "frame", "--udp", "0", "--json"]
 NEVER = ("Traceback", "internal error", "Exception ignored", "panicked", "in ergon itself")
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
-PATIENCE = 120.0  # [s] of a machine that does much else
 
 
 @pytest.fixture
@@ -364,7 +364,7 @@ def test_two_renders_to_one_file(here: Path) -> None:
 
 
 def test_two_sessions_in_one_folder(here: Path) -> None:
-    line = [*ERGON, "repl", "score.yaml", "--audio", "null", "--gain", "0dB", "--plain"]
+    line = [*PATIENT, "repl", "score.yaml", "--audio", "null", "--gain", "0dB", "--plain"]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     both = [subprocess.Popen(line, cwd=here, text=True, **pipes) for _ in range(3)]
     for number, process in enumerate(both):

@@ -267,6 +267,29 @@ def test_bar_checks():
 # --- digest --------------------------------------------------------------------------------------
 
 
+BODIES = """\
+ergon: 1
+instruments:
+  s:
+    modules:
+      a: {STRING: {masses: 9, M: 5g, f: A3, t60: 2s}}
+      b: {PLATE: {radius: 2, M: 80g, f: 90Hz, t60: 3s}}
+    out: {SOX: a.3}
+strikes: {tap: {to: s.b.0, at: 1|1, every: 1, times: 2, impulse: 1mNs}}
+"""
+
+
+def test_the_digest_is_that_of_earlier_versions():
+    """Computed by the version before `inharmonicity`, `stretching`, `sides` and `bending`."""
+    digest = "a2898cbdf3a77701bf2c5d822b87760138fa714f800a00ab90089d7248db3fc8"
+    piece = load("s.yaml", text=BODIES).piece
+    assert piece is not None
+    assert piece.digest() == digest
+    stiff = load("s.yaml", text=BODIES.replace("t60: 2s", "t60: 2s, inharmonicity: 1e-4")).piece
+    assert stiff is not None
+    assert stiff.digest() != digest
+
+
 @pytest.mark.parametrize(
     ("before", "after"),
     [

@@ -12,7 +12,7 @@ from ergon.notation.clock.positions import Length, parse_length, parse_position
 from ergon.notation.clock.tempo import Entry, TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Time
-from ergon.scores.gesture.words import parse, parse_row, rows
+from ergon.scores.pattern.words import parse, parse_row, rows
 
 FLAT = TempoMap()
 RAMP = TempoMap([Entry(parse_position("0"), 60.0, 120.0, Length(beats=64))])

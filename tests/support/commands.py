@@ -2,11 +2,13 @@
 
 import json
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
+PATIENT = [sys.executable, str(Path(__file__).with_name("patient_ergon.py"))]  # lines have no limit
 
 
 def records(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:

@@ -47,24 +47,40 @@ def running(command: list[str], **how: object) -> Iterator[subprocess.Popen[byte
 
 
 @contextlib.contextmanager
-def jack_name() -> Iterator[str]:
-    """A name for a JACK server that nobody else uses meanwhile.
+def jack_name(n_names: int = 4) -> Iterator[str]:
+    """A name for a JACK server that nobody else uses meanwhile; waits until one is free.
 
     JACK's registry has eight places for all names of all time: one that was killed keeps its own
-    until a server of the same name comes. So there are few names, and they are lent.
+    until a server of the same name comes. So there are few names, and they are lent, to all runs
+    of the tests on this machine.
     """
-    for i in range(4):
-        with open(Path(tempfile.gettempdir()) / f"ergon-test-{i}.lock", "w") as lock:
+    with contextlib.ExitStack() as held:
+        name = ""
+
+        def is_lent() -> bool:
+            nonlocal name
+            name = _lent(held, n_names)
+            return bool(name)
+
+        until(is_lent, "a name for a JACK server")
+        yield name
+
+
+def _lent(held: contextlib.ExitStack, n_names: int) -> str:
+    """A free name, which is given back when `held` is closed; empty where there is none."""
+    for name in (f"ergon-test-{i}" for i in range(n_names)):
+        with contextlib.ExitStack() as tried:
+            path = Path(tempfile.gettempdir()) / f"{name}-{os.getuid()}.lock"
+            lock = tried.enter_context(path.open("w"))
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 continue
-            name = f"ergon-test-{i}"
             if _is_there(name):
                 continue  # a run that was killed has left its server
-            yield name
-            return
-    pytest.fail("four test runs use JACK at once, or left servers behind")
+            held.push(tried.pop_all())
+            return name
+    return ""
 
 
 def _is_there(name: str) -> bool:

@@ -26,9 +26,15 @@ class Stepped:
     """A session on a score's text; `sound` (n_frames, n_channels) is what it has played."""
 
     def __init__(
-        self, text: str, folder: Path, *, journal: bool = True, keeps: bool = True
+        self,
+        text: str,
+        folder: Path,
+        *,
+        name: str = "score.yaml",
+        journal: bool = True,
+        keeps: bool = True,
     ) -> None:
-        path = folder / "score.yaml"
+        path = folder / name
         path.write_text(text, encoding="utf-8")
         texts = Texts.read(path)
         version = Version(0, "", texts, piece_of(texts))
@@ -57,7 +63,9 @@ class Stepped:
         )
         if written is not None:
             heard = 1.0, 1.0, None, past, version.base
-            opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard)
+            opening = SessionStart(
+                version.texts, clock.at, version.faders, EVERY, *heard, maps=version.maps
+            )
             known = self.session.disk.hashes_by_name(version.texts)
             written.tell("session", **opening.fields(), disk=known)
         self._sound: list[np.ndarray] = []

@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 
 use crate::error::{UnsureError, refused, said, with};
 use crate::guardian;
+use crate::named::Range;
 
 /// How often a wait looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(20);
@@ -185,8 +186,9 @@ impl Device {
 
     /// Least and greatest position [m or rad].
     #[getter]
-    fn range(&self) -> (f64, f64) {
-        (self.spec.pos_range[0], self.spec.pos_range[1])
+    fn range(&self) -> Range {
+        let [low, high] = self.spec.pos_range;
+        Range { low, high }
     }
 
     /// Greatest force [N or N·m].

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 
 use crate::error::from_law;
+use crate::named::{LawFunction, LawRow};
 
 /// An LNL law: `f = expression(d) + damping(d, v)`, or straight lines through `points`.
 #[pyclass(frozen, module = "ergon._core")]
@@ -56,9 +57,9 @@ impl Law {
     }
 
     /// Its operations as rows (operation, a, b, c); None where it has no expression.
-    fn rows(&self) -> Option<Vec<Row>> {
+    fn rows(&self) -> Option<Vec<LawRow>> {
         let rows = self.0.rows()?;
-        Some(rows.iter().map(plain).collect())
+        Some(rows.iter().map(named_row).collect())
     }
 
     /// The same law, its runs computed by native code at `address`.
@@ -99,11 +100,14 @@ impl Law {
     }
 }
 
-/// (operation, a, b, c)
-pub(crate) type Row = (&'static str, i32, i32, i32);
-
-pub(crate) fn plain(row: &law::Row) -> Row {
-    (row.operation, row.of[0], row.of[1], row.of[2])
+pub(crate) fn named_row(row: &law::Row) -> LawRow {
+    let [a, b, c] = row.of;
+    LawRow {
+        operation: row.operation,
+        a,
+        b,
+        c,
+    }
 }
 
 /// # Safety
@@ -115,9 +119,12 @@ pub(crate) unsafe fn entry(address: usize) -> law::Entry {
 
 /// Addresses of the core's functions that native code of a law calls.
 #[pyfunction]
-pub(crate) fn law_functions() -> Vec<(&'static str, usize)> {
+pub(crate) fn law_functions() -> Vec<LawFunction> {
     let functions = law::FUNCTIONS.iter();
     functions
-        .map(|(name, function)| (*name, *function as usize))
+        .map(|(name, function)| LawFunction {
+            name,
+            address: *function as usize,
+        })
         .collect()
 }

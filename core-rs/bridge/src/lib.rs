@@ -16,12 +16,14 @@ mod limiter;
 mod maths;
 mod meter;
 mod mixer;
+mod named;
 mod network;
 mod pcm;
 mod perform;
 mod plan;
 mod recording;
 mod simulation;
+mod status;
 mod stop;
 mod take;
 mod timeline;
@@ -33,6 +35,8 @@ use pyo3::prelude::*;
 /// The compiled core of ergon.
 #[pymodule(gil_used = false)]
 mod _core {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use super::audio::{AudioBackend, AudioEvent, AudioInfo, AudioOut, JackCapture};
     #[pymodule_export]
@@ -62,17 +66,19 @@ mod _core {
     #[pymodule_export]
     use super::mixer::Mixer;
     #[pymodule_export]
-    use super::network::{Certificate, Met, Network};
+    use super::network::{Certificate, Network, ReachableScene};
     #[pymodule_export]
     use super::pcm::{pcm, single};
     #[pymodule_export]
-    use super::perform::{HandLimit, HandStatus, Performance, Status};
+    use super::perform::{AudioRecorded, Performance};
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
     #[pymodule_export]
     use super::recording::{Recording, read_recording};
     #[pymodule_export]
     use super::simulation::{Energy, Report, Simulation, Snapshot};
+    #[pymodule_export]
+    use super::status::{HandLimit, HandStatus, Status};
     #[pymodule_export]
     use super::stop::{begin_again, has_let_go, let_go, stop_on_signals};
     #[pymodule_export]
@@ -81,6 +87,10 @@ mod _core {
     use super::timeline::Timeline;
     #[pymodule_export]
     use super::work::{StoppedError, Work, poll};
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        super::named::register(module)
+    }
     #[pymodule_export]
     const FORCE_FALL_TIME: f64 = ergon_live::perform::FALL_TIME;
     #[pymodule_export]

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use ergon_engine::generator::{self, BankForm, GeneratorError, Topology};
+use ergon_engine::generator::{self, BankForm, Decay, GeneratorError, Shape, Topology};
 use ergon_engine::network::{self, But, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
@@ -13,9 +13,17 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::error::{from_engine, hertz, refused, word};
-use crate::law::{Law, Row, entry, plain};
+use crate::law::{Law, entry, named_row};
+use crate::named::{LawUse, Mode, Place};
 use crate::words;
 use crate::work::computing;
+
+/// The decay of the lowest mode [s], or decays [s] at frequencies [Hz].
+#[derive(FromPyObject)]
+enum Decays {
+    Lowest(f64),
+    Points(Vec<(f64, f64)>),
+}
 
 /// (first, count, weight) of modules in an output.
 type Ranges = Vec<(usize, usize, f64)>;
@@ -49,9 +57,9 @@ impl Network {
 
     /// What a hand on a MAT can reach, at rest, with every contact closed and every law a spring: (network, the MAT
     /// there, other hands that feel it).
-    #[pyo3(signature = (mat, rate, *, held=Vec::new(), without=Vec::new(), ties=Vec::new(), factors=Vec::new(), deep=network::DEEP))]
+    #[pyo3(signature = (mat, rate, *, held=Vec::new(), without=Vec::new(), ties=Vec::new(), factors=Vec::new(), depth=network::PRESS_DEPTH))]
     #[allow(clippy::too_many_arguments)]
-    fn met(
+    fn reachable_scene(
         &self,
         py: Python<'_>,
         mat: usize,
@@ -60,10 +68,10 @@ impl Network {
         without: Vec<usize>,
         ties: Vec<(usize, f64, f64, f64)>,
         factors: Vec<(usize, f64)>,
-        deep: f64,
-    ) -> PyResult<Met> {
+        depth: f64,
+    ) -> PyResult<ReachableScene> {
         self.there(mat)?;
-        let moment = network::Moment {
+        let moment = network::SceneMoment {
             held,
             without,
             ties: ties
@@ -73,19 +81,19 @@ impl Network {
             factors,
         };
         let rate = hertz(rate)?;
-        Ok(Met {
-            met: py.detach(|| self.0.met(mat, &moment, deep, rate.hertz())),
+        Ok(ReachableScene {
+            scene: py.detach(|| self.0.reachable_scene(mat, &moment, depth, rate.hertz())),
             rate,
         })
     }
 
     /// Start a part: modules added from now on belong to it.
-    #[pyo3(signature = (name, *, ca_rate=None, every=None))]
-    fn part(&mut self, name: &str, ca_rate: Option<f64>, every: Option<u32>) -> PyResult<()> {
+    #[pyo3(signature = (name, *, ca_rate=None, macrostep=None))]
+    fn part(&mut self, name: &str, ca_rate: Option<f64>, macrostep: Option<u32>) -> PyResult<()> {
         let ca_rate = ca_rate.map(hertz).transpose()?;
         self.0.part(name, ca_rate);
-        if let Some(every) = every {
-            self.0.every(every);
+        if let Some(frames) = macrostep {
+            self.0.macrostep(frames);
         }
         Ok(())
     }
@@ -131,7 +139,7 @@ impl Network {
     }
 
     /// A row of MAS, tuned so that its lowest mode is f.
-    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, hardening=0.0))]
+    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, inharmonicity=None, hardening=0.0, stretching=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn string(
         &mut self,
@@ -140,18 +148,24 @@ impl Network {
         masses: usize,
         M: f64,
         f: f64,
-        t60: Option<f64>,
+        t60: Option<Decays>,
         ends: &str,
         stiffness: f64,
+        inharmonicity: Option<f64>,
         hardening: f64,
+        stretching: f64,
     ) -> PyResult<usize> {
         let ends = word("ends", ends, &words::ENDS)?;
-        let topology = computing(py, || generator::string(masses, ends, stiffness))?;
-        self.mesh(py, name, topology, [M, f, hardening], t60)
+        let topology = computing(py, || match inharmonicity {
+            None => generator::string(masses, ends, stiffness),
+            Some(b) => generator::stiff_string(masses, ends, b),
+        })?;
+        let topology = topology.map(|topology| topology.in_line(stretching > 0.0));
+        self.mesh(py, name, topology, [M, f, hardening, stretching], t60)
     }
 
     /// A mesh, tuned so that its lowest non-rigid mode is f.
-    #[pyo3(signature = (name, *, shape, radius, M, f, t60=None, rim="free", hardening=0.0))]
+    #[pyo3(signature = (name, *, shape="hex", radius=0, sides=None, M, f, t60=None, rim="free", bending=None, hardening=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn plate(
         &mut self,
@@ -159,16 +173,24 @@ impl Network {
         name: &str,
         shape: &str,
         radius: usize,
+        sides: Option<(usize, usize)>,
         M: f64,
         f: f64,
-        t60: Option<f64>,
+        t60: Option<Decays>,
         rim: &str,
+        bending: Option<f64>,
         hardening: f64,
     ) -> PyResult<usize> {
-        let shape = word("shape", shape, &words::SHAPES)?;
+        let shape = match sides {
+            Some((across, up)) => Shape::Rectangle { across, up },
+            None => word("shape", shape, &words::SHAPES)?,
+        };
         let rim = word("rim", rim, &words::RIMS)?;
-        let topology = computing(py, || generator::plate(shape, radius, rim))?;
-        self.mesh(py, name, topology, [M, f, hardening], t60)
+        let topology = computing(py, || match bending {
+            None => generator::plate(shape, radius, rim),
+            Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
+        })?;
+        self.mesh(py, name, topology, [M, f, hardening, 0.0], t60)
     }
 
     /// Many CELs with frequencies over a range.
@@ -223,10 +245,10 @@ impl Network {
     }
 
     /// Where the MAT lies on the bench [m].
-    fn position_of(&self, index: usize) -> PyResult<(f64, f64)> {
+    fn position_of(&self, index: usize) -> PyResult<Place> {
         self.there(index)?;
         let [x, y] = self.0.mats().place[index];
-        Ok((x, y))
+        Ok(Place { x, y })
     }
 
     /// Spring and damper between two MATs.
@@ -286,11 +308,15 @@ impl Network {
             .map_err(from_engine)
     }
 
-    /// (rows, links alone in their run, links in longer runs) of every different law that can be native code.
-    fn laws(&self) -> Vec<(Vec<Row>, usize, usize)> {
+    /// Every different law that can be native code.
+    fn laws(&self) -> Vec<LawUse> {
         let laws = self.0.laws().into_iter();
-        laws.map(|law| (law.rows.iter().map(plain).collect(), law.alone, law.in_runs))
-            .collect()
+        laws.map(|law| LawUse {
+            rows: law.rows.iter().map(named_row).collect(),
+            alone: law.alone,
+            in_runs: law.in_runs,
+        })
+        .collect()
     }
 
     /// Let the law `laws()[index]` of each (index, address) be computed by native code there.
@@ -349,12 +375,16 @@ impl Network {
         self.0.mat_name(index)
     }
 
-    /// Lowest modes of a part as (f, t60) of the continuous network.
-    fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<(f64, f64)>> {
+    /// Lowest modes of a part, of the continuous network.
+    fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<Mode>> {
         let index = self.0.parts().iter().position(|known| known.name == part);
         let index = index.ok_or_else(|| refused(part, "no part has this name"))?;
         let tones = computing(py, || self.0.tones(index, n_modes))?;
-        Ok(tones.iter().map(|tone| (tone.f, tone.t60)).collect())
+        let mode = |tone: &network::Tone| Mode {
+            f: tone.f,
+            t60: tone.t60,
+        };
+        Ok(tones.iter().map(mode).collect())
     }
 
     /// Whether the CA scheme is stable at `rate`.
@@ -369,7 +399,7 @@ impl Network {
                 Means::Dense => "dense",
                 Means::Lanczos => "lanczos",
             },
-            word: match certificate.word {
+            guarantee: match certificate.word {
                 StabilityGuarantee::Proved => "proved",
                 StabilityGuarantee::Guarded => "guarded",
                 StabilityGuarantee::Tried => "tried",
@@ -385,13 +415,21 @@ impl Network {
         py: Python<'_>,
         name: &str,
         topology: Result<Topology, GeneratorError>,
-        [mass, f, hardening]: [f64; 3],
-        t60: Option<f64>,
+        [mass, f, hardening, stretching]: [f64; 4],
+        decays: Option<Decays>,
     ) -> PyResult<usize> {
+        let decay = match &decays {
+            None => Decay::Lowest(None),
+            Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
+            Some(Decays::Points(points)) => Decay::Points(points),
+        };
         let topology =
             topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
-        computing(py, || self.0.mesh(name, &topology, mass, f, t60, hardening))?
-            .map_err(from_engine)
+        let laws = [hardening, stretching];
+        computing(py, || {
+            self.0.stretched_mesh(name, &topology, mass, f, decay, laws)
+        })?
+        .map_err(from_engine)
     }
 
     fn there(&self, index: usize) -> PyResult<()> {
@@ -405,38 +443,37 @@ impl Network {
     }
 }
 
-/// The part of a scene that a hand can move, pressed.
+/// The part of a scene that a hand can move, linear and at rest.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Met {
-    met: network::Met,
+pub(crate) struct ReachableScene {
+    scene: network::ReachableScene,
     rate: Rate,
 }
 
 #[pymethods]
-impl Met {
-    /// How many other hands feel it.
+impl ReachableScene {
+    /// Number of other hands that feel this hand.
     #[getter]
     fn others(&self) -> usize {
-        self.met.others
+        self.scene.others
     }
 
-    /// All that its answer is a function of: the same bytes, the same answer.
+    /// Bytes that determine the response.
     fn key<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let mut bytes = self.met.network.numbers();
-        bytes.extend((self.met.mat as u64).to_le_bytes());
+        let mut bytes = self.scene.network.numbers();
+        bytes.extend((self.scene.mat as u64).to_le_bytes());
         bytes.extend(self.rate.hertz().to_le_bytes());
         PyBytes::new(py, &bytes)
     }
 
-    /// Force against the hand [N/m] in each tick after it was 1 m away for one (n_ticks,), at least and at most so many;
-    /// None where the closed scene diverges by itself.
+    /// Force against the hand [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
     fn response<'py>(
         &self,
         py: Python<'py>,
-        every: u32,
+        tick_frames: u32,
         ticks: [usize; 2],
     ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
-        let found = py.detach(|| self.met.response(self.rate, every, ticks));
+        let found = py.detach(|| self.scene.response(self.rate, tick_frames, ticks));
         Ok(found
             .map_err(from_engine)?
             .map(|felt| felt.into_pyarray(py)))
@@ -448,6 +485,6 @@ impl Met {
 pub(crate) struct Certificate {
     lambda_max: f64,
     method: &'static str,
-    word: &'static str,
+    guarantee: &'static str,
     oversampling: u32,
 }

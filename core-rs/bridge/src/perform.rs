@@ -1,4 +1,4 @@
-//! A piece that is being played.
+//! Performances: a piece that the physics thread plays.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -9,11 +9,10 @@ use ergon_engine::simulation::Carry;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{
-    self, Bound, DeviceConfig, EventKind, Guidance, GuidanceShare, GuidanceStep, Hand, Keyboard,
+    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, Keyboard,
     PlaybackConfig, Stage, Stem,
 };
 use ergon_live::recording::{Axis, Header};
-use ergon_live::safety::Trip;
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -21,30 +20,32 @@ use crate::device::{self, AxisOf};
 use crate::error::{refused, said, unrecorded};
 use crate::guardian;
 use crate::mixer::Mixer;
-use crate::simulation::{Simulation, damping};
+use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent};
+use crate::simulation::{Simulation, damping, strike_impulse};
+use crate::status::{HandLimit, Status, named_event};
 
-/// How often a wait looks for Ctrl-C.
+/// Time between two checks for Ctrl-C during a wait.
 const LOOK: Duration = Duration::from_millis(2);
 /// Longer than any piece [s].
 const LONGEST: f64 = 1e6;
 
-/// (positions at each tick, reach, (k, z, whether it is loose) of what guides it, the scene's response)
+/// The fields of a `LiveHand`.
 type HandOf<'py> = (
     PyReadonlyArray1<'py, f64>,
     f64,
     Option<(f64, f64, bool)>,
     PyReadonlyArray1<'py, f64>,
 );
-/// (ticks after the change, share of the stiffness, share of the viscosity)
+/// (ticks after the change, factor of the stiffness, factor of the viscosity)
 type StepOf = (u64, f64, f64);
-/// (ticks after the change, greatest part of the force)
+/// (ticks after the change, greatest factor of the scene's force)
 type BoundOf = (u64, f64);
-/// (url, [(axis, hand)], greatest force, what is known of axes)
+/// The fields of a `LiveBoard`.
 type BoardOf = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisOf>);
-/// (path, [(player, key)], what else is known as JSON)
+/// The fields of a `RecordTarget`.
 type RecordOf = (PathBuf, Vec<(String, String)>, String);
 
-/// (path, bytes before its samples, frames, outputs)
+/// The fields of a `FrozenStem`.
 type StemOf = (PathBuf, u64, u64, Vec<usize>);
 
 /// A piece that is being played.
@@ -59,12 +60,12 @@ pub(crate) struct Performance {
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, every=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new()))]
+    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new()))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
         mixer: &Mixer,
-        every: usize,
+        tick_frames: usize,
         audio: &str,
         gain: f64,
         limit: f64,
@@ -93,7 +94,7 @@ impl Performance {
             gain,
             limiter: Limiter::new(rate, n_channels, limit).map_err(said)?,
             n_frames,
-            every: every.max(1),
+            tick_frames: tick_frames.max(1),
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
             frozen: stems(frozen, simulation.0.n_out())?,
@@ -105,7 +106,7 @@ impl Performance {
                 let axis = |(player, key)| Axis { player, key };
                 let header = Header {
                     rate,
-                    frames: every as u32,
+                    frames: tick_frames as u32,
                     axes: axes.into_iter().map(axis).collect(),
                     about,
                 };
@@ -114,7 +115,7 @@ impl Performance {
         };
         guardian::ready(py);
         py.detach(|| {
-            let period = every as f64 / rate;
+            let period = tick_frames as f64 / rate;
             let boards = boards
                 .into_iter()
                 .map(|board| open(board, period))
@@ -130,32 +131,38 @@ impl Performance {
         })
     }
 
-    /// How it goes now.
+    /// The state now.
     fn status(&self) -> PyResult<Status> {
         self.with(Status::of)
     }
 
-    /// What happened since the last call: (frame, what, number of the hand or keyboard).
-    fn events(&self) -> PyResult<Vec<EventTuple>> {
+    /// Events since the last call.
+    fn events(&self) -> PyResult<Vec<PerformanceEvent>> {
         self.with(|own| {
             std::iter::from_fn(|| own.event())
-                .map(event_tuple)
+                .map(named_event)
                 .collect()
         })
     }
 
-    /// What happened to the sound: (seconds, sentence).
-    fn sound_events(&self) -> PyResult<Vec<(f64, String)>> {
-        let of = |event: audio::Event| (event.at, event.sentence);
-        self.with(|own| own.output().events().into_iter().map(of).collect())
+    /// Events of the sound output so far.
+    fn sound_events(&self) -> PyResult<Vec<SoundEvent>> {
+        let named = |event: audio::Event| SoundEvent {
+            time: event.at,
+            sentence: event.sentence,
+        };
+        self.with(|own| own.output().events().into_iter().map(named).collect())
     }
 
-    /// Where the silence of a panic begins and ends: (frame, whether it begins), from number `since` on.
-    fn silences(&self, since: u64) -> PyResult<Vec<(u64, bool)>> {
-        let of = |edge: audio::Edge| (edge.frame, edge.silent);
+    /// Edges of the silence of panics, from number `since` on.
+    fn silences(&self, since: u64) -> PyResult<Vec<SilenceEdge>> {
+        let named = |edge: audio::Edge| SilenceEdge {
+            frame: edge.frame,
+            begins: edge.silent,
+        };
         self.with(|own| {
             let edges = own.output().shared().edges(since);
-            edges.into_iter().map(of).collect()
+            edges.into_iter().map(named).collect()
         })
     }
 
@@ -176,12 +183,12 @@ impl Performance {
         Ok(key.map(|key| py.detach(|| HandLimit::of(&key.limit(response)))))
     }
 
-    /// What it plays on, in words.
+    /// The sound output, as a sentence.
     fn output(&self) -> PyResult<String> {
         self.with(|own| own.output().info().sentence)
     }
 
-    /// What the system granted the physics thread, in words; None until it runs.
+    /// Priority and memory lock of the physics thread, in words; None until it runs.
     fn granted(&self) -> PyResult<Option<String>> {
         self.with(|own| own.granted().map(|granted| granted.to_string()))
     }
@@ -191,22 +198,52 @@ impl Performance {
         self.control.panic();
     }
 
-    /// Sound and force again, after a panic or after `let_go`.
+    /// Let sound and force return, after a panic or after `let_go`.
     fn release(&self) {
         self.control.release();
     }
 
-    /// Another gain, from the next tick on.
+    /// Let the gain glide to another, from the next tick on.
     fn gain(&self, gain: f64) -> PyResult<bool> {
         self.with(|own| own.gain(gain))
     }
 
-    /// Another gain of one of the mixer's groups of routes.
+    /// Write what is computed for the loudspeakers to a new file, from the next tick on.
+    fn record_audio(&self, path: PathBuf) -> PyResult<()> {
+        self.with(|own| own.record_audio(&path))?
+            .map_err(|error| refused("audio", error))
+    }
+
+    /// End the file of record_audio; False where too many commands wait.
+    fn end_audio(&self) -> PyResult<bool> {
+        self.with(|own| own.end_audio())
+    }
+
+    /// How the file of record_audio goes; None where there was none.
+    fn audio_recorded(&self) -> PyResult<Option<AudioRecorded>> {
+        let status = self.with(|own| own.audio_recorded())?;
+        Ok(status.map(|status| AudioRecorded {
+            first: status.first,
+            frames: status.frames,
+            missing: status.missing,
+            ended: status.ended,
+            error: status.error,
+        }))
+    }
+
+    /// Strike a point of the simulation that plays, at the next tick; a ticket, that an event "struck" or "missed"
+    /// tells; None where too many commands wait.
+    fn strike(&self, point: u32, impulse: f64) -> PyResult<Option<u64>> {
+        let impulse = strike_impulse(impulse)?;
+        self.with(|own| own.strike(point, impulse))
+    }
+
+    /// Let the gain of a group of the mixer's routes glide to another.
     fn part_gain(&self, group: usize, gain: f64) -> PyResult<bool> {
         self.with(|own| own.part_gain(group, gain))
     }
 
-    /// Change what plays at frame `at`, the first of a tick; a ticket, that an event "changed" or "late" tells.
+    /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None))]
@@ -251,7 +288,7 @@ impl Performance {
         };
         py.detach(|| {
             change.simulation = new.map(|new| {
-                // With nothing to take over it begins as it is.
+                // Without a simulation to take over, the new one begins in its own state.
                 let carry = old.map_or_else(Carry::default, |old| Carry::new(old, new));
                 (new.fork(), carry)
             });
@@ -259,12 +296,12 @@ impl Performance {
         })
     }
 
-    /// Play nothing more.
+    /// Stop: zero force at once, silence within 5 ms.
     fn stop(&self) {
         self.control.stop();
     }
 
-    /// Wait until the last frame is computed; False when `seconds` came first.
+    /// Wait until the last frame is computed; False when `seconds` have passed first.
     fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
         let until = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, LONGEST));
         while !self.with(|own| own.is_done())? {
@@ -283,19 +320,16 @@ impl Performance {
         self.with(|own| own.recording_trouble())
     }
 
-    /// Wait until everything was heard and put everything away; the events that are left.
-    fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<EventTuple>> {
+    /// Wait until everything was heard, and close; returns the remaining events.
+    fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<PerformanceEvent>> {
         let Some(own) = self.own().take() else {
             return Ok(Vec::new());
         };
         let patience = Duration::from_secs_f64(patience.clamp(0.0, LONGEST));
         let events = py.detach(|| own.close(patience)).map_err(said)?;
-        Ok(events.into_iter().map(event_tuple).collect())
+        Ok(events.into_iter().map(named_event).collect())
     }
 }
-
-/// (frame, what, number of the hand or keyboard, or seconds)
-type EventTuple = (u64, &'static str, f64);
 
 impl Performance {
     fn own(&self) -> MutexGuard<'_, Option<perform::Performance>> {
@@ -354,141 +388,12 @@ fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {
     frozen.into_iter().map(stem).collect()
 }
 
-fn tripped(why: Trip) -> &'static str {
-    match why {
-        Trip::NotFinite => "tripped: not finite",
-        Trip::Speed => "tripped: speed",
-        Trip::WrongWay => "tripped: wrong way",
-        Trip::AtStop => "tripped: at stop",
-        Trip::Frozen => "tripped: frozen",
-    }
-}
-
-fn event_tuple(event: perform::Event) -> EventTuple {
-    let (what, number) = match event.kind {
-        EventKind::Gone(board) => ("gone", board as f64),
-        EventKind::Back(board) => ("back", board as f64),
-        EventKind::TookOver(hand) => ("took over", hand as f64),
-        EventKind::Lost(late) => ("lost", late.as_secs_f64()),
-        EventKind::Tripped(hand, why) => (tripped(why), hand as f64),
-        EventKind::Muted => ("muted", 0.0),
-        EventKind::Finer => ("finer", 0.0),
-        EventKind::Changed(ticket) => ("changed", ticket as f64),
-        EventKind::Late(ticket) => ("late", ticket as f64),
-        EventKind::Ended => ("ended", 0.0),
-    };
-    (event.frame, what, number)
-}
-
-/// How a performance goes.
+/// How a file of sound goes.
 #[pyclass(frozen, get_all, module = "ergon._core")]
-pub(crate) struct Status {
-    frame: u64,
-    ticks: u64,
-    late: u64,
-    latest: f64,
-    lost: u64,
-    dropped: u64,
-    missed: u64,
-    load: f64,
-    busiest: f64,
-    filled: usize,
-    underruns: u64,
-    xruns: u64,
-    played: u64,
-    alive: bool,
-    done: bool,
-    panicked: bool,
-    sounding: Option<f64>,
-    latency: f64,
-    paced: bool,
-    peaks: Vec<f32>,
-    hands: Vec<HandStatus>,
-}
-
-impl Status {
-    fn of(own: &mut perform::Performance) -> Self {
-        let status = own.status();
-        let sound = own.output().shared();
-        let info = own.output().info();
-        let (_, latency) = sound.timing();
-        Self {
-            frame: status.frame,
-            ticks: status.ticks,
-            late: status.late,
-            latest: status.latest.as_secs_f64(),
-            lost: status.lost,
-            dropped: status.dropped,
-            missed: status.missed,
-            load: status.load,
-            busiest: status.busiest,
-            filled: status.filled,
-            underruns: sound.underruns(),
-            xruns: sound.xruns(),
-            played: sound.played(),
-            alive: sound.alive(),
-            done: own.is_done(),
-            panicked: sound.panicked(),
-            sounding: sound.sounding().map(|since| since.as_secs_f64()),
-            latency: f64::from(latency) / f64::from(info.rate.max(1)),
-            paced: info.paced,
-            peaks: status.peaks.to_vec(),
-            hands: status.hands.iter().map(HandStatus::of).collect(),
-        }
-    }
-}
-
-/// How a hand does.
-#[pyclass(frozen, get_all, from_py_object, module = "ergon._core")]
-#[derive(Clone)]
-pub(crate) struct HandStatus {
-    position: f64,
-    force: f64,
-    sent: f64,
-    scale: f64,
-    real: bool,
-    touch: bool,
-    enabled: bool,
-    tripped: bool,
-    hot: bool,
-    let_go: u64,
-    stalls: u64,
-}
-
-impl HandStatus {
-    fn of(hand: &perform::HandStatus) -> Self {
-        Self {
-            position: hand.position,
-            force: hand.force,
-            sent: hand.sent,
-            scale: hand.scale,
-            real: hand.real,
-            touch: hand.touch,
-            enabled: hand.enabled,
-            tripped: hand.tripped,
-            hot: hand.hot,
-            let_go: hand.let_go,
-            stalls: hand.stalls,
-        }
-    }
-}
-
-/// How much of the scene's force a real hand may get.
-#[pyclass(frozen, get_all, module = "ergon._core")]
-pub(crate) struct HandLimit {
-    hand: usize,
-    scale: f64,
-    stiffness: f64,
-    limit: f64,
-}
-
-impl HandLimit {
-    fn of(limit: &perform::HandLimit) -> Self {
-        Self {
-            hand: limit.hand,
-            scale: limit.scale,
-            stiffness: limit.stiffness,
-            limit: limit.limit,
-        }
-    }
+pub(crate) struct AudioRecorded {
+    first: Option<u64>,
+    frames: u64,
+    missing: u64,
+    ended: bool,
+    error: Option<String>,
 }

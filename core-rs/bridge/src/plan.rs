@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use ergon_engine::plan::{self, Budget, CachedReport, Computed, Measured, Reason};
+use ergon_engine::plan::{self, Budget, CachedReport, Computed, Measured, ModeKind, Reason};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, refused, word};
+use crate::named::{FullRatePart, IslandChoice, ModeCount, TrialWork};
 use crate::network::Network;
 use crate::timeline::Timeline;
 use crate::words;
@@ -90,31 +91,28 @@ impl Plan {
         self.0.rows().iter().map(PlanRow::of).collect()
     }
 
-    /// What was decided, island by island: (modules, times, steps, numbers of each body).
-    fn choices(&self) -> Vec<Pin> {
-        let choices = self.0.choices().iter();
-        choices
-            .map(|choice| {
-                let kept = choice.kept.clone();
-                (
-                    choice.modules,
-                    choice.oversampling,
-                    choice.contact_substeps,
-                    kept,
-                )
-            })
-            .collect()
+    /// What was decided, island by island.
+    fn choices(&self) -> Vec<IslandChoice> {
+        let named = |choice: &plan::Choice| IslandChoice {
+            modules: choice.modules,
+            oversampling: choice.oversampling,
+            contact_substeps: choice.contact_substeps,
+            bodies: choice.kept.clone(),
+        };
+        self.0.choices().iter().map(named).collect()
     }
 
-    /// Parts that have a rate of their own and go at every frame all the same: (name, why).
-    fn stay(&self) -> Vec<(String, String)> {
-        self.0.stay().to_vec()
+    /// Parts with their own rate that are computed at every frame, and why.
+    fn stay(&self) -> Vec<FullRatePart> {
+        let stay = self.0.stay().iter().cloned();
+        stay.map(|(name, why)| FullRatePart { name, why }).collect()
     }
 
     /// Work that its trials took, and the most that they might, by the table of costs [s].
     #[getter]
-    fn trials(&self) -> (f64, f64) {
-        self.0.trials()
+    fn trials(&self) -> TrialWork {
+        let (done, allowed) = self.0.trials();
+        TrialWork { done, allowed }
     }
 
     /// A hash of what was decided (64 hex digits).
@@ -183,17 +181,17 @@ pub(crate) struct PlanRow {
     n_mat: usize,
     n_lia: usize,
     what: &'static str,
-    modes: Option<(usize, usize)>,
+    modes: Option<ModeCount>,
     left_out_db: Option<f64>,
-    times: u32,
-    steps: usize,
+    oversampling: u32,
+    contact_substeps: usize,
     error_db: Option<f64>,
     error_s: Option<f64>,
     spectral_db: Option<f64>,
     cost: f64,
-    word: Option<&'static str>,
+    guarantee: Option<&'static str>,
     because: Option<String>,
-    every: Option<u32>,
+    macrostep: Option<u32>,
     radius: Option<f64>,
     preserved: bool,
     stays: Option<String>,
@@ -208,7 +206,22 @@ impl PlanRow {
             Computed::Mesh(way, _) => (way, None, None),
             Computed::Slow(_) => ("e4", None, None),
             Computed::Oscillators => ("oscillators", None, None),
-            Computed::Modes { of, kept, left_out } => ("modes", Some((kept, of)), left_out),
+            Computed::Modes {
+                kind,
+                of,
+                kept,
+                left_out,
+            } => {
+                let what = match kind {
+                    ModeKind::Normal => "modes",
+                    ModeKind::Complex => "complex modes",
+                };
+                let count = ModeCount {
+                    computed: kept,
+                    total: of,
+                };
+                (what, Some(count), left_out)
+            }
             Computed::LeftOut(Reason::Unheard) => ("unheard", None, None),
             Computed::LeftOut(Reason::Still) => ("still", None, None),
         };
@@ -219,24 +232,24 @@ impl PlanRow {
             what,
             modes,
             left_out_db,
-            times: match row.what {
+            oversampling: match row.what {
                 Computed::Mesh(_, substeps) => row.oversampling * substeps,
                 _ => row.oversampling,
             },
-            steps: row.contact_substeps,
+            contact_substeps: row.contact_substeps,
             error_db: row.error.map(|error| error.db),
             error_s: row.error.map(|error| error.over),
             spectral_db: row.error.and_then(|error| error.spectral),
             cost: row.cost,
-            word: row.word.map(|word| match word {
+            guarantee: row.word.map(|word| match word {
                 StabilityGuarantee::Proved => "proved",
                 StabilityGuarantee::Guarded => "guarded",
                 StabilityGuarantee::Tried => "tried",
             }),
             because: row.because.clone(),
-            // At a multiple of the rate as many more steps make the same time.
-            every: match row.what {
-                Computed::Slow(every) => Some(every / row.oversampling.max(1)),
+            // The engine counts steps; a row counts frames.
+            macrostep: match row.what {
+                Computed::Slow(steps) => Some(steps / row.oversampling.max(1)),
                 _ => None,
             },
             radius: row.radius,

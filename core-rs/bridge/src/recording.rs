@@ -10,6 +10,7 @@ use pyo3::types::PyBytes;
 
 use crate::error::said;
 use crate::frames::rows;
+use crate::named::{RecordedAxis, RecordedEvent};
 
 fn from_recording(error: RecordingError) -> PyErr {
     match error {
@@ -79,9 +80,10 @@ impl Recording {
     }
 
     #[getter]
-    fn axes(&self) -> Vec<(&str, &str)> {
-        let axes = self.0.header.axes.iter();
-        axes.map(|axis| (&*axis.player, &*axis.key)).collect()
+    fn axes(&self) -> Vec<RecordedAxis> {
+        let axes = self.0.header.axes.iter().cloned();
+        axes.map(|Axis { player, key }| RecordedAxis { player, key })
+            .collect()
     }
 
     /// One name for each axis that no other has.
@@ -96,8 +98,11 @@ impl Recording {
     }
 
     #[getter]
-    fn events(&self) -> Vec<(u64, String)> {
-        self.0.events.clone()
+    fn events(&self) -> Vec<RecordedEvent> {
+        let events = self.0.events.iter().cloned();
+        events
+            .map(|(tick, line)| RecordedEvent { tick, line })
+            .collect()
     }
 
     #[getter]

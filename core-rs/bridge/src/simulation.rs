@@ -7,6 +7,7 @@ use pyo3::types::PyDict;
 
 use crate::error::{from_engine, from_fault, refused, word};
 use crate::frames::rows_mut;
+use crate::named::{FinerPart, MutedPart};
 use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
@@ -134,6 +135,11 @@ impl Simulation {
         self.0.hold(hand, x, step);
     }
 
+    /// Strike a point of Timeline.strike_point at the next frame; False where there is no such point.
+    fn strike(&mut self, point: u32, impulse: f64) -> PyResult<bool> {
+        Ok(self.0.strike(point, strike_impulse(impulse)?))
+    }
+
     /// Mean force of the scene on a real hand over the last whole tick [N].
     fn felt(&self, hand: usize) -> f64 {
         self.0.felt(hand)
@@ -235,18 +241,37 @@ impl Simulation {
         Ok(columns)
     }
 
-    /// Parts put to silence (name, frame).
-    fn muted(&self) -> Vec<(String, u64)> {
-        self.0.muted()
+    /// Parts that were muted.
+    fn muted(&self) -> Vec<MutedPart> {
+        let muted = self.0.muted().into_iter();
+        muted
+            .map(|(name, frame)| MutedPart { name, frame })
+            .collect()
     }
 
-    /// Parts of which frames were computed finer (name, frames, steps a frame at most).
-    fn finer(&self) -> Vec<(String, u64, u32)> {
-        self.0.finer()
+    /// Parts with frames that were computed finer.
+    fn finer(&self) -> Vec<FinerPart> {
+        let finer = self.0.finer().into_iter();
+        finer
+            .map(|(name, frames, steps)| FinerPart {
+                name,
+                frames,
+                steps,
+            })
+            .collect()
     }
 }
 
 /// A time to fade within [s], if it is one.
+/// An impulse [N·s] that is a finite number.
+pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
+    if impulse.is_finite() {
+        Ok(impulse)
+    } else {
+        Err(refused("strike", "an impulse is a finite number"))
+    }
+}
+
 pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     match t60 {
         Some(t60) if !(t60.is_finite() && t60 > 0.0) => {

@@ -1,10 +1,11 @@
 //! Captured movements.
 
-use ergon_engine::gesture::take::{self, Care, TakeError};
+use ergon_engine::gesture::take::{self, Preparation, TakeError};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use crate::error::{EngineError, with};
+use crate::named::PathPoint;
 use crate::work::computing;
 
 /// A captured movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
@@ -23,7 +24,7 @@ impl Take {
         smooth: Option<f64>,
     ) -> PyResult<Self> {
         let (t, x) = (t.as_slice()?, x.as_slice()?);
-        computing(py, || take::Take::new(t, x, Care { trim, smooth }))?
+        computing(py, || take::Take::new(t, x, Preparation { trim, smooth }))?
             .map(Self)
             .map_err(refused)
     }
@@ -40,8 +41,9 @@ impl Take {
     }
 
     /// Position, velocity, acceleration at t [s].
-    fn at(&self, t: f64) -> (f64, f64, f64) {
-        self.0.profile().at(t)
+    fn at(&self, t: f64) -> PathPoint {
+        let (x, v, a) = self.0.profile().at(t);
+        PathPoint { x, v, a }
     }
 
     /// Positions at t [s], (n,), quickest where they follow each other closely.

@@ -11,6 +11,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, hertz, refused, word};
+use crate::named::Range;
 use crate::network::Network;
 use crate::take::Take;
 use crate::words;
@@ -64,14 +65,14 @@ impl Timeline {
     ) -> PyResult<usize> {
         work::poll()?; // there may be many
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
-        let way = curve
+        let approaches = curve
             .iter()
             .map(|curve| word("curve", curve, &words::WAYS))
             .collect::<PyResult<Vec<Approach>>>()?;
         let written = Written {
             t: &t,
             x: &x,
-            way: &way,
+            approaches: &approaches,
             sources: &sources,
         };
         Gesture::written(key, &written, manner)
@@ -80,8 +81,9 @@ impl Timeline {
     }
 
     /// Lowest and highest position of each gesture's written points and paths [m].
-    fn ranges(&self) -> Vec<(f64, f64)> {
-        self.inner.ranges()
+    fn ranges(&self) -> Vec<Range> {
+        let ranges = self.inner.ranges().into_iter();
+        ranges.map(|(low, high)| Range { low, high }).collect()
     }
 
     /// A take played as a gesture from `at`: x·scale at t·stretch.
@@ -110,7 +112,7 @@ impl Timeline {
             .0
             .placed(at, scale, stretch, reverse)
             .map_err(|error| refused("take", error))?;
-        Gesture::taken(key, path, until, source, manner)
+        Gesture::from_take(key, path, until, source, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
             .map_err(|error| refused("take", error))
     }
@@ -212,6 +214,18 @@ impl Timeline {
             .map_err(from_engine)
     }
 
+    /// K, Z and M of a MAT go through points (t, k, z, m).
+    fn path(&mut self, mat: usize, points: Vec<(f64, f64, f64, f64)>) -> PyResult<()> {
+        self.there("path", mat)?;
+        let points: Vec<_> = points
+            .into_iter()
+            .map(|(at, k, z, m)| (at, [k, z, m]))
+            .collect();
+        self.inner
+            .path(&self.network, mat, &points)
+            .map_err(from_engine)
+    }
+
     /// ENX / ENF: a constant, or a take from `at`.
     #[pyo3(signature = (mat, kind, *, constant=None, take=None, at=0.0, scale=1.0, own=true))]
     #[allow(clippy::too_many_arguments)]
@@ -245,12 +259,20 @@ impl Timeline {
             .map_err(|error| refused("drive", error))
     }
 
+    /// A MAT that `Simulation.strike` may strike, by its number there.
+    fn strike_point(&mut self, mat: usize, point: u32) -> PyResult<()> {
+        self.there("strike_point", mat)?;
+        self.inner
+            .strike_point(&self.network, mat, point)
+            .map_err(|error| refused("strike_point", error))
+    }
+
     /// A real hand moves a MAT, in ticks of `every` frames; `positions` [m] at each, if they are known.
-    #[pyo3(signature = (mat, every, *, way="line", positions=None))]
+    #[pyo3(signature = (mat, tick_frames, *, way="line", positions=None))]
     fn hand(
         &mut self,
         mat: usize,
-        every: u32,
+        tick_frames: u32,
         way: &str,
         positions: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<usize> {
@@ -261,7 +283,7 @@ impl Timeline {
             .hand(
                 &self.network,
                 mat,
-                every,
+                tick_frames,
                 way,
                 positions.unwrap_or_default(),
             )

@@ -17,7 +17,11 @@ pub(crate) const ENDS: Words<Ends, 3> = [
     ("free", Ends::Free),
     ("left", Ends::Left),
 ];
-pub(crate) const SHAPES: Words<Shape, 2> = [("hex", Shape::Hex), ("square", Shape::Square)];
+pub(crate) const SHAPES: Words<Shape, 3> = [
+    ("hex", Shape::Hex),
+    ("square", Shape::Square),
+    ("disc", Shape::Disc),
+];
 pub(crate) const RIMS: Words<Rim, 2> = [("free", Rim::Free), ("fixed", Rim::Fixed)];
 pub(crate) const SPREADS: Words<Spread, 2> = [("even", Spread::Even), ("random", Spread::Random)];
 pub(crate) const PLACES: Words<Place, 2> = [("line", Place::Line), ("spiral", Place::Spiral)];

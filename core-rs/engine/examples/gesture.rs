@@ -31,7 +31,7 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
     let points = Written {
         t: &[0.0, 0.1, 0.3],  // [s]
         x: &[0.0, 6e-3, 0.0], // [m]
-        way: &[Approach::Path(Curve::Smooth); 3],
+        approaches: &[Approach::Path(Curve::Smooth); 3],
         sources: &[],
     };
     let manner = Manner {

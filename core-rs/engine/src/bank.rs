@@ -12,7 +12,7 @@ pub(crate) use carry::are_same;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::cell::Cell;
+use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, joined, run, run_weighted};
 use crate::units::Rate;
 use script::{Script, Section};
@@ -55,8 +55,8 @@ pub(crate) enum Kick {
 pub(crate) struct Strikes {
     /// The oscillators, by index of addition.
     pub(crate) among: Range<usize>,
-    /// The continuous motion of each, of mass 1; empty where a strike acts in one step   (n)
-    pub(crate) cells: Vec<Cell>,
+    /// How each goes on after a strike; empty where a strike acts in one step   (n)
+    pub(crate) responses: Vec<Response>,
     /// Share of the strike of each oscillator   (n)
     pub(crate) share: Vec<f64>,
     /// Displacement of a mass of 1 by a force of 1 N over one step: T², or 1 where masses are algorithmic.

@@ -1,11 +1,14 @@
-//! CEL: a mass tied to the ground by a spring and a damper, and its exact place in discrete time.
+//! CEL: a mass tied to the ground by a spring and a damper, discretised exactly.
 //!
-//! m ẍ + z ẋ + k (x - rest) = 0 has a closed solution; the scheme
-//! x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M = m/T² runs through its very samples when κ
-//! and ζ are taken from the solution's poles. T is the step, θ the angle and r the decay of one step.
+//! m ẍ + z ẋ + k (x - rest) = 0 has a closed solution. The scheme
+//! x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M = m/T² gives exactly its samples where κ and ζ
+//! come from the poles of the solution. T is the step, θ the angle and r the decay of one step.
 
+mod response;
 #[cfg(test)]
 mod tests;
+
+pub(crate) use response::{Response, recurrence};
 
 use std::f64::consts::{LN_10, TAU};
 
@@ -17,6 +20,9 @@ pub fn decay(t60: Option<f64>) -> f64 {
     t60.map_or(0.0, |t60| 3.0 * LN_10 / t60)
 }
 
+/// A motion that fades by more than e^-STEEP is not continued backwards as it is.
+const STEEP: f64 = 25.0;
+
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratios {
@@ -27,8 +33,8 @@ pub struct Ratios {
 }
 
 impl Ratios {
-    /// Of poles r e^{±iθ}, with r = e^-s.
-    fn of_poles(s: f64, theta: f64) -> Self {
+    /// The ratios whose poles are r e^{±iθ}, with r = e^-s.
+    pub(crate) fn of_poles(s: f64, theta: f64) -> Self {
         let (loss, half) = (-expm1(-s), sin(0.5 * theta));
         Self {
             kappa: loss * loss + 4.0 * exp(-s) * (half * half),
@@ -38,7 +44,7 @@ impl Ratios {
 
     /// Damped frequency [Hz] and T60 [s] (infinite without loss), where the poles are complex.
     pub fn pitch(self, rate: Rate) -> Option<(f64, f64)> {
-        // 1-ζ is r²; where Z takes all the velocity in one step there is no oscillation.
+        // 1-ζ is r²; where Z removes all velocity in one step there is no oscillation.
         let r = sqrt(1.0 - self.zeta);
         let loss = self.zeta / (1.0 + r);
         let half = (self.kappa - loss * loss) / (4.0 * r);
@@ -53,12 +59,30 @@ impl Ratios {
 /// κ and ζ of a CEL with damped frequency `f` [Hz] and decay `t60` [s; none: no decay], exactly.
 ///
 /// `f` is below half the rate; above, the poles are those of its alias.
+///
+/// ```
+/// use ergon_engine::{Rate, cell};
+///
+/// let rate = Rate::new(44_100.0)?;
+/// let ratios = cell::tune(440.0, Some(2.0), rate);
+/// let (f, t60) = ratios.pitch(rate).expect("it oscillates");
+/// assert!((f - 440.0).abs() < 1e-9 && (t60 - 2.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn tune(f: f64, t60: Option<f64>, rate: Rate) -> Ratios {
     let step = rate.step();
     Ratios::of_poles(decay(t60) * step, TAU * f * step)
 }
 
 /// A continuous CEL.
+///
+/// ```
+/// use ergon_engine::cell::Cell;
+///
+/// let cell = Cell::tuned(0.002, 440.0, Some(1.0)); // 2 g, 440 Hz, 1 s
+/// let same = Cell::new(0.002, cell.stiffness(), cell.viscosity());
+/// assert!((same.frequency() - 440.0).abs() < 1e-9);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
     mass: f64,
@@ -87,7 +111,7 @@ impl Cell {
             }
         } else {
             let fast = sigma + sqrt(excess);
-            // Not σ - √…: the difference of two near numbers would lose a weak spring.
+            // Not σ - √…: that difference cancels where the spring is weak.
             Poles::Creeping {
                 slow: squared / fast,
                 fast,
@@ -109,7 +133,7 @@ impl Cell {
         }
     }
 
-    /// Damped frequency [Hz]; 0 where it creeps.
+    /// Damped frequency [Hz]; 0 where damping is above critical.
     pub fn frequency(&self) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } => omega / TAU,
@@ -131,7 +155,7 @@ impl Cell {
         2.0 * self.mass * self.sigma
     }
 
-    /// κ and ζ with exactly this cell's poles at `rate`, whatever the damping.
+    /// κ and ζ whose poles at `rate` are exactly those of this cell, for any damping.
     ///
     /// Without stiffness κ is 0 and ζ = 1 - e^{-zT/m}; without viscosity ζ is 0.
     pub fn ratios(&self, rate: Rate) -> Ratios {
@@ -149,7 +173,7 @@ impl Cell {
     /// x(0) - x(-T) [m] of the free motion that is at `x` [m] with velocity `v` [m/s] at t = 0, its
     /// ground at `rest` [m].
     ///
-    /// Where one step forgets all velocity (1-ζ rounds to 0), the past has no effect and T·v is given.
+    /// Where damping removes all velocity within one step (1-ζ rounds to 0), the past has no effect, and the result is T·v.
     pub fn last_step(&self, x: f64, v: f64, rest: f64, rate: Rate) -> f64 {
         /// e^-FORGOTTEN is less than half the rounding unit.
         const FORGOTTEN: f64 = 37.0;
@@ -158,8 +182,8 @@ impl Cell {
         if 2.0 * s > FORGOTTEN {
             return step * v;
         }
-        // y(-T) = e^s (y C - (v + σy) S), S and C the (hyperbolic) sine over ω and cosine of one step:
-        // `turn` is 1 - e^s C, `slide` e^s S, both without taking near numbers from each other.
+        // y(-T) = e^s (y C - (v + σy) S), with the (hyperbolic) cosine C, and sine over ω S, of one step:
+        // `turn` is 1 - e^s C and `slide` is e^s S, both computed without cancellation.
         let (turn, slide) = match self.poles {
             Poles::Oscillating { omega } => {
                 let half = sin(0.5 * omega * step);
@@ -198,10 +222,9 @@ impl Cell {
         self.response(t) / self.mass
     }
 
-    /// The same function continued to before the impulse, where it does not explode there: `t` [s] of any sign.
+    /// The same function continued to before the impulse: `t` [s] of any sign. What fades by more than e^-STEEP over
+    /// `t` is continued as an odd function, for there it would explode.
     pub(crate) fn answer_around(&self, t: f64) -> f64 {
-        /// A motion that fades by more than e^-STEEP over `t` is continued as an odd function.
-        const STEEP: f64 = 25.0;
         if t < 0.0 && self.reach() * -t > STEEP {
             -self.answer(-t)
         } else {
@@ -222,9 +245,9 @@ impl Cell {
         }
     }
 
-    /// Weights of where it is about its rest, and of where it is one sample later, that make where it is `part`
-    /// of the way between.
-    pub(crate) fn way(&self, part: f64, rate: Rate) -> (f64, f64) {
+    /// Weights of two successive samples, relative to the rest position, whose sum is the free motion at the fraction
+    /// `part` between them.
+    pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
         let step = rate.step();
         let whole = self.response(step);
         let left = self.response((1.0 - part) * step) / whole;
@@ -232,8 +255,18 @@ impl Cell {
         (left * exp(-2.0 * self.sigma * part * step), done)
     }
 
-    /// The forces [N] at samples n and n+1 that stand for an impulse [N·s] at (n + α)T, 0 <= α < 1:
-    /// from n+2 on (and at n+1 already) the scheme runs through the continuous motion's samples.
+    /// Forces [N] at samples n and n+1 that replace an impulse [N·s] at (n + α)T, 0 <= α < 1: from sample n+1 on the
+    /// scheme gives exactly the samples of the continuous motion.
+    ///
+    /// ```
+    /// use ergon_engine::{Rate, cell::Cell};
+    ///
+    /// let rate = Rate::new(44_100.0)?;
+    /// let cell = Cell::tuned(0.002, 440.0, Some(1.0));
+    /// let [now, next] = cell.split(1e-3, 0.25, rate); // a quarter of a sample after n
+    /// assert!(now > next && next > 0.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
         let step = rate.step();
         let unit = impulse / (step * step);

@@ -11,6 +11,14 @@ use crate::maths;
 /// stream, both little-endian.
 ///
 /// Two keys share nothing, so a line added to a score changes no draw of another line.
+///
+/// ```
+/// use ergon_engine::chance::Chance;
+///
+/// let draw = |member| Chance::new(7, "bank", "sky", member, 0).uniform(0.0, 1.0);
+/// assert_eq!(draw(3), draw(3)); // a key always draws the same
+/// assert_ne!(draw(3), draw(4));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Chance(Pcg64);
 
@@ -50,6 +58,14 @@ impl Chance {
     ///
     /// What an instant carries is drawn between two of them, through [`PoissonTimes::chance`]: then
     /// a later `stop` adds strikes and changes none.
+    ///
+    /// ```
+    /// use ergon_engine::chance::Chance;
+    ///
+    /// let mut chance = Chance::new(7, "strikes", "sky", 0, 0);
+    /// let times: Vec<f64> = chance.poisson_times(50.0, 0.0, 10.0).collect();
+    /// assert!(times.is_sorted() && (400..600).contains(&times.len()));
+    /// ```
     pub fn poisson_times(&mut self, rate: f64, start: f64, stop: f64) -> PoissonTimes<'_> {
         PoissonTimes {
             chance: self,

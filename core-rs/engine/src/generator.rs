@@ -1,21 +1,30 @@
 //! STRING, PLATE and BANK: where the masses lie, what links them, and how they are tuned.
 //!
-//! Topologies are pure: masses and springs of 1. Masses are numbered row by row and links come in long runs of
-//! constant offset, over which the kernel loops.
+//! A topology has masses and springs of 1. Masses are numbered row by row, and links come in long runs of constant
+//! offset, over which the kernels loop.
 
 mod bank;
+mod bent_plate;
+mod fit;
+mod loss;
 mod plate;
+mod rectangle;
+mod sparse;
+mod stiff_string;
 mod string;
 #[cfg(test)]
 mod tests;
 mod tune;
 
 pub use bank::{BankCell, BankForm, Place, Spread, bank};
+pub use bent_plate::bent_plate;
+pub use loss::{Decay, Losses, tune_points};
 pub use plate::{Rim, Shape, plate};
+pub use stiff_string::stiff_string;
 pub use string::{Ends, string};
 pub use tune::{Tuned, tune};
 
-/// Most MATs of one generator: enough for an hour of patience, too few to fill the memory.
+/// Most MATs of one generator: they fit the memory.
 pub const MAX_MASSES: usize = 2_000_000;
 
 /// Links of one factor: link i of the run joins points a + i and b + i.
@@ -27,31 +36,42 @@ pub struct LinkRun {
     pub b: usize,
     /// How many links.
     pub len: usize,
-    /// Of the generator's k and z: 1, or a string's `stiffness`.
+    /// Factor of the generator's k and z: 1, or the `stiffness` of a string; negative where a body resists bending,
+    /// whose links together are passive.
     pub factor: f64,
+    /// Whether `hardening` acts on them.
+    pub hardens: bool,
 }
 
-/// What a generator makes: points 0..n_mat are MATs, n_mat..n_mat + n_fixed are SOLs.
+/// The network that a generator makes: points 0..n_mat are MATs, n_mat..n_mat + n_fixed are SOLs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Topology {
-    /// MATs.
+    /// Number of MATs.
     pub n_mat: usize,
-    /// SOLs.
+    /// Number of SOLs.
     pub n_fixed: usize,
-    /// Links.
+    /// The links.
     pub runs: Vec<LinkRun>,
-    /// The middle MAT.
+    /// Index of the middle MAT.
     pub centre: usize,
     /// (x, y) [m] of every point, the body 1 m wide and centred on (0, 0); (n_mat + n_fixed,).
     pub positions: Vec<[f64; 2]>,
+    /// Each MAT's mass over the mean one; empty where all are equal   (n_mat,)
+    pub shares: Vec<f64>,
+    /// Whether nothing keeps it from tilting, as it resists curvature alone.
+    tilts: bool,
     /// The lowest non-rigid λ where a formula gives it.
-    closed: Option<f64>,
+    lowest_lambda: Option<f64>,
+    /// Whether its fixed points lie before and after its masses, so that a path of links is one run.
+    pub(crate) in_line: bool,
+    /// A plainer body of which this one's matrix is a polynomial, with the coefficients from the first power on.
+    plain: Option<(Box<Topology>, Vec<f64>)>,
 }
 
-/// A generator that cannot be made.
+/// Why a generator is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GeneratorError {
-    /// Too few or too many.
+    /// A number of things that is out of range.
     #[error("{what} must be from {least} to {most}; here it is {got}.")]
     Count {
         /// The field.
@@ -73,11 +93,42 @@ pub enum GeneratorError {
         /// What was given.
         got: f64,
     },
-    /// Nothing moves against anything.
+    /// A string whose lattice is too coarse for its partials.
+    #[error(
+        "A string of {masses} masses cannot have its first 20 partials within 1 cent of this inharmonicity; give it \
+         {enough} masses or more."
+    )]
+    FewMasses {
+        /// How many were given.
+        masses: usize,
+        /// How many are enough.
+        enough: usize,
+    },
+    /// Decays that change too fast with pitch, or too slowly.
+    #[error(
+        "No dampers of this body give a decay of {t60:.3} s at {f:.0} Hz beside the others; {nearest:.3} s would be \
+         the nearest. Leave the point out, or take one nearer to that."
+    )]
+    Decays {
+        /// Where [Hz].
+        f: f64,
+        /// What was asked for [s].
+        t60: f64,
+        /// What can be had [s].
+        nearest: f64,
+    },
+    /// A shape that only a plate with bending has.
+    #[error(
+        "A disc is a plate that bends: write `bending: true` beside it, or take the shape hex."
+    )]
+    Flat,
+    /// No two masses can move against each other.
     #[error("A body of one free mass has no mode to tune; give it more masses, or fix its edge.")]
     NoMode,
-    /// Above half the rate no discrete network can have the pitch.
-    #[error("A discrete network at {rate} Hz cannot sound at {f} Hz: it ends at half its rate.")]
+    /// A pitch above half the rate of a discrete network.
+    #[error(
+        "A discrete network at {rate} Hz cannot sound at {f} Hz: its frequencies end at half its rate."
+    )]
     Pitch {
         /// Asked frequency [Hz].
         f: f64,
@@ -110,7 +161,35 @@ fn positive(what: &'static str, got: f64) -> Result<(), GeneratorError> {
 }
 
 impl Topology {
-    /// Whether nothing holds the body in place: it has a rigid mode.
+    /// MATs of equal mass of which nothing else is known.
+    fn new(n_mat: usize, runs: Vec<LinkRun>, positions: Vec<[f64; 2]>) -> Self {
+        Self {
+            n_mat,
+            n_fixed: positions.len() - n_mat,
+            runs,
+            centre: n_mat / 2,
+            positions,
+            shares: Vec::new(),
+            tilts: false,
+            lowest_lambda: None,
+            in_line: false,
+            plain: None,
+        }
+    }
+
+    /// With its fixed points before and after its masses, or beside them.
+    #[must_use]
+    pub fn in_line(mut self, in_line: bool) -> Self {
+        self.in_line = in_line;
+        self
+    }
+
+    /// A MAT's mass over the mean one.
+    pub fn share(&self, mat: usize) -> f64 {
+        self.shares.get(mat).copied().unwrap_or(1.0)
+    }
+
+    /// Whether no point is fixed, so that the body has a rigid mode.
     pub fn is_rigid(&self) -> bool {
         self.n_fixed == 0
     }
@@ -119,9 +198,11 @@ impl Topology {
     pub fn apply(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         for run in &self.runs {
-            let LinkRun { a, b, len, factor } = *run;
+            let LinkRun {
+                a, b, len, factor, ..
+            } = *run;
             if a + len <= self.n_mat && b + len <= self.n_mat {
-                // Each end in a loop of its own: what is written then never overlaps what is read.
+                // A loop for each end: no loop writes what it reads.
                 let (xa, xb) = (&x[a..a + len], &x[b..b + len]);
                 for (y, (xa, xb)) in y[a..a + len].iter_mut().zip(xa.iter().zip(xb)) {
                     *y += factor * (xa - xb);
@@ -155,15 +236,23 @@ impl Links {
     }
 
     fn join(&mut self, a: usize, b: usize, factor: f64) {
+        self.join_bent(a, b, factor, true);
+    }
+
+    /// A link of a body that resists bending, of either sign; its stretching alone hardens.
+    fn join_bent(&mut self, a: usize, b: usize, factor: f64, hardens: bool) {
+        let goes_on = |run: &LinkRun| {
+            (run.a + run.len, run.b + run.len) == (a, b)
+                && (run.factor, run.hardens) == (factor, hardens)
+        };
         match self.runs.last_mut() {
-            Some(run) if run.a + run.len == a && run.b + run.len == b && run.factor == factor => {
-                run.len += 1;
-            }
+            Some(run) if goes_on(run) => run.len += 1,
             _ => self.runs.push(LinkRun {
                 a,
                 b,
                 len: 1,
                 factor,
+                hardens,
             }),
         }
     }

@@ -1,4 +1,4 @@
-//! Gestures: paths a hand goes, and the ergons that take a key there.
+//! Gestures as data: paths of a key in seconds and metres, and how ergons make the key follow them.
 
 pub mod error;
 pub mod placed;

@@ -1,16 +1,16 @@
 //! The guard of links that stiffen: frames in which they would make a scheme diverge are computed finer.
 //!
 //! A certificate knows every law by its slope at rest. Beyond it λmax(M⁻¹(K + 2Z)) is at most that at rest plus the
-//! edge sums of what the links have stiffened by. Where that leaves too little of the limit at the end of a frame, the
-//! frame is gone through again in 2, 4 or 8 steps of CA.
+//! edge sums of the links' stiffening. Where that is too near the limit at the end of a frame, the frame is computed
+//! again in 2, 4 or 8 steps of CA.
 
 mod cells;
 mod finer;
-mod scene;
+mod kernel_stage;
 mod watch;
 
 pub(crate) use finer::{Motion, Stage};
-pub(crate) use scene::Scene;
+pub(crate) use kernel_stage::KernelStage;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,29 +20,30 @@ use crate::network::{Error, Network};
 use crate::scheme::{Scheme, top};
 use crate::state::PreviousState;
 use cells::Cells;
-use watch::{Watch, allow, nearest, watches};
+use watch::{Watch, nearest, set_reaches, watches};
 
-/// λ up to which steps of CA are trusted, of the 4 that they bear. Near 4 they swing too wide, and what follows takes
-/// that for energy: at 0.9 of it a gong struck at the border of what it bears makes a quarter of what is put in, at
-/// 0.5 nothing (`tests/scenes/stiff.rs`).
-const CA: f64 = 2.0;
+/// λ up to which steps of CA are trusted; they are stable up to 4. Near 4 the motion between samples overshoots, and
+/// the laws turn the overshoot into energy: with 3.6 here, a gong struck at its limit of stability gains a quarter of
+/// the energy put in; with 2.0 it gains none (`tests/scenes/stiff.rs`).
+const TRUSTED: f64 = 2.0;
 /// Steps a frame at most.
-const MOST: u32 = 8;
-/// Of what links may stiffen by, so much ends the finer frames: changing to and fro costs energy.
-const CALM: f64 = 0.5;
-/// Frames for which less must have been enough: what swings is calm where it passes through its middle.
-const HOLD: u32 = 64;
+const MAX_STEPS: u32 = 8;
+/// Finer frames end where links use less than this share of the stiffening that is allowed: each change of the number
+/// of steps costs energy.
+const CALM_SHARE: f64 = 0.5;
+/// Frames for which fewer steps must have been enough: an oscillation is slack each time it passes its middle.
+const CALM_FRAMES: u32 = 64;
 
 /// Stability limit of a stepping method.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limit {
-    /// The guarded quantity is λmax(M⁻¹(K + c·Z)).
+    /// Weight c of the damping in the guarded quantity λmax(M⁻¹(K + c·Z)).
     pub(crate) c: f64,
     /// Largest λ up to which the method's energy is trusted.
     pub(crate) trusted: f64,
     /// Largest λ at rest that the certificate accepts.
     pub(crate) most: f64,
-    /// Whether the springs to the ground are exact poles of cells at this rate.
+    /// Whether springs to the ground are CELs, whose κ and ζ come from their poles at this rate.
     pub(crate) has_poles: bool,
 }
 
@@ -50,7 +51,7 @@ impl Limit {
     /// The scheme of CORDIS-ANIMA.
     pub(crate) const CA: Self = Self {
         c: 2.0,
-        trusted: CA,
+        trusted: TRUSTED,
         most: 4.0,
         has_poles: true,
     };
@@ -60,15 +61,15 @@ impl Limit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FinerFrames {
     pub(crate) frames: u64,
-    /// Steps in the finest.
+    /// Most steps in one frame.
     pub(crate) most: u32,
-    /// A MAT where the links had stiffened most when it began.
+    /// The MAT whose links had stiffened most when the last series of finer frames began.
     pub(crate) mat: usize,
 }
 
 impl FinerFrames {
-    /// The same where a frame has so many steps, each of which may have been computed finer.
-    pub(crate) fn by(self, steps: u32) -> Self {
+    /// The count in whole frames, where one frame has `steps` guarded steps.
+    pub(crate) fn per_frame(self, steps: u32) -> Self {
         Self {
             frames: self.frames.div_ceil(u64::from(steps)),
             ..self
@@ -76,49 +77,57 @@ impl FinerFrames {
     }
 }
 
-/// Watches over the links of a network that stiffen.
+/// The guard of one network: the links that it watches, and its buffers.
 #[derive(Clone, Debug)]
 pub(crate) struct Guard {
     watches: Vec<Watch>,
-    /// The MATs that they join, and all between.
+    /// From the first to the last MAT that a watched link joins.
     mats: Range<usize>,
-    /// MATs that others move.
+    /// MATs whose positions come from outside.
     pub(crate) ports: Vec<usize>,
-    /// MATs that nothing joins with any of them.
-    apart: Vec<usize>,
+    /// MATs that no path of links joins with a watched link.
+    unrelated: Vec<usize>,
     cells: Option<Arc<Cells>>,
-    /// λ at rest, and the largest that a whole frame is trusted with.
-    rest: f64,
+    /// λ at rest.
+    rest_lambda: f64,
+    /// Largest λ at which a frame is computed in one step.
     limit: f64,
-    /// No elongation has to be looked at until they have changed by so much [m].
+    /// How far elongations may still change before they have to be checked [m].
     margin: f64,
-    /// Steps in this frame, and in the one before; 1: it was a frame as all.
-    now: u32,
-    before: u32,
-    /// For how many frames less would have done.
-    calm: u32,
+    /// Steps of this frame; 1: an ordinary frame.
+    steps: u32,
+    /// Steps of the previous frame.
+    previous_steps: u32,
+    /// Number of successive frames for which fewer steps would have been enough.
+    calm_frames: u32,
     finer_frames: FinerFrames,
-    /// By how much the last step of a finer frame was ahead of the frame's mean [m a frame]   (n_mat)
+    /// Last step of a finer frame minus the mean of its steps [m a frame]   (n_mat)
     lead: Vec<f64>,
-    /// Where a frame began, and what acts in it from outside [N]   (n_mat each)
+    /// Positions and steps at the beginning of the frame             (n_mat each)
     x: Vec<f64>,
     d: Vec<f64>,
+    /// Forces from outside in the frame [N]                          (n_mat)
     outside: Vec<f64>,
-    /// How far that goes with its MAT in a finer frame [m]            (n_mat)
-    way: Vec<f64>,
-    /// What the links alone would give in it [m a frame]           (n_mat)
-    own: Vec<f64>,
-    /// By how much links have stiffened: at each MAT [N/m] (n_mat), of one run (longest run)
+    /// Distance over which outside forces act in a finer frame [m]   (n_mat)
+    travel: Vec<f64>,
+    /// Step that links and ties alone would give [m a frame]         (n_mat)
+    link_steps: Vec<f64>,
+    /// Stiffening of all links at each MAT [N/m]                     (n_mat)
     sums: Vec<f64>,
+    /// Stiffening of the links of one run [N/m]                      (longest run)
     rises: Vec<f64>,
-    /// κ and ζ of cells in this frame's steps                       (n_mat each; empty: no cells)
+    /// κ and ζ of CELs in the steps of this frame                   (n_mat each; empty: no CELs)
     ties: [Vec<f64>; 2],
-    /// MAT, and where it is led from and to in the frame [m].
-    led: Vec<(usize, f64, f64)>,
+    /// MATs whose path in the frame is imposed: (MAT, from [m], to [m]).
+    imposed: Vec<(usize, f64, f64)>,
 }
 
 impl Guard {
-    /// Of a network as a way steps it; `ports` are moved by others. `None` where nothing stiffens.
+    /// The guard of a network stepped by a method with this limit; `ports` are moved from outside. `None`: no link can
+    /// stiffen beyond the limit.
+    ///
+    /// # Errors
+    /// Where the spectrum at rest cannot be computed.
     pub(crate) fn new(
         scheme: &Scheme,
         network: &Network,
@@ -133,12 +142,12 @@ impl Guard {
         let enough = 0.5 * limit.trusted;
         let rest = top(scheme, network, limit.c, enough)?.lambda;
         if rest >= limit.most {
-            return Ok(None); // it diverges by itself
+            return Ok(None); // unstable at rest: the certificate refuses it
         }
-        // What is near its limit by itself has a quarter of what is left.
+        // A network that is near its limit at rest may use a quarter of what is left.
         let has_poles = limit.has_poles;
         let limit = f64::max(limit.trusted, rest + 0.25 * (limit.most - rest));
-        allow(&mut watches, limit - rest, &scheme.w);
+        set_reaches(&mut watches, limit - rest, &scheme.w);
         if watches.is_empty() {
             return Ok(None);
         }
@@ -152,103 +161,105 @@ impl Guard {
             ties: [ties(), ties()],
             mats: ends().min().unwrap_or(0)..last.max().unwrap_or(0),
             ports: ports.to_vec(),
-            apart: apart(network, scheme, &watches),
+            unrelated: unrelated_mats(network, scheme, &watches),
             cells,
-            rest,
+            rest_lambda: rest,
             limit,
             margin: f64::NEG_INFINITY,
-            now: 1,
-            before: 1,
-            calm: 0,
+            steps: 1,
+            previous_steps: 1,
+            calm_frames: 0,
             finer_frames: FinerFrames::default(),
             lead: zeros(),
             x: zeros(),
             d: zeros(),
             outside: zeros(),
-            way: zeros(),
-            own: zeros(),
+            travel: zeros(),
+            link_steps: zeros(),
             sums: zeros(),
             rises: vec![0.0; longest],
-            led: Vec::new(),
+            imposed: Vec::new(),
             watches,
         }))
     }
 
-    /// Room for so many MATs that are led in a frame, beside the ports.
-    pub(crate) fn reserve(&mut self, n_led: usize) {
-        let most = n_led + self.ports.len();
-        self.led.reserve(most.saturating_sub(self.led.len()));
+    /// Reserve room for `n_imposed` MATs with an imposed path, beside the ports.
+    pub(crate) fn reserve(&mut self, n_imposed: usize) {
+        let most = n_imposed + self.ports.len();
+        self.imposed
+            .reserve(most.saturating_sub(self.imposed.len()));
     }
 
-    /// Frames that were computed finer so far, if any.
+    /// The frames computed finer so far; `None`: no frame was.
     pub(crate) fn finer_frames(&self) -> Option<FinerFrames> {
         (self.finer_frames.frames > 0).then_some(self.finer_frames)
     }
 
-    /// MATs that have nothing to do with links that stiffen go on as they did in the whole frame.
-    pub(crate) fn keep(&mut self, whole: &PreviousState, x: &mut [f64], d: &mut [f64]) {
-        for &mat in &self.apart {
+    /// Restore unrelated MATs to where the ordinary frame took them.
+    pub(crate) fn keep_unrelated(&mut self, whole: &PreviousState, x: &mut [f64], d: &mut [f64]) {
+        for &mat in &self.unrelated {
             (x[mat], d[mat]) = (whole.x[mat], whole.d[mat]);
-            self.way[mat] = 0.5 * (self.d[mat] + whole.d[mat]);
+            self.travel[mat] = 0.5 * (self.d[mat] + whole.d[mat]);
         }
     }
 
-    /// How far forces from outside went with their MATs in the last finer frame [m]   (n_mat).
-    pub(crate) fn way(&self) -> &[f64] {
-        &self.way
+    /// Distance over which outside forces acted in the last finer frame [m], for the ledger   (n_mat).
+    pub(crate) fn travel(&self) -> &[f64] {
+        &self.travel
     }
 
-    /// MATs were put elsewhere.
-    pub(crate) fn forget(&mut self) {
-        (self.now, self.before, self.calm) = (1, 1, 0);
+    /// Begin anew, after MATs were moved.
+    pub(crate) fn reset(&mut self) {
+        (self.steps, self.previous_steps, self.calm_frames) = (1, 1, 0);
         self.margin = f64::NEG_INFINITY;
     }
 
-    /// All it moves by is so many times as much.
+    /// Scale the guard's memory where all velocities are scaled by a factor.
     pub(crate) fn slow_down(&mut self, by: f64) {
-        if self.now > 1 {
+        if self.steps > 1 {
             self.lead.iter_mut().for_each(|lead| *lead *= by);
         }
     }
 
-    /// Look no longer at links that some MATs have.
+    /// Stop watching links of the MATs for which `is_gone` holds.
     pub(crate) fn release(&mut self, is_gone: impl Fn(usize) -> bool) {
         let meets = |first: usize, len| (first..first + len).any(&is_gone);
         self.watches
             .retain(|watch| !meets(watch.a, watch.len) && !meets(watch.b, watch.len));
-        self.forget();
+        self.reset();
     }
 
-    /// Whether a frame that led to `x` by steps `d` has to be gone through again, finer   (n_mat each).
-    pub(crate) fn is_over(&mut self, x: &[f64], d: &[f64], w: &[f64]) -> bool {
-        if self.now > 1 {
+    /// Whether an ordinary frame that ended at `x` by steps `d` has to be computed again, finer   (n_mat each).
+    pub(crate) fn needs_finer(&mut self, x: &[f64], d: &[f64], w: &[f64]) -> bool {
+        if self.steps > 1 {
             return true;
         }
         self.margin -= 2.0 * watch::peak(&d[self.mats.clone()]);
-        // A margin that is no number is none.
+        // A NaN margin counts as used up.
         if self.margin > 0.0 {
             return false;
         }
-        let (risen, mat) = self.look(x, w);
-        let is_over = self.needs(risen) > 1;
+        let (risen, mat) = self.stiffening(x, w);
+        let is_over = self.steps_needed(risen) > 1;
         if is_over {
             self.finer_frames.mat = mat;
         }
         is_over
     }
 
-    /// By how much links raise λ at `x`, at most, and where; 0 where that is within the limit for sure.
-    fn look(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
+    /// A bound on the rise of λ by stiffening at `x`, and the MAT where it is largest; 0 where no elongation is near its
+    /// reach.
+    fn stiffening(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
         self.margin = nearest(&self.watches, x);
         if self.margin > 0.0 {
             return (0.0, 0);
         }
-        self.risen(x, w)
+        self.stiffening_exact(x, w)
     }
 
-    /// The same without a guess.
-    fn risen(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
-        watch::risen(
+    /// [`Guard::stiffening`] without the shortcut.
+    fn stiffening_exact(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
+        watch::stiffening(
             &self.watches,
             &self.mats,
             x,
@@ -258,21 +269,24 @@ impl Guard {
         )
     }
 
-    /// Steps that a frame needs where links raise λ by so much: more than [`MOST`] where none are enough.
-    fn needs(&self, risen: f64) -> u32 {
-        if self.rest + risen <= self.limit {
+    /// Number of steps that a frame needs where links raise λ by `risen`; above [`MAX_STEPS`] where no number is enough.
+    fn steps_needed(&self, risen: f64) -> u32 {
+        if self.rest_lambda + risen <= self.limit {
             return 1;
         }
         let bears = |steps: &u32| {
             let steps = f64::from(*steps);
-            self.rest / steps + risen / (steps * steps) <= CA
+            self.rest_lambda / steps + risen / (steps * steps) <= TRUSTED
         };
-        [2, 4, MOST].into_iter().find(bears).unwrap_or(2 * MOST)
+        [2, 4, MAX_STEPS]
+            .into_iter()
+            .find(bears)
+            .unwrap_or(2 * MAX_STEPS)
     }
 }
 
-/// MATs that nothing joins with any link that stiffens.
-fn apart(network: &Network, scheme: &Scheme, watches: &[Watch]) -> Vec<usize> {
+/// MATs that no path of links joins with a watched link.
+fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[Watch]) -> Vec<usize> {
     let n = scheme.n_mat();
     let mut forest = Forest::new(n);
     let moves = |mat: usize| scheme.w[mat] > 0.0;

@@ -165,7 +165,7 @@ impl Integrator {
     /// Recompute what depends on the positions and steps of all MATs.
     pub(crate) fn settle(&mut self) {
         let method = self.motion.stepper_mut();
-        method.guard_mut().into_iter().for_each(Guard::forget);
+        method.guard_mut().into_iter().for_each(Guard::reset);
         method.settle();
     }
 
@@ -182,7 +182,7 @@ impl Integrator {
     /// Frames that were computed in finer steps, if any.
     pub(crate) fn finer_frames(&self) -> Option<FinerFrames> {
         let finer_frames = self.motion.stepper().guard()?.finer_frames()?;
-        Some(finer_frames.by(self.substeps))
+        Some(finer_frames.per_frame(self.substeps))
     }
 
     /// Positions at the frame [m], (n_mat).

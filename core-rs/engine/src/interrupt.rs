@@ -35,6 +35,16 @@ fn set(ask: Option<Ask>) -> Option<Ask> {
 
 /// Run `work` to its end, or until `ask` returns true at one of its polls ([`poll`]).
 ///
+/// ```
+/// use ergon_engine::interrupt::{Stopped, poll, until};
+///
+/// assert_eq!(until(Box::new(|| false), || 6 * 7), Ok(42));
+/// let endless = || loop {
+///     poll();
+/// };
+/// assert_eq!(until(Box::new(|| true), endless), Err::<(), _>(Stopped));
+/// ```
+///
 /// # Errors
 /// [`Stopped`] where `ask` returns true at a poll of `work`.
 pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {

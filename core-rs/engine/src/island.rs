@@ -10,6 +10,7 @@ pub(crate) mod hand;
 mod hands;
 pub(crate) mod inside;
 mod ledger;
+mod live_strikes;
 pub(crate) mod mesh;
 pub(crate) mod modal;
 pub(crate) mod record;
@@ -22,7 +23,7 @@ pub(crate) use carry::Through;
 pub use fault::{Fault, OnFault};
 pub use ledger::Energy;
 pub use record::Record;
-pub(crate) use record::{Stream, Taken};
+pub(crate) use record::{FramedErgon, Stream};
 
 use std::sync::Arc;
 
@@ -33,7 +34,7 @@ use crate::kernel::Laws;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
-use crate::timeline::{Drive, Ergon, Gate, Lean, Push};
+use crate::timeline::{Drive, Ergon, Gate, GateContinuation, Push};
 use hand::framed::FramedGesture;
 
 use fault::Mutes;
@@ -50,7 +51,8 @@ pub(crate) struct Script {
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
     glides: Vec<glide::Glide>,
-    pub(crate) grips: Vec<hands::Grip>,
+    pub(crate) hand_bindings: Vec<hands::HandBinding>,
+    strike_points: Vec<live_strikes::StrikePoint>,
     n_keys: usize,
     on_fault: OnFault,
 }
@@ -69,7 +71,7 @@ struct State {
     gates: Vec<f64>,
     gates_next: Vec<f64>,
     /// Of gates that another version stood at elsewhere: from where they come   (n_gates)
-    leans: Vec<Option<Lean>>,
+    gate_continuations: Vec<Option<GateContinuation>>,
     targets: Vec<Target>,
     /// How far layers take each key [m]   (n_keys)
     layers: Vec<f64>,
@@ -79,7 +81,9 @@ struct State {
     unheard: Vec<f64>,
     bodies: Vec<inside::RunningBody>,
     fine: Option<fine::Fine>,
-    touches: Vec<hands::Touch>,
+    /// Impulses that act in the next step [N·s]   (n_strike_points)
+    impulses: Vec<f64>,
+    hand_states: Vec<hands::HandState>,
     ledger: Option<Ledger>,
     mutes: Mutes,
     /// Where links stiffen.
@@ -186,7 +190,7 @@ impl Island {
     }
 
     /// Ergons since the last call.
-    pub(crate) fn take_ergons(&mut self) -> Vec<Taken> {
+    pub(crate) fn take_ergons(&mut self) -> Vec<FramedErgon> {
         self.state.stream.take()
     }
 
@@ -229,7 +233,7 @@ impl Island {
             .iter()
             .filter_map(inside::RunningBody::finer_frames);
         own.chain(bodies).map(|(part, finer_frames)| {
-            let FinerFrames { frames, most, .. } = finer_frames.by(self.oversampling);
+            let FinerFrames { frames, most, .. } = finer_frames.per_frame(self.oversampling);
             (part, frames, most)
         })
     }

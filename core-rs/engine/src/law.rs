@@ -1,7 +1,6 @@
 //! LNL: laws of non-linear elasticity and friction, f = law(d) + damping(d, v).
 //!
-//! A law is a text of a small language (or a table of points), compiled once and never evaluated
-//! as a program of another language. `d` is the link's elongation [m], `v` its rate [m/s] (metres per
+//! A law is an expression in a small language, or a table of points, compiled once. `d` is the link's elongation [m], `v` its rate [m/s] (metres per
 //! sample where units are algorithmic), the value a force [N].
 
 mod error;
@@ -27,37 +26,48 @@ pub use table::Row;
 use points::Points;
 use program::Program;
 
-/// Steps of the numerical slopes: relative (the cube root of the rounding unit balances truncation and
-/// rounding of a central difference) and absolute, at rest: a nanometre, or a nanometre per second, far
-/// below what is heard, far above the rounding of a force around zero.
+/// Relative step of the numerical slopes: the cube root of the rounding unit balances truncation and rounding of a
+/// central difference.
 const SLOPE_STEP: f64 = 6e-6;
+/// Absolute step at rest: 1 nm, or 1 nm/s, far below what is heard and far above the rounding of a force around zero.
 const SLOPE_STEP_AT_REST: f64 = 1e-9;
 
 /// A law, ready to run.
+///
+/// ```
+/// use ergon_engine::law::{Law, LawText};
+///
+/// let text = LawText { law: Some("k*d + q*d**3"), constants: [("k".into(), 2e3), ("q".into(), 1e8)].into(), ..LawText::default() };
+/// let law = Law::new(&text)?;
+/// assert_eq!(law.force(1e-3, 0.0), 2e3 * 1e-3 + 1e8 * 1e-3 * (1e-3 * 1e-3));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law {
     elastic: Elastic,
     damping: Option<Program>,
     reach: f64,
     hardening: Option<Hardening>,
+    /// q of q·S·d, S the sum of the squares of all elongations of its run [N/m³]; 0 for a law of one link.
+    shared: f64,
     native: Option<native::Native>,
 }
 
-/// What a hardening spring is made of: f = k·d + q·d³ + z·v.
+/// The constants of a hardening spring, f = k·d + q·d³ + z·v.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hardening {
     /// Stiffness [N/m].
     pub(crate) k: f64,
     /// Hardening [N/m³].
     pub(crate) q: f64,
-    /// Damping [N·s/m]; None: the force is not asked for a rate.
+    /// Damping [N·s/m]; None: the force does not depend on the rate.
     pub(crate) z: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Elastic {
     None,
-    /// A polynomial knows its integral: coefficients from d on.
+    /// `integral`: coefficients of the integral of a polynomial, from the power of d on.
     Expression {
         program: Program,
         integral: Option<Vec<f64>>,
@@ -65,7 +75,7 @@ enum Elastic {
     Points(Points),
 }
 
-/// What a law is made from; see [`Law::new`].
+/// The source of a law; see [`Law::new`].
 #[derive(Clone, Debug, Default)]
 pub struct LawText<'a> {
     /// The elastic part, an expression of `d`.
@@ -114,11 +124,44 @@ impl Law {
             damping: damping.as_ref().map(Program::new),
             reach: 1.0,
             hardening: None,
+            shared: 0.0,
             native: None,
         })
     }
 
+    /// The tension that stretching brings to all links of a run alike: q·S·d, S the sum of the squares of all their
+    /// elongations (Kirchhoff 1876, Carrier 1945), `q` >= 0 [N/m³]. It stores ¼·q·S².
+    pub fn shared(q: f64) -> Self {
+        Self {
+            elastic: Elastic::None,
+            damping: None,
+            reach: 1.0,
+            hardening: None,
+            shared: q,
+            native: None,
+        }
+    }
+
+    /// The stiffness that all links of a run have in common where `squares` is the sum of the squares of their
+    /// elongations [N/m]; 0 for a law of one link.
+    pub(crate) fn tension(&self, squares: f64) -> f64 {
+        self.shared * squares
+    }
+
+    /// Whether its force is a function of the whole run.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.shared != 0.0
+    }
+
     /// The law k·d + q·d³ of a hardening spring (k [N/m], q [N/m³]) with a damper z [N·s/m].
+    ///
+    /// ```
+    /// use ergon_engine::law::Law;
+    ///
+    /// let law = Law::hardening(2e3, 1e8, 0.1)?;
+    /// assert!(law.slope(1e-3) > law.slope(0.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`LawError`] where a constant is not finite.
@@ -137,13 +180,20 @@ impl Law {
         })
     }
 
-    /// Whether this is a hardening spring not seen through a lever: a mesh has thousands of them, and
-    /// three numbers do what its expressions do.
-    pub(crate) fn hardens(&self) -> Option<Hardening> {
+    /// The constants of a hardening spring without a lever, which kernels compute directly: a mesh has thousands.
+    pub(crate) fn hardening_spring(&self) -> Option<Hardening> {
         self.hardening.filter(|_| self.reach == 1.0)
     }
 
-    /// The law seen through a lever that multiplies travel by `reach`: f(d/s, v/s)/s.
+    /// The law behind a lever that multiplies travel by s = `reach`: f(d/s, v/s)/s.
+    ///
+    /// ```
+    /// use ergon_engine::law::Law;
+    ///
+    /// let law = Law::hardening(2e3, 0.0, 0.0)?.through(2.0)?;
+    /// assert_eq!(law.force(2e-3, 0.0), 1.0); // 1 mm behind the lever: 2 N there, 1 N here
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`LawError`] unless `reach` is a positive number.
@@ -183,6 +233,14 @@ impl Law {
     /// Energy stored at elongation `d` [J], zero at 0: the integral of the elastic part.
     ///
     /// Exact for points and for polynomials; to some 1e-13 of ∫|f| for other expressions.
+    ///
+    /// ```
+    /// use ergon_engine::law::Law;
+    ///
+    /// let law = Law::hardening(2e3, 0.0, 0.0)?;
+    /// assert!((law.potential(1e-3) - 0.5 * 2e3 * 1e-6).abs() < 1e-15);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn potential(&self, d: f64) -> f64 {
         let d = d / self.reach;
         match &self.elastic {
@@ -214,8 +272,9 @@ impl Law {
         slope / self.reach / self.reach
     }
 
-    /// The largest elongation [m], either way, up to which no tangent is stiffer than `stiffness` [N/m]: exact for
-    /// points; else looked for at 16 places an octave, from a nanometre on. Infinite where it is so everywhere.
+    /// The largest elongation [m], either way, up to which no tangent is stiffer than `stiffness` [N/m].
+    ///
+    /// It is exact for points; other laws are sampled at 16 places an octave, from 1 nm on. Infinite where no tangent is.
     pub(crate) fn stiffens_beyond(&self, stiffness: f64) -> f64 {
         const OCTAVE: i32 = 16;
         const OCTAVES: i32 = 44; // to 17 km
@@ -250,8 +309,17 @@ impl Law {
     /// Whether damping·v < 0 somewhere in |d| ≤ `d_max` [m], |v| ≤ `v_max` [m/s]: the link can then
     /// give energy, as a bow does.
     ///
-    /// Looked for on a grid of 33 elongations and 192 rates, these evenly and, down to a millionth of
-    /// `v_max`, by octaves: sticking happens at low rates. Where the damping has no value it counts.
+    /// The damping is sampled on a grid of 33 elongations and 192 rates, which lie evenly and, down to a millionth of
+    /// `v_max`, by octaves, for sticking happens at low rates. A damping that is NaN counts as active.
+    ///
+    /// ```
+    /// use ergon_engine::law::{Law, LawText};
+    ///
+    /// let damped = |damping| Law::new(&LawText { damping: Some(damping), ..LawText::default() });
+    /// assert!(!damped("0.1*v")?.is_active(1e-3, 1.0));
+    /// assert!(damped("-0.1*v")?.is_active(1e-3, 1.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn is_active(&self, d_max: f64, v_max: f64) -> bool {
         const ELONGATIONS: i32 = 16;
         const EVEN: i32 = 75;

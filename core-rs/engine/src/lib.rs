@@ -82,7 +82,7 @@ pub mod plan;
 pub mod scheme;
 mod section;
 pub mod simulation;
-pub mod spectrum;
+mod spectrum;
 mod start;
 mod state;
 pub mod timeline;

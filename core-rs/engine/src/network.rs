@@ -1,4 +1,4 @@
-//! What is: MATs and LIAs with their parameters, their names, and the parts they belong to.
+//! The network: MATs and LIAs with their parameters, names and parts.
 //!
 //! Sizes: `n_mat` MATs, `n_lia` LIAs, `n_out` outputs. Arrays are contiguous, one entry a module;
 //! links are stored as runs of equal offset, so that a mesh is a handful of loops.
@@ -11,7 +11,7 @@ mod links;
 mod modes;
 mod names;
 mod output;
-mod pressed;
+mod reachable;
 mod same;
 mod subset;
 
@@ -19,7 +19,7 @@ pub use kinds::{But, Contact, Error, Side, Tie};
 pub use links::LawUse;
 pub use modes::Tone;
 pub use output::{Output, Term};
-pub use pressed::{DEEP, Met, Moment};
+pub use reachable::{PRESS_DEPTH, ReachableScene, SceneMoment};
 pub(crate) use subset::Subset;
 
 use std::ops::Range;
@@ -28,7 +28,7 @@ use std::sync::Arc;
 use crate::law::Law;
 use crate::units::Rate;
 
-/// What a MAT does of itself.
+/// The kind of a MAT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MatKind {
     /// A free mass.
@@ -51,7 +51,7 @@ impl MatKind {
 /// The MATs, one entry each.
 #[derive(Clone, Debug, Default)]
 pub struct Mats {
-    /// What the MAT is                                   (n_mat)
+    /// Kind of the MAT                                   (n_mat)
     pub kind: Vec<MatKind>,
     /// Mass [kg], or algorithmic M in a part under `ca`  (n_mat)
     pub m: Vec<f64>,
@@ -112,20 +112,33 @@ pub struct Part {
     pub name: String,
     /// Rate of the discrete network that is the truth (`units: ca`); `None` when the truth is continuous.
     pub ca_rate: Option<Rate>,
-    /// Its linear parts are to go once every so many frames of the scene; `None`: at every frame.
-    pub every: Option<u32>,
+    /// Frames from one pull of its own springs to the next; `None`: every frame.
+    pub macrostep: Option<u32>,
 }
 
 /// A network of MATs and LIAs.
+///
+/// ```
+/// use ergon_engine::Network;
+/// use ergon_engine::network::Tie;
+///
+/// let mut network = Network::new();
+/// network.part("bell", None);
+/// let m = network.cel("m", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
+/// assert_eq!(network.mat_name(m), "bell.m");
+/// let refused = network.mas("heavy", -1.0, 0.0, 0.0).unwrap_err();
+/// assert_eq!(refused.to_string(), "bell.heavy: M is -1: it must be above 0");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Network {
     parts: Vec<Part>,
-    /// The part that modules are added to.
+    /// Index of the part that modules are added to.
     current: usize,
     mats: Mats,
     runs: Vec<Run>,
     n_lia: usize,
-    /// Number of links on each MAT, as far as any reaches  (n_mat at most)
+    /// Number of links on each MAT                         (at most n_mat)
     degree: Vec<u32>,
     outputs: Vec<Output>,
     names: names::Names,
@@ -137,12 +150,12 @@ impl Network {
         self.mats.kind.iter().filter(|kind| kind.moves()).count()
     }
 
-    /// Whether a part has a rate of its own.
+    /// Whether a part asks for a macrostep.
     pub(crate) fn has_slow_parts(&self) -> bool {
-        self.parts.iter().any(|part| part.every.is_some())
+        self.parts.iter().any(|part| part.macrostep.is_some())
     }
 
-    /// Names of the parts of some MATs that move, in the parts' order.
+    /// Names of the parts to which moving MATs of this list belong, in the order of the parts.
     pub(crate) fn parts_of(&self, mats: &[u32]) -> Vec<String> {
         let mut has = vec![false; self.parts.len()];
         for &mat in mats {
@@ -156,7 +169,7 @@ impl Network {
             .collect()
     }
 
-    /// Names of the parts that have MATs that move, in order.
+    /// Names of the parts with moving MATs, in order.
     pub(crate) fn moving_parts(&self) -> Vec<String> {
         let all: Vec<u32> = (0..self.n_mat() as u32).collect();
         self.parts_of(&all)
@@ -218,9 +231,8 @@ impl Network {
         self.degree.get(mat).copied().unwrap_or(0)
     }
 
-    /// The network of one part alone: its MATs, and the links between them, whichever part declared
-    /// these, but for some.
-    pub(crate) fn alone(&self, part: usize, without: &[Range<usize>]) -> Subset {
+    /// The network of one part: its MATs and all links between them, but for the ranges `without`.
+    pub(crate) fn part_alone(&self, part: usize, without: &[Range<usize>]) -> Subset {
         let inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
         let mats: Vec<u32> = (0..self.n_mat() as u32).filter(inside).collect();
         let stays = |link: &u32| without.iter().all(|gone| !gone.contains(&(*link as usize)));
@@ -230,7 +242,7 @@ impl Network {
 }
 
 impl Network {
-    /// Append a run of links; its first index is given here.
+    /// Append a run of links, and give it the next index.
     fn push_run(&mut self, run: Run) {
         let reach = run.len + run.a.max(run.b);
         self.degree.resize(self.degree.len().max(reach), 0);
@@ -246,7 +258,7 @@ impl Network {
     }
 }
 
-/// One MAT, as it is added.
+/// One MAT.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mat {
     kind: MatKind,

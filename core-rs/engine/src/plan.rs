@@ -13,6 +13,7 @@ mod trial;
 
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
+pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModeShapes, Sight};
 pub use report::cache::{CachedReport, key};
 pub use report::row::{Computed, Measured, Reason, Row};
@@ -99,6 +100,24 @@ impl Unit {
 }
 
 /// What is computed, how, and why the rest is not.
+///
+/// ```
+/// # use std::sync::Arc;
+/// # use ergon_engine::network::{Term, Tie};
+/// # use ergon_engine::{Network, Rate, Timeline};
+/// # let mut network = Network::new();
+/// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
+/// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
+/// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+/// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+/// # let network = Arc::new(network);
+/// use ergon_engine::{Budget, Plan};
+///
+/// let plan = Plan::new(network, &timeline, &Budget::Error(-60.0), None)?;
+/// assert_eq!(plan.rows().len(), 1); // one bell, which runs exactly
+/// assert_eq!(plan.hash().len(), 64);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub(crate) network: Arc<Network>,
@@ -234,6 +253,25 @@ impl Plan {
     }
 
     /// What was decided, island by island: enough to decide the same again.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use ergon_engine::network::{Term, Tie};
+    /// # use ergon_engine::{Network, Rate, Timeline};
+    /// # let mut network = Network::new();
+    /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
+    /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
+    /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # let network = Arc::new(network);
+    /// use ergon_engine::{Budget, Plan};
+    ///
+    /// let budget = Budget::Error(-60.0);
+    /// let plan = Plan::new(network.clone(), &timeline, &budget, None)?;
+    /// let again = Plan::new(network, &timeline, &budget, Some(plan.choices().to_vec()))?;
+    /// assert_eq!(plan.hash(), again.hash());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn choices(&self) -> &[Choice] {
         &self.choices
     }

@@ -68,7 +68,7 @@ impl Run {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::But(_) => return None,
             Kind::Lnl { law, rate, .. } => {
-                let Hardening { k, q, z } = law.hardens()?;
+                let Hardening { k, q, z } = law.hardening_spring()?;
                 (k, q, z.unwrap_or(0.0) * rate)
             }
         };
@@ -136,11 +136,28 @@ impl Scheme {
 
     /// The stability certificate of the scheme.
     ///
+    /// ```
+    /// use ergon_engine::scheme::Scheme;
+    /// use ergon_engine::{Network, Rate};
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.sol("b", 0.0)?);
+    /// network.spring("s", a, b, 500.0, 0.0, 0.0)?;
+    /// let rate = Rate::new(44_100.0)?;
+    /// assert!(Scheme::new(&network, rate)?.certify(&network)?.lambda_max < 4.0);
+    /// network.spring("stiff", a, b, 1e9, 0.0, 0.0)?;
+    /// assert!(Scheme::new(&network, rate)?.certify(&network).is_err()); // it would diverge
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error`] where a force at rest is not finite.
     pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
         certify::certify(self, network)
     }
+
+    /// Laws are computed finer than a frame where there are so many at most: every law looks at every other one.
+    pub(crate) const FINE_LAWS: usize = 32;
 
     /// Whether it has contacts, and whether it has laws, that can be computed finer than a frame.
     pub(crate) fn has_fine(&self) -> (bool, bool) {
@@ -150,8 +167,10 @@ impl Scheme {
                 .chain(&self.exact)
                 .filter(|run| run.can_substep())
         };
-        let is_law = |run: &Run| matches!(run.kind, Kind::Lnl { .. });
-        (runs().any(|run| !is_law(run)), runs().any(is_law))
+        let is_law = |run: &&Run| matches!(run.kind, Kind::Lnl { .. });
+        let n_laws = runs().filter(is_law).count();
+        let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
+        (runs().any(|run| !is_law(&run)), has_laws)
     }
 
     /// Pass over springs all at once, but for links that `is_told` alone.
@@ -167,10 +186,8 @@ impl Scheme {
 
     /// Take out the contacts and laws that are computed in substeps; laws only where there are few.
     pub(crate) fn take_fine(&mut self) -> Vec<Run> {
-        /// Every law looks at every other one.
-        const LAWS: usize = 32;
         let is_law = |run: &Run| matches!(run.kind, Kind::Lnl { .. }) && run.can_substep();
-        let are_few = self.runs.iter().filter(|run| is_law(run)).count() <= LAWS;
+        let are_few = self.runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
         let is_fine = |run: &Run| run.can_substep() && (are_few || !is_law(run));
         let all = std::mem::take(&mut self.runs);
         let (mut fine, runs) = all.into_iter().partition::<Vec<_>, _>(is_fine);

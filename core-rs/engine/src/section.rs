@@ -1,4 +1,4 @@
-//! A filter of second order: low-pass and high-pass at once.
+//! A second-order filter with a low-pass and a high-pass output.
 
 use crate::maths;
 
@@ -9,12 +9,12 @@ use crate::maths;
 pub(crate) struct Section {
     g: f64,
     damping: f64,
-    whole: f64,
+    scale: f64,
     band: f64,
     low: f64,
 }
 
-/// What a section makes of one sample.
+/// The two outputs of a section for one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Split {
     /// Low-pass.
@@ -34,26 +34,26 @@ impl Section {
         Self {
             g,
             damping,
-            whole: 1.0 / (1.0 + g * (g + damping)),
+            scale: 1.0 / (1.0 + g * (g + damping)),
             band: 0.0,
             low: 0.0,
         }
     }
 
-    /// Go on as another section stands.
-    pub(crate) fn go_on(&mut self, other: &Self) {
+    /// Take the state of another section over.
+    pub(crate) fn take_over(&mut self, other: &Self) {
         (self.band, self.low) = (other.band, other.low);
     }
 
-    /// Put it where a constant `x` from ever on would have brought it.
+    /// Set the state that a constant input `x` leads to.
     pub(crate) fn settle(&mut self, x: f64) {
         (self.band, self.low) = (0.0, x);
     }
 
-    /// The next sample through it.
+    /// Filter the next sample.
     #[inline]
     pub(crate) fn next(&mut self, x: f64) -> Split {
-        let high = (x - (self.damping + self.g) * self.band - self.low) * self.whole;
+        let high = (x - (self.damping + self.g) * self.band - self.low) * self.scale;
         let up = self.g * high;
         let band = up + self.band;
         self.band = up + band;

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use crate::gesture::report::Report;
 use crate::interrupt;
-use crate::island::{Island, Taken};
+use crate::island::{FramedErgon, Island};
 use crate::kernel::thread_team::flushed;
 use crate::network::{Error, Network};
 use crate::plan::{IslandPlan, Plan, Unit, whole};
@@ -36,6 +36,30 @@ pub struct Simulation {
 }
 
 /// The complete state of a simulation at one frame; see [`Simulation::restore`].
+///
+/// ```
+/// # use std::sync::Arc;
+/// # use ergon_engine::network::{Term, Tie};
+/// # use ergon_engine::{Network, Rate, Timeline};
+/// # let mut network = Network::new();
+/// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
+/// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
+/// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+/// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+/// # let network = Arc::new(network);
+/// # use ergon_engine::{OnFault, Options};
+/// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
+/// use ergon_engine::Simulation;
+///
+/// let mut simulation = Simulation::new(network, &timeline, options)?;
+/// let start = simulation.snapshot();
+/// let (mut once, mut again) = (vec![0.0; 1000], vec![0.0; 1000]);
+/// simulation.process(&mut once)?;
+/// simulation.restore(&start);
+/// simulation.process(&mut again)?;
+/// assert_eq!(once, again);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Snapshot(Box<Simulation>);
 
@@ -247,6 +271,18 @@ impl Simulation {
         }
     }
 
+    /// Strike a point of [`Timeline::strike_point`] by an impulse [N·s] at the next frame; false where there is no such
+    /// point. Impulses of one frame add up.
+    pub fn strike(&mut self, point: u32, impulse: f64) -> bool {
+        let mut is_here = false;
+        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running {
+                is_here |= island.strike(point, impulse);
+            }
+        }
+        is_here
+    }
+
     /// Mean force of the scene on a real hand over the last complete tick [N]; positive towards +x.
     pub fn felt(&self, hand: usize) -> f64 {
         self.islands().map(|(island, _)| island.felt(hand)).sum()
@@ -254,6 +290,29 @@ impl Simulation {
 
     /// From this frame on, damp everything with a decay time of `t60` [s] in addition to its own damping (the reciprocals
     /// of decay times add). `None` or a time not above 0 ends it. The free copies of keys are not damped.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use ergon_engine::network::{Term, Tie};
+    /// # use ergon_engine::{Network, Rate, Timeline};
+    /// # let mut network = Network::new();
+    /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
+    /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
+    /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # let network = Arc::new(network);
+    /// # use ergon_engine::{OnFault, Options};
+    /// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
+    /// use ergon_engine::Simulation;
+    ///
+    /// let mut simulation = Simulation::new(network, &timeline, options)?;
+    /// simulation.damp(Some(0.05)); // everything fades by 60 dB in 50 ms
+    /// let mut sound = vec![0.0; 44_100];
+    /// simulation.process(&mut sound)?;
+    /// let peak = |part: &[f64]| part.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
+    /// assert!(peak(&sound[22_050..]) < 1e-3 * peak(&sound[..441]));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn damp(&mut self, t60: Option<f64>) {
         let t60 = t60.filter(|t60| t60.is_finite() && *t60 > 0.0);
         let fall = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
@@ -297,7 +356,7 @@ impl Simulation {
             else {
                 continue;
             };
-            all.extend(island.take_ergons().into_iter().map(|record| Taken {
+            all.extend(island.take_ergons().into_iter().map(|record| FramedErgon {
                 record: Record {
                     mat: whole(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
                     ..record.record
@@ -306,11 +365,31 @@ impl Simulation {
             }));
         }
         // By the frame that they struck in; within it island by island.
-        all.sort_by_key(|taken| taken.frame);
-        all.into_iter().map(|taken| taken.record).collect()
+        all.sort_by_key(|ergon| ergon.frame);
+        all.into_iter().map(|ergon| ergon.record).collect()
     }
 
     /// The energy ledger; `None` where it is not kept or the plan computes anything as oscillators.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use ergon_engine::network::{Term, Tie};
+    /// # use ergon_engine::{Network, Rate, Timeline};
+    /// # let mut network = Network::new();
+    /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
+    /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
+    /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # let network = Arc::new(network);
+    /// use ergon_engine::{OnFault, Options, Simulation};
+    ///
+    /// let options = Options { ledger: true, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
+    /// let mut simulation = Simulation::new(network, &timeline, options)?;
+    /// simulation.skip(1000)?;
+    /// let energy = simulation.energy().expect("the ledger is kept");
+    /// assert!(energy.injected > 0.0 && energy.stored > 0.0 && energy.lost > 0.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn energy(&self) -> Option<Energy> {
         let is_bank = |(unit, _): (&RunningUnit, &Unit)| matches!(unit, RunningUnit::Bank(_));
         if self.units().any(is_bank) {
@@ -366,6 +445,27 @@ impl Simulation {
     }
 
     /// An independent copy at the same frame, which steps without allocating.
+    ///
+    /// ```
+    /// # use std::sync::Arc;
+    /// # use ergon_engine::network::{Term, Tie};
+    /// # use ergon_engine::{Network, Rate, Timeline};
+    /// # let mut network = Network::new();
+    /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
+    /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
+    /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # let network = Arc::new(network);
+    /// # use ergon_engine::{OnFault, Options};
+    /// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
+    /// use ergon_engine::Simulation;
+    ///
+    /// let mut one = Simulation::new(network, &timeline, options)?;
+    /// let mut other = one.fork();
+    /// other.skip(100)?;
+    /// assert_eq!((one.frame(), other.frame()), (0, 100));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn fork(&self) -> Self {
         let mut other = self.clone();
         for running in other.groups.iter_mut().flat_map(|group| &mut group.units) {

@@ -1,8 +1,10 @@
-//! Ends of the spectrum of a symmetric operator that is only known by what it does to a vector.
+//! Eigenvalues: the ends of the spectrum of a symmetric operator that is only known by what it does to a vector, all of a
+//! dense symmetric matrix, all of one that is not symmetric.
 //!
 //! Deterministic to the bit: start vectors are fixed, sums are taken in a fixed order.
 
 mod filter;
+mod general;
 mod jacobi;
 mod lanczos;
 mod lowest;
@@ -11,17 +13,20 @@ mod tests;
 mod vector;
 mod whole;
 
-pub use filter::lowest_modes;
-pub use lanczos::{Largest, largest};
-pub use lowest::lowest;
-pub use whole::whole;
+pub(crate) use filter::lowest_modes;
+pub(crate) use general::{General, general, inverse};
+#[cfg(test)]
+pub(crate) use lanczos::Largest;
+pub(crate) use lanczos::largest;
+pub(crate) use lowest::lowest;
+pub(crate) use whole::whole;
 
 /// `apply(x, y)`: y = A x, both (n,); y comes with old values.
-pub type Apply<'a> = &'a mut dyn FnMut(&[f64], &mut [f64]);
+pub(crate) type Apply<'a> = &'a mut dyn FnMut(&[f64], &mut [f64]);
 
 /// An eigenvalue and its vector of length 1.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mode {
+pub(crate) struct Mode {
     /// The eigenvalue.
     pub lambda: f64,
     /// The vector (n,).

@@ -1,4 +1,4 @@
-//! How the scheme starts: the step that leads into frame 0.
+//! The last step before frame 0, by which the scheme starts.
 
 use crate::cell::Cell;
 use crate::kernel;
@@ -7,8 +7,10 @@ use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
-/// d[0] = x[0] − x[−1] of every MAT [m], (n_mat): a CEL by its own exact backward flow, a MAS by
-/// Taylor, both with the forces of the links at t = 0: x[−1] = own(−T) + ½T²·F/m. Under `ca`, V0·T.
+/// d[0] = x[0] − x[−1] of every MAT [m], (n_mat).
+///
+/// x[−1] is the free motion at −T, exact for a CEL and linear for a MAS, plus ½T²·F/m for the force F of links at t = 0.
+/// Under `ca` d[0] is V0·T.
 ///
 /// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton). `acts`: whether the run that
 /// begins with a link acts at frames, and not between them.
@@ -37,8 +39,8 @@ pub(crate) fn backward_steps(
                 _ if ca.is_some() => v0 * t,
                 MatKind::Mas => v0 * t - half,
                 MatKind::Cel => {
-                    let own = Cell::new(mats.m[i], mats.k[i], mats.z[i]);
-                    own.last_step(x0, v0, mats.rest[i], rate) - half
+                    let cell = Cell::new(mats.m[i], mats.k[i], mats.z[i]);
+                    cell.last_step(x0, v0, mats.rest[i], rate) - half
                 }
             }
         })
@@ -67,14 +69,21 @@ pub(crate) fn forces(
     let runs = network.runs().iter();
     for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
         let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);
-        let t_own = ca.map_or(1.0, Rate::step);
+        let ca_step = ca.map_or(1.0, Rate::step);
+        let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
+        let squares = || (0..run.len).map(|i| elongation(i) * elongation(i)).sum();
+        let tension = match &run.kind {
+            LinkKind::Lnl(law) if law.is_shared() => law.tension(squares()),
+            _ => 0.0,
+        };
         for i in 0..run.len {
             let (a, b) = (run.a + i, run.b + i);
             let e = x[b] - x[a] - run.rest;
-            // Under `ca` Z takes the velocity per sample.
-            let v = (mats.v0[b] - mats.v0[a]) * t_own;
+            // Under `ca` Z multiplies metres a sample.
+            let v = (mats.v0[b] - mats.v0[a]) * ca_step;
             let f = match &run.kind {
                 LinkKind::Ref => run.k * e + run.z * v,
+                LinkKind::Lnl(law) if law.is_shared() => tension * e,
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::But(but) => {
                     let s = kernel::side(but);

@@ -17,8 +17,9 @@ use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
-pub(crate) use gate::{Gate, Lean, Ramp};
+pub(crate) use gate::{Gate, GateContinuation};
 pub(crate) use glide::Glide;
+pub use glide::Ties;
 pub use hand::{Hand, HandWay};
 pub(crate) use push::{Push, pushes};
 
@@ -187,6 +188,18 @@ impl Timeline {
 
     /// Strike a MAT by `impulse` [N·s] at the instant `at` [s]; `source`: place in the score.
     ///
+    /// ```
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
+    /// let wall = network.sol("wall", 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// timeline.strike(&network, m, 0.5, 1e-3, 0)?; // 1 mN·s at 0.5 s
+    /// assert!(timeline.strike(&network, wall, 0.5, 1e-3, 0).is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`StrikeError`] where the MAT is fixed, the instant is negative, a number is not finite, or there are too many strikes.
     pub fn strike(
@@ -217,6 +230,20 @@ impl Timeline {
     /// Strike each MAT by a Poisson process of its own, of `rate` [Hz] from `start` to `stop` [s], with
     /// impulses [N·s] drawn uniformly between two; member i draws from `chance(i)` alone. Returns the
     /// number of strikes.
+    ///
+    /// ```
+    /// use ergon_engine::chance::Chance;
+    /// use ergon_engine::timeline::Rain;
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), within: (0.0, 5.0), source: 0 };
+    /// let n_strikes = timeline.rain(&network, &[m], &rain, |member| Chance::new(7, "strikes", "sky", member, 0))?;
+    /// assert!((50..150).contains(&n_strikes));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// As [`Timeline::strike`].
@@ -276,6 +303,21 @@ impl Timeline {
             speed,
         });
         Ok(())
+    }
+
+    /// Let impulses strike a MAT that are not known beforehand; `point` is its name in
+    /// [`Simulation::strike`](crate::simulation::Simulation::strike).
+    ///
+    /// # Errors
+    /// [`StrikeError`] where the MAT is fixed.
+    pub fn strike_point(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        point: u32,
+    ) -> Result<(), StrikeError> {
+        movable(network, mat)?;
+        self.drive(mat, DriveKind::Force, Source::Strikes(point), false)
     }
 
     /// Impose the position or a force on a MAT by a constant, a take or a hand; `own`: the drive belongs to the part of

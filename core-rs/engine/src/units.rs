@@ -4,6 +4,15 @@
 pub(crate) const LN_1000: f64 = 6.907_755_278_982_137;
 
 /// Samples in a second; its inverse is the step T.
+///
+/// ```
+/// use ergon_engine::Rate;
+///
+/// let rate = Rate::new(48_000.0)?;
+/// assert_eq!(rate.step(), 1.0 / 48_000.0);
+/// assert!(Rate::new(-1.0).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Rate(f64);
 

@@ -59,7 +59,7 @@ fn a_playing_scene_does_not_allocate() {
 fn a_slow_key_does_not_allocate() {
     let mut network = Network::new();
     network.part("key", None);
-    network.every(10);
+    network.macrostep(10);
     let tie = |k, z| Tie::Physical { k, z };
     let struck = network
         .cel("m", 0.08, tie(200.0, 0.4), 0.0, 0.0, 0.0)
@@ -86,7 +86,7 @@ fn a_slow_key_does_not_allocate() {
         let written = Written {
             t: &t,
             x: &[0.0, 3e-3, 1e-3],
-            way: &way,
+            approaches: &way,
             sources: &[],
         };
         let manner = Manner {

@@ -20,6 +20,7 @@ mod system;
 #[cfg(not(all(feature = "system", any(target_os = "macos", windows))))]
 #[path = "audio/no_system.rs"]
 mod system;
+mod tap;
 mod wave;
 
 use std::path::PathBuf;
@@ -30,6 +31,8 @@ pub use output::{Event, Info, Output, open};
 pub use ring::{CHANNELS_MAX, Drain, Feed, ring};
 pub use shared::{Edge, Shared};
 pub use spec::{Backend, Spec, USAGE};
+pub(crate) use tap::{Tap, open as tap};
+pub use tap::{TapHandle, TapStatus};
 
 /// Why there is no sound.
 #[derive(Debug, thiserror::Error)]

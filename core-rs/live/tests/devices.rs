@@ -11,6 +11,9 @@ use ergon_live::device::{self, Device, DeviceError, Sample, Url};
 use ergon_live::emulate::{Event, Hand, Options, Protocol, Transport};
 use ergon_live::safety::{Guarded, Limits};
 
+/// After this a test gives up.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 fn going(periods: usize, metres: f64) -> Hand {
     Hand::Going {
         path: gesture(periods, metres),
@@ -83,7 +86,9 @@ const WIRES: [(&str, Protocol, Transport, &str, bool); 6] = [
 ];
 
 /// A spring of the host's on an emulated key that a hand moves; returns every position and the emulator's hash.
-fn session(wire: usize, pause: Duration) -> (Vec<f64>, u64) {
+///
+/// Before each exchange the host lets other threads run so many times.
+fn session(wire: usize, yields: usize) -> (Vec<f64>, u64) {
     let (kind, protocol, transport, how, _) = WIRES[wire];
     let axes = if protocol == Protocol::Haply { 3 } else { 2 };
     let emulator = Emulator::start(options(protocol, transport, axes, vec![going(300, 6e-3)]));
@@ -95,7 +100,7 @@ fn session(wire: usize, pause: Duration) -> (Vec<f64>, u64) {
         "X(0) comes first"
     );
     for _ in 0..400 {
-        std::thread::sleep(pause);
+        (0..yields).for_each(|_| std::thread::yield_now());
         let force = -60.0 * sample.position[0];
         device.send(&[force]).unwrap();
         assert!(device.receive(&mut sample, past).unwrap());
@@ -115,10 +120,10 @@ fn device_stats(device: &Guarded) -> device::Stats {
 #[test]
 fn in_lockstep_only_the_order_counts() {
     for (wire, (kind, ..)) in WIRES.iter().enumerate() {
-        let (path, _) = session(wire, Duration::ZERO);
+        let (path, _) = session(wire, 0);
         let peak = path.iter().fold(0.0, |peak: f64, x| peak.max(*x));
         assert!(peak > 3e-3 && peak < 6.5e-3, "{kind}: {peak}");
-        let (paced, _) = session(wire, Duration::from_micros(300));
+        let (paced, _) = session(wire, 30);
         assert!(path == paced, "{kind}");
     }
 }
@@ -126,10 +131,7 @@ fn in_lockstep_only_the_order_counts() {
 #[test]
 fn whole_numbers_are_the_same_on_every_wire() {
     let whole: Vec<_> = (0..WIRES.len()).filter(|&wire| WIRES[wire].4).collect();
-    let paths: Vec<_> = whole
-        .iter()
-        .map(|&wire| session(wire, Duration::ZERO).0)
-        .collect();
+    let paths: Vec<_> = whole.iter().map(|&wire| session(wire, 0).0).collect();
     let in_process = {
         use ergon_live::device::Emulated;
         use ergon_live::emulate::{Key, Keys};
@@ -154,8 +156,8 @@ fn whole_numbers_are_the_same_on_every_wire() {
 #[test]
 fn the_position_hash_repeats_by_any_pace() {
     for wire in [0, 3] {
-        let (_, fast) = session(wire, Duration::ZERO);
-        let (_, slow) = session(wire, Duration::from_micros(200));
+        let (_, fast) = session(wire, 0);
+        let (_, slow) = session(wire, 20);
         assert_eq!(fast, slow, "{:?}", WIRES[wire]);
     }
 }
@@ -251,16 +253,18 @@ fn a_device_that_let_go_says_so_once() {
     let mut sample = Sample::default();
     let mut exchange = |device: &mut Guarded| {
         device.send(&[1.0]).unwrap();
-        let deadline = Instant::now() + Duration::from_secs(5);
-        assert!(device.receive(&mut sample, deadline).unwrap());
+        assert!(
+            device
+                .receive(&mut sample, Instant::now() + PATIENCE)
+                .unwrap()
+        );
         sample.let_go
     };
     device
         .receive(&mut Sample::default(), Instant::now())
         .unwrap();
     exchange(&mut device);
-    let patience = Duration::from_secs(5);
-    while emulator.events.recv_timeout(patience).unwrap() != Event::LetGo {}
+    while emulator.events.recv_timeout(PATIENCE).unwrap() != Event::LetGo {}
     assert!(exchange(&mut device));
     // A machine that is held up makes the board let go again.
     assert!((0..100).any(|_| !exchange(&mut device)));
@@ -283,6 +287,9 @@ fn a_serial_device_that_dies_is_gone() {
     assert!(gone);
 }
 
+/// Most exchanges after which what a test waits for must be there: a machine that does much else is slow, not wrong.
+const MOST_EXCHANGES: usize = 600_000;
+
 #[test]
 fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
     let mut options = options(
@@ -295,28 +302,23 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
     let emulator = Emulator::start(options);
     let mut device = guard(emulator.open("frame+udp", ""));
     let mut sample = Sample::default();
-    let start = Instant::now();
     let mut peak: f64 = 0.0;
-    let is_enough = |stats: &device::Stats, peak: f64| {
-        stats.received > 100 && stats.drift_ppm.is_some() && peak > 3e-3
-    };
-    while start.elapsed() < Duration::from_millis(1500) || !is_enough(&device_stats(&device), peak)
-    {
-        assert!(start.elapsed() < Duration::from_secs(60), "{peak}");
+    let mut exchange = |device: &mut Guarded| {
         device.send(&[0.0]).unwrap();
-        device
-            .receive(&mut sample, Instant::now() + Duration::from_millis(1))
-            .unwrap();
+        let deadline = Instant::now() + Duration::from_millis(1);
+        device.receive(&mut sample, deadline).unwrap();
         peak = peak.max(sample.position[0]);
-        std::thread::sleep(Duration::from_micros(800));
-    }
+        let stats = device_stats(device);
+        stats.received > 1000 && stats.drift_ppm.is_some() && peak > 3e-3
+    };
+    assert!((0..MOST_EXCHANGES).any(|_| exchange(&mut device)));
     let stats = device_stats(&device);
     assert_eq!(stats.garbage, 0);
     // Both clocks are this machine's.
     assert!(stats.drift_ppm.unwrap().abs() < 1e5, "{stats:?}");
     drop(device);
     let outcome = emulator.end();
-    assert!(outcome.periods > 1000, "{outcome:?}");
+    assert!(outcome.packets > 1000, "{outcome:?}");
 }
 
 #[test]
@@ -333,24 +335,24 @@ fn a_service_is_told_when_its_host_falls_silent() {
     let emulator = Emulator::start(options);
     let mut device = guard(emulator.open("haply", ""));
     let mut sample = Sample::default();
-    let mut push = |force: f64| {
+    let mut push = |force: Option<f64>| {
         let deadline = Instant::now() + Duration::from_millis(5);
         device.receive(&mut sample, deadline).unwrap();
-        device.send(&[force]).unwrap();
-        sample.position[0]
+        if let Some(force) = force {
+            device.send(&[force]).unwrap();
+        }
+        sample
     };
-    // 1 N on 100 N/m is 10 mm, as soon as the machine lets both sides run for a while.
-    let start = Instant::now();
-    while (push(1.0) - 0.01).abs() > 1e-3 {
-        assert!(
-            start.elapsed() < Duration::from_secs(60),
-            "it never gets there"
-        );
-    }
-    std::thread::sleep(Duration::from_millis(1200));
-    push(0.0);
-    let left = (0..20).map(|_| push(0.0)).last().unwrap();
-    assert!(left.abs() < 1e-4, "it was let go meanwhile: {left}");
+    let mut until = |force: Option<f64>, holds: &dyn Fn(Sample) -> bool| {
+        assert!((0..MOST_EXCHANGES).any(|_| holds(push(force))), "{force:?}");
+    };
+    // 1 N on 100 N/m is 10 mm.
+    until(Some(1.0), &|sample| {
+        (sample.position[0] - 0.01).abs() < 1e-3
+    });
+    // The host falls silent, and its guardian tells the service zero.
+    until(None, &|sample| sample.let_go);
+    until(Some(0.0), &|sample| sample.position[0].abs() < 1e-4);
     drop(device);
     emulator.end();
 }
@@ -386,7 +388,7 @@ fn a_real_board_has_its_own_time() {
     emulator.end();
 }
 
-/// What it says when the key has long been where 1 N takes it.
+/// What a host says when the key has long been where 1 N takes it.
 const PUSHES: &str = "it pushes";
 
 /// A host of its own, for the tests below to end: pushes with 1 N as long as it lives.
@@ -396,24 +398,29 @@ fn host_process() {
     let url = Url::parse(&std::env::var("ERGON_TEST_DEVICE").unwrap()).unwrap();
     let mut device = guard(device::open(&url).unwrap());
     let mut sample = Sample::default();
-    let start = Instant::now();
-    let mut told = false;
-    while start.elapsed() < Duration::from_secs(20) {
+    let mut push = |device: &mut Guarded| {
         let deadline = Instant::now() + Duration::from_millis(1);
-        let _ = device.receive(&mut sample, deadline);
+        let fresh = device.receive(&mut sample, deadline).unwrap_or(false);
         let _ = device.send(&[1.0]);
-        if start.elapsed() < Duration::from_millis(900) {
-            continue;
+        fresh.then_some(sample.position[0])
+    };
+    // 1 N on 100 N/m is 10 mm; a fader tells of steps of 0.4 mm. There the key stays for 100 positions.
+    let (mut x, mut stays) = (0.0, 0);
+    while stays < 100 {
+        if let Some(now) = push(&mut device) {
+            let is_there = (now - 0.01).abs() < 1e-3 && (now - x).abs() < 1e-6;
+            (x, stays) = (now, if is_there { stays + 1 } else { 0 });
         }
-        if !std::mem::replace(&mut told, true) {
-            eprintln!("{PUSHES}");
-        }
-        match std::env::var("ERGON_TEST_END").as_deref() {
-            Ok("panic") => panic!("as asked"),
-            // SAFETY: none; a fault is what is asked for, and there is nothing at 8.
-            Ok("fault") => unsafe { std::ptr::without_provenance_mut::<u8>(8).write_volatile(1) },
-            _ => {}
-        }
+    }
+    eprintln!("{PUSHES}");
+    match std::env::var("ERGON_TEST_END").as_deref() {
+        Ok("panic") => panic!("as asked"),
+        // SAFETY: none; a fault is what is asked for, and there is nothing at 8.
+        Ok("fault") => unsafe { std::ptr::without_provenance_mut::<u8>(8).write_volatile(1) },
+        _ => {}
+    }
+    for _ in 0..MOST_EXCHANGES {
+        push(&mut device);
     }
 }
 
@@ -460,8 +467,7 @@ fn a_host_that_is_killed_leaves_no_force() {
     );
     for (kind, options) in [("frame+udp", frame), ("firefader", fader)] {
         let emulator = ended(kind, options, End::Signal(libc::SIGKILL));
-        let patience = Duration::from_secs(5);
-        let told = std::iter::from_fn(|| emulator.events.recv_timeout(patience).ok());
+        let told = std::iter::from_fn(|| emulator.events.recv_timeout(PATIENCE).ok());
         assert!(
             told.into_iter().any(|event| event == Event::LetGo),
             "{kind}"
@@ -475,7 +481,7 @@ fn left_at(end: End) -> f64 {
     let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
     options.board.watchdog = Duration::from_secs(60);
     let emulator = ended("frame+udp", options, end);
-    // Somebody new is heard after a second of silence.
+    // By the emulator's clock, which is the wall's: a key that was let go is at rest, and somebody new is heard.
     std::thread::sleep(Duration::from_millis(1100));
     let mut device = emulator.open("frame+udp", "");
     let mut sample = Sample::default();
@@ -501,11 +507,8 @@ fn whoever_ends_a_host_frees_the_hand() {
             .collect()
     });
     for (end, x) in left {
-        let to = if end == End::Signal(libc::SIGKILL) {
-            0.01
-        } else {
-            0.0
-        };
-        assert!((x - to).abs() < 1e-4, "{end:?}: {x}");
+        // A reply that is late tells of a key on its way back, which is at rest long after that.
+        let is_back = x.abs() < 1e-4;
+        assert_eq!(is_back, end != End::Signal(libc::SIGKILL), "{end:?}: {x}");
     }
 }

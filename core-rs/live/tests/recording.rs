@@ -1,9 +1,8 @@
 //! A recording from the real-time side: it allocates nothing, and survives the death of its process.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write, stdin};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Duration;
 use std::{env, fs, thread};
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
@@ -54,16 +53,20 @@ fn the_real_time_side_does_not_allocate() {
     fs::remove_file(&path).unwrap();
 }
 
-/// Plays for ever and says so; run by the next test in a process of its own.
+/// Rows that are recorded at once.
+const ROWS: u64 = 100;
+
+/// Records some rows for every line that comes; run by the next test in a process of its own.
 #[test]
 #[ignore = "the next test runs and kills it"]
 fn records_until_it_is_killed() {
     let path = env::var(PATH).expect("the next test says where");
     let (mut sink, _handle) = Recorder::start(Path::new(&path), &header()).unwrap();
-    eprintln!("recording");
-    for tick in 0.. {
-        sink.row(tick, &row(tick));
-        thread::sleep(Duration::from_millis(1));
+    for (first, _) in (0..).step_by(ROWS as usize).zip(stdin().lines()) {
+        for tick in first..first + ROWS {
+            assert!(sink.row(tick, &row(tick)));
+        }
+        eprintln!("{}", first + ROWS);
     }
 }
 
@@ -78,20 +81,27 @@ fn a_killed_recording_keeps_what_it_had() {
             "--nocapture",
         ])
         .env(PATH, &path)
+        .stdin(Stdio::piped())
         .stderr(Stdio::piped())
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
+    let mut asked = child.stdin.take().unwrap();
     let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
-    assert!(said.any(|line| line.unwrap().contains("recording")));
+    let mut record = |rows: u64| {
+        writeln!(asked).unwrap();
+        assert!(said.any(|line| line.unwrap() == rows.to_string()));
+    };
+    (1..=10).for_each(|n| record(n * ROWS));
     // Read while it is being written, until some chunks are there.
     let before = loop {
         let found = read(&path, None).unwrap();
         if found.ticks.len() > 500 {
             break found;
         }
-        thread::sleep(Duration::from_millis(50));
+        thread::yield_now();
     };
+    (11..=20).for_each(|n| record(n * ROWS));
     child.kill().unwrap();
     child.wait().unwrap();
     let after = read(&path, None).unwrap();

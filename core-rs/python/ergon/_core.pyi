@@ -10,7 +10,7 @@ exist EngineError.
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Literal, Self, final
+from typing import Literal, NamedTuple, Self, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,12 @@ FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer scen
 FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played with (0 to 1)
 
 _Floats = NDArray[np.float64]
-# An axis of a device: (number, sign, zero, gain, range, most force).
-_Axis = tuple[int, float, float, float, tuple[float, float], float]
+
+class Range(NamedTuple):
+    """The lowest and the highest of some positions, [m] or [rad]."""
+
+    low: float
+    high: float
 
 class EngineError(ValueError):
     """An argument, network, law or timeline that the core refuses."""
@@ -106,6 +110,27 @@ class Chance:
 
 # --- what is ------------------------------------------------------------------------------------
 
+class LawRow(NamedTuple):
+    """An operation of a law and its operands: 0 is d, 1 is v, 2 + i is row i."""
+
+    operation: str
+    a: int
+    b: int
+    c: int
+
+class LawUse(NamedTuple):
+    """A law of a network: its rows, links with it alone in their run, and links in longer runs."""
+
+    rows: list[LawRow]
+    alone: int
+    in_runs: int
+
+class LawFunction(NamedTuple):
+    """A function of the core that native code of a law calls."""
+
+    name: str
+    address: int
+
 @final
 class Law:
     """The law of an LNL: `f = expression(d) + damping(d, v)`, or straight lines through `points`.
@@ -137,8 +162,8 @@ class Law:
 
         Raises ValueError where the lengths differ.
         """
-    def rows(self) -> list[tuple[str, int, int, int]] | None:
-        """Operations (name, three operands: 0 is d, 1 is v, 2 + i is row i); None for `points`."""
+    def rows(self) -> list[LawRow] | None:
+        """The operations, in order; None for `points`."""
     def native(self, address: int) -> Law:
         """The same law, computed by native code of its rows at `address`.
 
@@ -149,11 +174,38 @@ class Law:
     def is_active(self, d_max: float, v_max: float) -> bool:
         """Whether the link can give energy: damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max."""
 
-def law_functions() -> list[tuple[str, int]]:
-    """(name, address) of each function of the core that native code of a law calls."""
+def law_functions() -> list[LawFunction]:
+    """The functions of the core that native code of a law calls."""
+
+class MatValues(NamedTuple):
+    """K [N/m], Z [N·s/m] and M [kg] of a MAT at one moment of a glide."""
+
+    mat: int
+    K: float
+    Z: float
+    M: float
+
+class ModuleRange(NamedTuple):
+    """`n` modules from `first` on, in an output, and the weight of their sum."""
+
+    first: int
+    n: int
+    weight: float
+
+class Place(NamedTuple):
+    """A place on the bench [m]."""
+
+    x: float
+    y: float
+
+class Mode(NamedTuple):
+    """A mode of a part: damped frequency [Hz], and decay [s], infinite without loss."""
+
+    f: float
+    t60: float
 
 @final
-class Met:
+class ReachableScene:
     """The part of a scene that a hand can move, made linear and at rest, with all contacts closed."""
 
     @property
@@ -161,10 +213,10 @@ class Met:
         """Number of other hands that feel this hand."""
     def key(self) -> bytes:
         """Bytes that determine `response`: equal bytes, equal response."""
-    def response(self, every: int, ticks: tuple[int, int]) -> _Floats | None:
+    def response(self, tick_frames: int, ticks: tuple[int, int]) -> _Floats | None:
         """Force against the hand [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
 
-        A tick has `every` frames; `ticks` are the least and the greatest n_ticks. None where the
+        A tick has `tick_frames` frames; `ticks` are the least and the greatest n_ticks. None where the
         linear scene diverges by itself. Raises EngineError.
         """
 
@@ -181,29 +233,31 @@ class Network:
     n_mat: int
     n_lia: int
     n_out: int
-    def part(self, name: str, *, ca_rate: float | None = None, every: int | None = None) -> None:
+    def part(
+        self, name: str, *, ca_rate: float | None = None, macrostep: int | None = None
+    ) -> None:
         """Start a part (an instrument, a key): modules added from now on belong to it.
 
         With `ca_rate` [Hz] its numbers are the algorithmic M, K, Z of the discrete network at that
-        rate, as in GENESIS. With `every` a plan may compute the part's own springs only once in so
-        many frames (method E4). Raises EngineError.
+        rate, as in GENESIS. With `macrostep` a plan may compute the part's own springs only once in
+        so many frames (method E4). Raises EngineError.
         """
-    def met(
+    def reachable_scene(
         self,
         mat: int,
         rate: float,
         *,
         held: Sequence[int] = ...,
         without: Sequence[int] = ...,
-        ties: Sequence[tuple[int, float, float, float]] = ...,
+        ties: Sequence[MatValues | tuple[int, float, float, float]] = ...,
         factors: Sequence[tuple[int, float]] = ...,
-        deep: float = ...,
-    ) -> Met:
+        depth: float = ...,
+    ) -> ReachableScene:
         """The part of the network that a hand on a MAT can move, at `rate` [Hz].
 
-        Every contact is closed, and every law is the stiffest spring that it is within `deep` [m].
-        `held`: MATs that other hands hold; `without`: LIAs that do not act; `ties`: (MAT, K, Z, M)
-        and `factors`: (LIA, factor of its force) replace the network's own during a glide.
+        Every contact is closed, and every law is the stiffest spring that it is within `depth` [m].
+        `held`: MATs that other hands hold; `without`: LIAs that do not act. `ties` and `factors` (LIA,
+        factor of its force) replace the network's own values during a glide.
         Raises EngineError.
         """
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int:
@@ -235,27 +289,39 @@ class Network:
         masses: int,
         M: float,
         f: float,
-        t60: float | None = None,
+        t60: float | Sequence[tuple[float, float]] | None = None,
         ends: Literal["fixed", "free", "left"] = "fixed",
         stiffness: float = 0.0,
+        inharmonicity: float | None = None,
         hardening: float = 0.0,
+        stretching: float = 0.0,
     ) -> int:
-        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s]."""
+        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
+
+        `stretching` is q of q·S·d [N/m³] on every link, S the sum of the squares of all elongations. `t60` may be (f [Hz], t60 [s]) of two modes or more, within 1 %.
+        With `inharmonicity` B (which takes the place of `stiffness`) its first 20 partials are
+        f·n·√((1 + B·n²)/(1 + B)), within 1 cent.
+        """
     def plate(
         self,
         name: str,
         *,
-        shape: Literal["hex", "square"],
-        radius: int,
+        shape: Literal["hex", "square", "disc"] = "hex",
+        radius: int = 0,
+        sides: tuple[int, int] | None = None,
         M: float,
         f: float,
-        t60: float | None = None,
+        t60: float | Sequence[tuple[float, float]] | None = None,
         rim: Literal["free", "fixed"] = "free",
+        bending: float | None = None,
         hardening: float = 0.0,
     ) -> int:
         """A mesh of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
 
-        `hex` has `radius` rings around its centre, `square` has 2·radius+1 masses a side.
+        `hex` and `disc` have `radius` rings around the centre, `square` has 2·radius+1 masses a side, a rectangle has
+        `sides` (across, up). `bending` is Poisson's ratio of a plate that resists curvature, on a rim that is free, or
+        held at rest and free to turn; a disc takes no other. `t60` may be (f [Hz], t60 [s]) of two modes or more,
+        within 1 %.
         """
     def bank(
         self,
@@ -280,8 +346,8 @@ class Network:
         """Index of the middle MAT of the module that begins at `first`."""
     def start(self, index: int, X0: float, V0: float) -> None:
         """Set the initial position [m] and velocity [m/s] of one MAT."""
-    def position_of(self, index: int) -> tuple[float, float]:
-        """Place of the MAT on the bench, (x, y) [m]: for pictures and `nearest`."""
+    def position_of(self, index: int) -> Place:
+        """Place of the MAT on the bench, for pictures and `nearest`."""
     def ref(
         self, name: str, a: int, b: int, *, K: float = 0.0, Z: float = 0.0, rest: float = 0.0
     ) -> int:
@@ -312,8 +378,8 @@ class Network:
         """
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
-    def laws(self) -> list[tuple[list[tuple[str, int, int, int]], int, int]]:
-        """Of every different law: its rows, its links alone in a run, its links in longer runs."""
+    def laws(self) -> list[LawUse]:
+        """Every different law that has rows, and how many links have it."""
     def native(self, entries: Sequence[tuple[int, int]]) -> None:
         """Compute `laws()[index]` by native code, for each (index, address). Raises IndexError."""
     def impose(self, index: int) -> None:
@@ -322,11 +388,11 @@ class Network:
         self,
         name: str,
         *,
-        positions: Sequence[tuple[int, int, float]] = ...,
-        forces: Sequence[tuple[int, int, float]] = ...,
-        ground_forces: Sequence[tuple[int, int, float]] = ...,
+        positions: Sequence[ModuleRange | tuple[int, int, float]] = ...,
+        forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
+        ground_forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
     ) -> int:
-        """An output; its index. Each range is (first, count, weight).
+        """An output; its index.
 
         The output is the sum of weight · position [m] of MATs, weight · force [N] of LIAs on their
         second point, and weight · K·(x - rest) [N] of CELs.
@@ -335,8 +401,8 @@ class Network:
         """The name of a MAT as in the score, e.g. `gong.12`."""
     def certify(self, rate: float) -> Certificate:
         """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
-    def modes(self, part: str, n_modes: int) -> list[tuple[float, float]]:
-        """The lowest modes (f [Hz], t60 [s]) of a linear part, of the continuous network.
+    def modes(self, part: str, n_modes: int) -> list[Mode]:
+        """The lowest modes of a linear part, of the continuous network.
 
         Raises EngineError where no part has this name.
         """
@@ -347,8 +413,15 @@ class Certificate:
 
     lambda_max: float
     method: Literal["gershgorin", "dense", "lanczos"]
-    word: Literal["proved", "guarded", "tried"]
+    guarantee: Literal["proved", "guarded", "tried"]
     oversampling: int  # ceil(sqrt(λmax/4)): 1 when stable
+
+class PathPoint(NamedTuple):
+    """Position [m], velocity [m/s] and acceleration [m/s²] of a path at one instant."""
+
+    x: float
+    v: float
+    a: float
 
 @final
 class Take:
@@ -370,17 +443,29 @@ class Take:
     duration: float
     def part(self, first: float, last: float) -> Take:
         """The part between two instants [s], which begins at zero. Raises EngineError."""
-    def at(self, t: float) -> tuple[float, float, float]:
-        """Position [m], velocity [m/s] and acceleration [m/s²] at t [s]."""
+    def at(self, t: float) -> PathPoint:
+        """The motion at t [s]."""
     def positions(self, t: _Floats) -> _Floats:
         """Positions [m] at instants t [s], both (n,); fastest where t rises."""
+
+class RecordedAxis(NamedTuple):
+    """The player and the key of an axis of a recording."""
+
+    player: str
+    key: str
+
+class RecordedEvent(NamedTuple):
+    """An event of a recording: its tick, and a line of JSON."""
+
+    tick: int
+    line: str
 
 @final
 class Recording:
     """The movement of live hands, tick by tick; sizes: n_ticks rows, n_axes axes.
 
     `rate` [Hz] is that of the sound and a tick has `frames` frames: row k was used from frame
-    ticks[k]·frames on. Axes are (player, key); `about` is JSON from the recording program. In a
+    ticks[k]·frames on. `about` is JSON from the recording program. In a
     recording made by this constructor forces and flags are zero. Raises EngineError where ticks do
     not rise or positions are not (n_ticks, n_axes).
     """
@@ -389,17 +474,17 @@ class Recording:
         cls,
         rate: float,
         frames: int,
-        axes: Sequence[tuple[str, str]],
+        axes: Sequence[RecordedAxis | tuple[str, str]],
         about: str,
         ticks: NDArray[np.uint64],
         positions: _Floats,
     ) -> Self: ...
     rate: float
     frames: int
-    axes: list[tuple[str, str]]
+    axes: list[RecordedAxis]
     names: list[str]  # of each axis, one that no other has
     about: str
-    events: list[tuple[int, str]]  # tick, JSON line
+    events: list[RecordedEvent]
     duration: float  # from the first tick to the end of the last [s]
     dropped: int  # rows and events that found no room while recording
     lost_bytes: int
@@ -465,7 +550,7 @@ class Timeline:
         curve[i] leads to point i (curve[0] is ignored); `sources[i]` is any number, which
         Simulation.ergons returns. `grain` and `join` are in [s], `force_limit` in [N].
         """
-    def ranges(self) -> list[tuple[float, float]]:
+    def ranges(self) -> list[Range]:
         """Lowest and highest position [m] of each gesture's written points and paths, by index."""
     def take(
         self,
@@ -532,6 +617,17 @@ class Timeline:
         """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
         `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
         """
+    def path(self, mat: int, points: Sequence[tuple[float, float, float, float]]) -> None:
+        """Let K [N/m], Z [N·s/m] and M [kg] of a MAT go through points (t [s], K, Z, M), which rise.
+
+        They go linearly between points, on multiples of GRID frames, and stay before the first and
+        after the last one. The MAT is stepped.
+        """
+    def strike_point(self, mat: int, point: int) -> None:
+        """Let Simulation.strike strike a MAT, which it calls by the number `point`.
+
+        Raises EngineError where the MAT is fixed.
+        """
     def drive(
         self,
         mat: int,
@@ -551,18 +647,47 @@ class Timeline:
     def hand(
         self,
         mat: int,
-        every: int,
+        tick_frames: int,
         *,
         way: Literal["hold", "line"] = "line",
         positions: _Floats | None = None,
     ) -> int:
-        """A real hand that moves a MAT, in ticks of `every` frames; its index.
+        """A real hand that moves a MAT, in ticks of `tick_frames` frames; its index.
 
         `positions` (n_ticks,) [m]: a stand-in or a recording of the hand. `way`: between two ticks
         the position is held, or goes along a line.
         """
 
 # --- what is computed ---------------------------------------------------------------------------
+
+class ModeCount(NamedTuple):
+    """How many modes of a body are computed, of how many."""
+
+    computed: int
+    total: int
+
+class IslandChoice(NamedTuple):
+    """The decisions of a plan on one island.
+
+    `bodies`: of each body its modes or its method, as numbers; contact_substeps is 0 for a bank.
+    """
+
+    modules: int
+    oversampling: int  # steps a frame
+    contact_substeps: int  # computations of contacts a step
+    bodies: list[list[int]]
+
+class FullRatePart(NamedTuple):
+    """A part with its own rate that is computed at every frame, and why."""
+
+    name: str
+    why: str
+
+class TrialWork(NamedTuple):
+    """Work of a plan's trials, and the most allowed, by the table of costs [s]."""
+
+    done: float
+    allowed: float
 
 @final
 class PlanRow:
@@ -575,6 +700,7 @@ class PlanRow:
         "stepped",
         "oscillators",
         "modes",
+        "complex modes",
         "ca2p",
         "bm4",
         "ieq",
@@ -583,17 +709,17 @@ class PlanRow:
         "unheard",
         "still",
     ]
-    modes: tuple[int, int] | None  # computed, of how many
+    modes: ModeCount | None
     left_out_db: float | None  # the other modes together, relative to all
-    times: int  # how often a frame it is stepped
-    steps: int  # how often a step contacts are computed while they may be closed
+    oversampling: int  # steps a frame
+    contact_substeps: int  # computations of contacts a step, while they may be closed
     error_db: float | None  # of the waveform, as a pilot measured it over
     error_s: float | None  # so many seconds from the start
     spectral_db: float | None  # chaotic after that: mean difference of third octaves
     cost: float  # seconds of work for a second of sound, by the table of costs
-    word: Literal["proved", "guarded", "tried"] | None
+    guarantee: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
-    every: int | None  # frames from one pull of its own springs to the next
+    macrostep: int | None  # frames from one pull of its own springs to the next
     radius: float | None  # largest eigenvalue of what it and all it touches do from pull to pull
     preserved: bool  # slow, and not heard: at most -75 dB up to 10 frames, -70 dB up to 20
     offered: bool  # slow without being asked to be: so its island costs less
@@ -618,7 +744,7 @@ class Plan:
         error_db: float | None = None,
         cents: float | None = None,
         upto: float | None = None,
-        pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
+        pins: Sequence[IslandChoice | tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
         told: Sequence[
             tuple[float | None, float | None, float | None, float | None, str | None, bool]
         ]
@@ -645,12 +771,11 @@ class Plan:
         """Hash of everything that determines a plan: 64 hex digits. Raises EngineError."""
     def rows(self) -> list[PlanRow]:
         """The parts of the plan."""
-    def choices(self) -> list[tuple[int, int, int, list[list[int]]]]:
-        """The decisions, island by island: (modules, steps a frame, computations of contacts a step
-        (0 for a bank), of each body its modes or its method)."""
-    def stay(self) -> list[tuple[str, str]]:
-        """(name, reason) of each part with its own rate that is nevertheless computed at every frame."""
-    trials: tuple[float, float]  # work that trials took, and might have, by the table of costs [s]
+    def choices(self) -> list[IslandChoice]:
+        """The decisions, island by island."""
+    def stay(self) -> list[FullRatePart]:
+        """The parts with their own rate that are nevertheless computed at every frame."""
+    trials: TrialWork
     hash: str  # of what was decided: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------
@@ -691,6 +816,19 @@ class Energy:
 class Snapshot:
     """The state of a simulation at one frame."""
 
+class MutedPart(NamedTuple):
+    """A part that became non-finite at a frame and was muted."""
+
+    name: str
+    frame: int
+
+class FinerPart(NamedTuple):
+    """A part some of whose frames needed more than one step, because its links had stiffened."""
+
+    name: str
+    frames: int  # how many frames
+    steps: int  # most steps of one frame
+
 @final
 class Simulation:
     """Computes a network and its timeline, by a plan or, without one, every module as written.
@@ -730,6 +868,12 @@ class Simulation:
         """The position that each key's gesture asks for now [m], (n_keys,); NaN while none runs."""
     def hold(self, hand: int, x: float, step: float | None = None) -> None:
         """Set the position x [m] of a real hand from the next tick on, and its last step [m]."""
+    def strike(self, point: int, impulse: float) -> bool:
+        """Strike a point of Timeline.strike_point by an impulse [N·s] at the next frame.
+
+        Impulses of one frame add up. False where the simulation has no such point. Raises
+        EngineError where the impulse is not finite.
+        """
     def felt(self, hand: int) -> float:
         """Mean force of the scene on a real hand [N] over the last whole tick."""
     def fork(self) -> Simulation:
@@ -756,11 +900,10 @@ class Simulation:
     def ergons(self) -> dict[str, NDArray[np.float64]]:
         """Ergons since the last call, with record=True: columns `time` [s], `mat`, `mass` [kg],
         `speed` [m/s], `impulse` [N·s] and `source`, each (n_ergons,)."""
-    def muted(self) -> list[tuple[str, int]]:
-        """(name, frame) of each part that became non-finite and was muted, with on_fault="mute"."""
-    def finer(self) -> list[tuple[str, int, int]]:
-        """(name, frames, greatest number of steps) of each part some of whose frames needed more
-        than one step, because its links had stiffened."""
+    def muted(self) -> list[MutedPart]:
+        """The parts that were muted, with on_fault="mute"."""
+    def finer(self) -> list[FinerPart]:
+        """The parts with frames of more than one step."""
 
 # --- from outputs to loudspeakers ---------------------------------------------------------------
 
@@ -955,6 +1098,91 @@ class HandLimit:
     stiffness: float  # greatest stiffness of scene and guidance [N/m]
     limit: float  # greatest stable stiffness [N/m]
 
+class GuidanceSpring(NamedTuple):
+    """The spring K [N/m] and damper Z [N·s/m] that lead a hand, by steps or always."""
+
+    K: float
+    Z: float
+    follows_steps: bool
+
+class LiveHand(NamedTuple):
+    """A hand of a performance."""
+
+    standin: _Floats  # position at each tick where no person plays [m], (n_ticks,)
+    reach: float  # factor between key and scene
+    guidance: GuidanceSpring | tuple[float, float, bool] | None
+    response: _Floats  # ReachableScene.response of the scene, or none of it, (n_ticks,)
+
+class AxisCalibration(NamedTuple):
+    """What is known of an axis of a device, whose units are m or rad."""
+
+    number: int
+    sign: float  # 1 or -1
+    zero: float  # reading at position 0
+    gain: float  # metres a unit of the reading
+    range: tuple[float, float]
+    force_max: float  # [N]
+
+class LiveBoard(NamedTuple):
+    """A device of a performance."""
+
+    url: str
+    axes: Sequence[tuple[int, int]]  # (axis, index of the hand)
+    force_max: float | None  # greatest force [N]
+    calibration: Sequence[AxisCalibration]
+
+class RecordTarget(NamedTuple):
+    """The file in which a performance records its hands."""
+
+    path: Path
+    axes: Sequence[RecordedAxis | tuple[str, str]]
+    about: str  # JSON
+
+class FrozenStem(NamedTuple):
+    """A frozen part of a performance: outputs that are read from a file."""
+
+    path: Path
+    offset: int  # of its doubles [bytes]
+    n_frames: int
+    outputs: Sequence[int]
+
+class PerformanceEvent(NamedTuple):
+    """An event of a performance.
+
+    The number is a board ("gone", "back"), a hand ("took over", "tripped: …"), a ticket ("changed",
+    "late", "struck", "missed") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
+    """
+
+    frame: int
+    what: str
+    number: float
+
+class SoundEvent(NamedTuple):
+    """An event of a performance's sound output, at a time since it was opened [s]."""
+
+    time: float
+    sentence: str
+
+class SilenceEdge(NamedTuple):
+    """A frame at which the silence of a panic begins or ends.
+
+    From a frame at which it begins the sound falls within 5 ms; from one at which it ends the sound
+    rises within 2 ms.
+    """
+
+    frame: int
+    begins: bool
+
+@final
+class AudioRecorded:
+    """How a file of sound goes."""
+
+    first: int | None  # the frame of the performance at its beginning; None: not begun yet
+    frames: int  # in the file so far
+    missing: int  # of them, silence for which the disk was too slow
+    ended: bool  # the file is closed
+    error: str | None  # why it could not be written
+
 @final
 class Performance:
     """Plays a piece live: one real-time thread between devices and sound.
@@ -967,51 +1195,39 @@ class Performance:
         simulation: Simulation,
         mixer: Mixer,
         *,
-        every: int = 64,
+        tick_frames: int = 64,
         audio: str = "auto",
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
-        hands: Sequence[tuple[_Floats, float, tuple[float, float, bool] | None, _Floats]] = ...,
-        boards: Sequence[
-            tuple[str, Sequence[tuple[int, int]], float | None, Sequence[_Axis]]
-        ] = ...,
+        hands: Sequence[LiveHand] = ...,
+        boards: Sequence[LiveBoard] = ...,
         bars: Sequence[int] = ...,
         ahead: int | None = None,
-        record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
-        frozen: Sequence[tuple[Path, int, int, Sequence[int]]] = ...,
+        record: RecordTarget | None = None,
+        frozen: Sequence[FrozenStem] = ...,
     ) -> Self:
         """Begin to play a copy of the simulation, through a copy of the mixer.
 
-        `every`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
-        `stop`; `ahead`: frames of the ring. `hands`: (stand-in position at each tick [m] (n_ticks,),
-        factor between key and scene, guidance (K [N/m], Z [N·s/m], whether it follows steps) or
-        None, Met.response of the scene or none of it (n_ticks,)). `boards`: (url, (axis, hand) of
-        each of its hands, greatest force [N], calibrated axes). `bars`: frames at which a hand that
-        comes back takes over. `record`: (file, (player, key) of each hand, JSON). `frozen`: (file,
-        offset of its doubles [bytes], frames, outputs). Raises EngineError.
+        `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
+        `stop`; `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
+        over. Raises EngineError.
         """
     def status(self) -> Status:
         """The state now."""
-    def events(self) -> list[tuple[int, str, float]]:
-        """Events since the last call: (frame, what, number).
+    def events(self) -> list[PerformanceEvent]:
+        """Events since the last call."""
+    def sound_events(self) -> list[SoundEvent]:
+        """Events of the sound output so far."""
+    def silences(self, since: int) -> list[SilenceEdge]:
+        """Edges of the silence of panics, from number `since` on.
 
-        The number is a board ("gone", "back"), a hand ("took over", "tripped: …"), a ticket
-        ("changed", "late") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
-        """
-    def sound_events(self) -> list[tuple[float, str]]:
-        """Events of the sound output so far: (time [s], sentence)."""
-    def silences(self, since: int) -> list[tuple[int, bool]]:
-        """Edges of the silence of panics, from number `since` on: (frame, whether it begins).
-
-        From a frame at which it begins the sound falls within 5 ms; from one at which it ends the
-        sound rises within 2 ms. The latest 256 edges are kept. Raises EngineError when the
-        performance is closed.
+        The latest 256 edges are kept. Raises EngineError when the performance is closed.
         """
     def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
         """The force limit of a real hand in another scene; None where the hand is not real.
 
-        `response` (n_ticks,) [N/m] is what Met.response returns for that scene. Raises EngineError
+        `response` (n_ticks,) [N/m] is what ReachableScene.response returns for that scene. Raises EngineError
         when the performance is closed.
         """
     def hand_limits(self) -> list[HandLimit]:
@@ -1029,6 +1245,23 @@ class Performance:
         """Let sound and force return after `panic`, after `let_go` and after a trip."""
     def gain(self, gain: float) -> bool:
         """Let the gain glide to `gain` in 20 ms; False where too many commands wait."""
+    def record_audio(self, path: Path) -> None:
+        """Write what is computed for the loudspeakers to a new WAV file, from the next tick on.
+
+        Frames are 32-bit floats, the same as the back end gets; in a panic they are zeros. Raises
+        EngineError where the file exists or another one is being written.
+        """
+    def end_audio(self) -> bool:
+        """End the file of `record_audio`; False where too many commands wait."""
+    def audio_recorded(self) -> AudioRecorded | None:
+        """The state of the file of `record_audio`; None where there was none."""
+    def strike(self, point: int, impulse: float) -> int | None:
+        """Strike a point of the simulation that plays by an impulse [N·s], at the next tick.
+
+        Returns a ticket, or None where too many commands wait. An event "struck" with the ticket
+        tells the frame; an event "missed" says that nothing was struck, because the simulation
+        lacks the point or too many strikes came at once. Raises EngineError.
+        """
     def part_gain(self, group: int, gain: float) -> bool:
         """Let the gain of a group of the mixer's routes glide in 20 ms; False as for `gain`."""
     def change(
@@ -1065,7 +1298,7 @@ class Performance:
         """Wait until the last frame is computed; False when `seconds` have passed first."""
     def recording_trouble(self) -> str | None:
         """Why the recording cannot be written at present; None where it can, or there is none."""
-    def close(self, patience: float) -> list[tuple[int, str, float]]:
+    def close(self, patience: float) -> list[PerformanceEvent]:
         """Wait up to `patience` [s] until everything was heard, and close; events as in `events`.
 
         Raises EngineError where a file could not be written or the physics thread panicked.
@@ -1159,12 +1392,12 @@ def checkup(seconds: float, period: float) -> Checkup:
 class Device:
     """An open device, for tests and calibration. Every method raises EngineError once it is closed."""
 
-    def __new__(cls, url: str, calibration: Sequence[_Axis] = ...) -> Self:
+    def __new__(cls, url: str, calibration: Sequence[AxisCalibration] = ...) -> Self:
         """Open it. Raises EngineError where it does not answer."""
     axes: int
     unit: str  # of positions, m or rad
     resolution: float  # step of the position sensor [m or rad]
-    range: tuple[float, float]  # [m or rad]
+    range: Range
     force_max: float  # [N or N·m]
     lockstep: bool
     def direction(self, axis: int, period: float) -> float:

@@ -168,7 +168,7 @@ def _plan(piece: Piece, budget: float | None, exact: reference.Reference) -> Pla
         cost=planning.cost(made.plan),
         warned=bool(made.notes),
         chaotic=any(row.spectral_db is not None for row in rows),
-        how=", ".join(f"{row.what} ×{row.times}" for row in rows if row.cost),
+        how=", ".join(f"{row.what} ×{row.oversampling}" for row in rows if row.cost),
     )
 
 

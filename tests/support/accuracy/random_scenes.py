@@ -129,6 +129,36 @@ def _damped_body(dice: Dice, score: Modules, modules: Modules, out: Modules) -> 
     _hear(out, f"b.{dice.whole(0, n - 1)}")
 
 
+def _linear(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Masses that springs and dampers of all strengths join, tied to a wall or to nothing."""
+    n = dice.whole(2, 30)
+    M, f = dice.by_ratio(2e-3, 5e-2), dice.by_ratio(100.0, 2000.0)
+    omega = 2.0 * np.pi * f
+    K, Z = M * omega**2, M * omega
+    is_twin = dice.whole(0, 1)  # all masses and springs alike: poles that are equal or nearly so
+    modules["w"] = {"SOL": {}}
+    for i in range(n):
+        m = M if is_twin else M * dice.between(0.5, 2.0)
+        start = {"X0": 1e-3 * dice.between(-1, 1), "V0": dice.one_of(0.0, dice.between(-1, 1))}
+        modules[f"m{i}"] = {"MAS": {"M": m, **start}}
+    for i in range(1, n):
+        k = K if is_twin else K * dice.by_ratio(0.1, 3.0)
+        kind = dice.one_of("RES", "RES", "REF")
+        link = {"between": [f"m{dice.whole(0, i - 1)}", f"m{i}"], "K": k}
+        if kind == "REF":
+            link["Z"] = Z * dice.by_ratio(1e-4, 10.0)
+        modules[f"r{i}"] = {kind: link | {"rest": dice.one_of(0.0, 1e-3)}}
+    for i in range(dice.whole(1, 3)):
+        a, b = dice.rng.choice(n, 2, False)
+        ends = [dice.one_of("w", f"m{a}"), f"m{b}"]
+        modules[f"d{i}"] = {"FRO": {"between": ends, "Z": Z * dice.by_ratio(1e-4, 100.0)}}
+    if dice.whole(0, 1):
+        modules["t"] = {"RES": {"between": ["w", f"m{dice.whole(0, n - 1)}"], "K": K}}
+    _strike(dice, score, f"s.m{dice.whole(0, n - 1)}", M * dice.between(0.1, 1.0))
+    _hear(out, "m0", f"m{n - 1}")
+    out[f"o{len(out)}"] = {"SOF": {next(iter(modules["r1"])): "r1"}}
+
+
 def _contact(dice: Dice, light: float, speed: float) -> Modules:
     """A contact that a mass at a speed stays in for 0.3 to 3 ms."""
     exponent = dice.one_of(1.0, 1.5, 2.3)
@@ -247,6 +277,7 @@ def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
 FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "mesh": _mesh,
     "body": _damped_body,
+    "linear": _linear,
     "hammer": _hammer,
     "chain": _chain,
     "bow": _bow,

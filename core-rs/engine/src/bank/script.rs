@@ -109,7 +109,7 @@ impl Script {
                 .collect();
             groups.sort_unstable();
             groups.dedup();
-            let steps: &[bool] = if strikes.cells.is_empty() {
+            let steps: &[bool] = if strikes.responses.is_empty() {
                 &[false]
             } else {
                 &[false, true]
@@ -159,8 +159,8 @@ impl Script {
                     }
                     let mode = member - strikes.among.start;
                     let impulse = impulse * strikes.share[mode];
-                    let force = match strikes.cells.get(mode) {
-                        Some(cell) => cell.split(impulse, alpha, self.rate)[usize::from(second)],
+                    let force = match strikes.responses.get(mode) {
+                        Some(own) => own.split(impulse, alpha, self.rate)[usize::from(second)],
                         None => impulse * self.rate.hertz(),
                     };
                     added.0[lane] += scales[lane] * force * strikes.w;

@@ -1,6 +1,7 @@
 //! Groups of a bank whose oscillations have decayed: they are set to rest and no longer computed.
 
 use super::{Bank, Kick, Oscillator, Script, Strikes};
+use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes};
 use crate::units::Rate;
 
@@ -31,10 +32,13 @@ impl Bank {
 }
 
 /// Amplitude of an oscillator from two positions (b = r², a = 2r·cos θ) [m]; infinite for an overdamped one, which has
-/// no such bound.
+/// no such bound, unless it has one pole alone (b = 0).
 fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     if now == 0.0 && before == 0.0 {
         return 0.0;
+    }
+    if b == 0.0 {
+        return now.abs();
     }
     let sine = 1.0 - a * a / (4.0 * b);
     if sine > 0.0 {
@@ -61,10 +65,15 @@ pub(super) fn faint(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate)
     });
     let shared = strikes.iter().flat_map(|strikes| {
         let impulses = strikes.blows.iter().map(|(_, _, impulse)| impulse.abs());
-        let unit = impulses.fold(0.0, f64::max) * rate.hertz() * strikes.w;
+        let impulse = impulses.fold(0.0, f64::max);
+        let unit = impulse * rate.hertz() * strikes.w;
         let among = oscillators[strikes.among.clone()].iter();
-        let shares = among.zip(&strikes.share);
-        shares.map(move |(own, share)| unit * share.abs() * scale(own))
+        let shares = among.zip(&strikes.share).enumerate();
+        shares.map(move |(i, (own, share))| {
+            let response = strikes.responses.get(i);
+            let size = response.and_then(Response::size);
+            size.map_or(unit, |size| impulse * size) * share.abs() * scale(own)
+        })
     });
     own.chain(shared).fold(0.0, f64::max) * crate::maths::decibels(ASLEEP)
 }

@@ -1,4 +1,4 @@
-//! BANK: cells beside each other, each with a pitch and a decay of its own.
+//! BANK: CELs side by side, each with its own pitch and decay.
 
 use super::{GeneratorError, MAX_MASSES, count, positive};
 use crate::interrupt;
@@ -9,7 +9,7 @@ use crate::maths::{cos, exp, log, sin, sqrt};
 pub enum Spread {
     /// Pitches even by logarithm, rising; decays from the longest (lowest pitch) to the shortest.
     Even,
-    /// Both drawn by logarithm, each member for itself.
+    /// Both drawn at random by logarithm, for each member independently.
     Random,
 }
 
@@ -22,7 +22,7 @@ pub enum Place {
     Spiral,
 }
 
-/// What a bank is made from.
+/// The parameters of a bank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BankForm {
     /// How many members.
@@ -48,13 +48,23 @@ pub struct BankCell {
     pub position: [f64; 2],
 }
 
-/// Members between two looks at whether there is to be an end.
-const LOOK: usize = 1024;
+/// Members between two polls of an interruption.
+const POLL_EVERY: usize = 1024;
 /// π(3 - √5): the angle between one seed of a sunflower and the next.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// The members. `draw(member)` gives two numbers from [0, 1), for pitch and decay; it is asked once for each
 /// member in turn, and only where the spread is random.
+///
+/// ```
+/// use ergon_engine::generator::{BankForm, Place, Spread, bank};
+///
+/// let form = BankForm { count: 3, f: (200.0, 800.0), t60: (1.0, 4.0), spread: Spread::Even, place: Place::Line };
+/// let cells = bank(&form, |_| (0.0, 0.0))?; // an even bank draws nothing
+/// assert_eq!((cells[0].f, cells[0].t60), (200.0, 4.0));
+/// assert!((cells[1].f - 400.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// Numbers out of range.
@@ -67,7 +77,7 @@ pub fn bank(
     range("`t60`", form.t60)?;
     let n = form.count as f64;
     let member = |i: usize| {
-        if i.is_multiple_of(LOOK) {
+        if i.is_multiple_of(POLL_EVERY) {
             interrupt::poll();
         }
         let (pitch, length) = match form.spread {
@@ -105,7 +115,7 @@ fn range(what: &'static str, (low, high): (f64, f64)) -> Result<(), GeneratorErr
     })
 }
 
-/// low·(high/low)^u, never outside, both ends exact.
+/// low·(high/low)^u, within the range and exact at both ends.
 fn between((low, high): (f64, f64), u: f64) -> f64 {
     match u {
         0.0 => low,

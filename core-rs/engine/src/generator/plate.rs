@@ -1,25 +1,35 @@
-//! PLATE: masses in a mesh.
+//! PLATE: masses in a plane mesh.
 
 use std::f64::consts::FRAC_PI_2;
 
+use super::rectangle::rectangle;
 use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
 use crate::maths::{sin, sqrt};
 
-/// The mesh.
+/// The shape of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// Six neighbours, `radius` rings round the centre: 1 + 3r(r+1) masses.
     Hex,
     /// Four neighbours, 2r + 1 masses a side.
     Square,
+    /// Four neighbours, so many masses a side; `radius` means nothing.
+    Rectangle {
+        /// Masses of a row.
+        across: usize,
+        /// Rows.
+        up: usize,
+    },
+    /// Rings of 6, 12, 18 … masses; only with bending.
+    Disc,
 }
 
-/// What holds the edge.
+/// How the edge is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rim {
-    /// Nothing.
+    /// Not at all.
     Free,
-    /// One more ring, of SOLs.
+    /// By one more ring, of SOLs.
     Fixed,
 }
 
@@ -28,39 +38,41 @@ impl Shape {
         match self {
             Self::Hex => 1 + 3 * radius * (radius + 1),
             Self::Square => (2 * radius + 1) * (2 * radius + 1),
+            Self::Rectangle { across, up } => across.saturating_mul(up),
+            Self::Disc => Self::Hex.masses(radius),
         }
     }
 
-    /// Half of the directions in which a site has neighbours (the others are the way back).
+    /// Half of the directions in which a site has neighbours; the other half are their opposites.
     fn directions(self) -> &'static [(isize, isize)] {
         match self {
             // Two axes of the mesh at 60°, and the one between.
             Self::Hex => &[(1, 0), (0, 1), (-1, 1)],
-            Self::Square => &[(1, 0), (0, 1)],
+            _ => &[(1, 0), (0, 1)],
         }
     }
 
-    /// In which ring a site lies; for a square's far corners, which no neighbour reaches, in none.
+    /// The ring of a site; none for the corners of a fixed square, which have no neighbour inside.
     fn ring(self, (x, y): (isize, isize), outer: usize, fixed: bool) -> Option<usize> {
         let (x, y, z) = (x.unsigned_abs(), y.unsigned_abs(), (x + y).unsigned_abs());
         match self {
             Self::Hex => Some(x.max(y).max(z)),
-            Self::Square => (!(fixed && x == outer && y == outer)).then_some(x.max(y)),
+            _ => (!(fixed && x == outer && y == outer)).then_some(x.max(y)),
         }
     }
 
-    /// Where a site lies, in links' lengths.
+    /// Position of a site, in lengths of a link.
     fn place(self, (x, y): (isize, isize)) -> [f64; 2] {
         let (x, y) = (x as f64, y as f64);
         match self {
             // Rows of triangles lie √3/2 apart, each shifted by a half.
             Self::Hex => [x + 0.5 * y, 0.5 * sqrt(3.0) * y],
-            Self::Square => [x, y],
+            _ => [x, y],
         }
     }
 
-    /// The lowest λ of a square, from those of two strings.
-    fn lowest(self, radius: usize, rim: Rim) -> Option<f64> {
+    /// The lowest λ of a square that is not rigid, from those of two strings; `None` for other shapes.
+    fn lowest_lambda(self, radius: usize, rim: Rim) -> Option<f64> {
         let side = (2 * radius + 1) as f64;
         let string = |gaps: f64| 4.0 * sin(FRAC_PI_2 / gaps) * sin(FRAC_PI_2 / gaps);
         match (self, rim) {
@@ -71,14 +83,28 @@ impl Shape {
     }
 }
 
-/// No point lies here.
+/// Index of a site without a point.
 const NOWHERE: usize = usize::MAX;
 
 /// A mesh of `radius` rings round its centre.
 ///
+/// ```
+/// use ergon_engine::generator::{Rim, Shape, plate};
+///
+/// let topology = plate(Shape::Hex, 3, Rim::Free)?;
+/// assert_eq!(topology.n_mat, 1 + 6 + 12 + 18);
+/// assert!(topology.is_rigid());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// More than [`MAX_MASSES`].
 pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, GeneratorError> {
+    match shape {
+        Shape::Rectangle { across, up } => return rectangle(across, up, rim == Rim::Fixed),
+        Shape::Disc => return Err(GeneratorError::Flat),
+        Shape::Hex | Shape::Square => {}
+    }
     let most = (0..)
         .take_while(|radius| shape.masses(radius + 1) <= MAX_MASSES)
         .count();
@@ -101,7 +127,7 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     }
     let n_mat = shape.masses(radius);
     let mut links = Links::new();
-    // One direction after the other, so that a row (in a square every row) joins into one run.
+    // One direction after the other, so that the links of a row form one run.
     for (right, up) in shape.directions() {
         for cell in 0..side * side {
             let (x, y) = site(cell);
@@ -119,11 +145,7 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     let width = (2 * outer).max(1) as f64;
     let place = |cell: &usize| shape.place(site(*cell)).map(|at| at / width);
     Ok(Topology {
-        n_mat,
-        n_fixed: points.len() - n_mat,
-        runs: links.runs,
-        centre: n_mat / 2,
-        positions: points.iter().map(place).collect(),
-        closed: shape.lowest(radius, rim),
+        lowest_lambda: shape.lowest_lambda(radius, rim),
+        ..Topology::new(n_mat, links.runs, points.iter().map(place).collect())
     })
 }

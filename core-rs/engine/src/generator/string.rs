@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
 use crate::maths::sin;
 
-/// Where a string is tied to SOLs.
+/// The ends at which a string is tied to SOLs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ends {
     /// At both ends: n + 1 springs.
@@ -16,11 +16,19 @@ pub enum Ends {
     Left,
 }
 
-/// Most masses of a string with stiffness: its lowest mode is found by iteration, whose steps grow with
-/// the number of masses.
+/// Most masses of a string with stiffness, whose lowest mode is found by an iteration that takes longer for more masses.
 const MAX_STIFF: usize = 20_000;
 
 /// `masses` MATs in a row; `stiffness` s >= 0 adds links of factor s between neighbours but one.
+///
+/// ```
+/// use ergon_engine::generator::{Ends, string};
+///
+/// let topology = string(60, Ends::Fixed, 0.0)?;
+/// assert_eq!((topology.n_mat, topology.n_fixed), (60, 2));
+/// assert!(string(0, Ends::Fixed, 0.0).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// Numbers out of range.
@@ -39,12 +47,8 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
             got: stiffness,
         });
     }
-    let (left, right) = match ends {
-        Ends::Fixed => (true, true),
-        Ends::Left => (true, false),
-        Ends::Free => (false, false),
-    };
-    let n = masses;
+    let row = Row::new(masses, ends);
+    let (left, right, n) = (row.left, row.right, masses);
     let mut links = Links::new();
     if left {
         links.join(n, 0, 1.0);
@@ -63,15 +67,6 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
             links.join(n - 2, n + 1, stiffness);
         }
     }
-    // Fixed points lie half a metre to either side; free ends too.
-    let (first, gaps) = (
-        f64::from(left),
-        (n - 1) as f64 + f64::from(left) + f64::from(right),
-    );
-    let at = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
-    let mut positions: Vec<[f64; 2]> = (0..n).map(|i| at(first + i as f64)).collect();
-    positions.extend(left.then(|| at(0.0)));
-    positions.extend(right.then(|| at(gaps)));
     // λ₁ = 4 sin²(angle).
     let wide = n as f64;
     let angle = match ends {
@@ -81,11 +76,43 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
     };
     let known = !stiff && (ends != Ends::Free || n > 1);
     Ok(Topology {
-        n_mat: n,
-        n_fixed: usize::from(left) + usize::from(right),
-        runs: links.runs,
-        centre: n / 2,
-        positions,
-        closed: known.then(|| 4.0 * sin(angle) * sin(angle)),
+        lowest_lambda: known.then(|| 4.0 * sin(angle) * sin(angle)),
+        ..Topology::new(n, links.runs, row.positions)
     })
+}
+
+/// Where masses in a row lie, and which of its ends are held.
+pub(super) struct Row {
+    pub(super) left: bool,
+    pub(super) right: bool,
+    /// (x, y) [m] of masses and fixed points   (n_mat + n_fixed,)
+    pub(super) positions: Vec<[f64; 2]>,
+}
+
+impl Row {
+    pub(super) fn new(masses: usize, ends: Ends) -> Self {
+        let (left, right) = match ends {
+            Ends::Fixed => (true, true),
+            Ends::Left => (true, false),
+            Ends::Free => (false, false),
+        };
+        // Fixed points lie half a metre to either side; free ends too.
+        let (first, gaps) = (
+            f64::from(left),
+            (masses - 1) as f64 + f64::from(left) + f64::from(right),
+        );
+        let at = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
+        let mut positions: Vec<[f64; 2]> = (0..masses).map(|i| at(first + i as f64)).collect();
+        positions.extend(left.then(|| at(0.0)));
+        positions.extend(right.then(|| at(gaps)));
+        Self {
+            left,
+            right,
+            positions,
+        }
+    }
+
+    pub(super) fn n_fixed(&self) -> usize {
+        usize::from(self.left) + usize::from(self.right)
+    }
 }

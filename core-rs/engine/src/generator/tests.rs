@@ -1,5 +1,6 @@
 use super::*;
 use crate::cell;
+use crate::maths::{exp, log};
 use crate::units::Rate;
 use proptest::prelude::*;
 use std::f64::consts::{LN_10, TAU};
@@ -73,7 +74,7 @@ fn plates_link_all_neighbours_and_nothing_else() {
         assert_eq!(plate.positions[plate.centre], [0.0, 0.0]);
         let ring = match shape {
             Shape::Hex => 6 * outer,
-            Shape::Square => 4 * (2 * radius + 1),
+            _ => 4 * (2 * radius + 1),
         };
         assert_eq!(plate.n_fixed, if rim == Rim::Fixed { ring } else { 0 });
     }
@@ -367,4 +368,303 @@ proptest! {
             prop_assert!((y - exact).abs() < 1e-13);
         }
     }
+}
+
+// Every partial that the masses hold, against dense eigenvalues of the links that were made.
+#[test]
+fn partials_of_a_stiff_string_are_in_tune() {
+    for ends in [Ends::Fixed, Ends::Free, Ends::Left] {
+        for masses in [30, 60, 101] {
+            for b in [0.0, 1e-4, 3e-4, 1e-3] {
+                let string = stiff_string(masses, ends, b).expect("string");
+                let mut values: Vec<f64> = dense(&string)
+                    .symmetric_eigenvalues()
+                    .iter()
+                    .copied()
+                    .collect();
+                values.sort_by(f64::total_cmp);
+                values.drain(..usize::from(string.is_rigid()));
+                assert!(close(string.lowest().expect("mode"), values[0], 1e-9));
+                for (i, value) in values.iter().enumerate().take(20) {
+                    let n = (i + 1 + i * usize::from(ends == Ends::Left)) as f64;
+                    let wanted = n * ((1.0 + b * n * n) / (1.0 + b)).sqrt();
+                    let ratio = (value / values[0]).sqrt() / wanted;
+                    let cents = 1200.0 * log(ratio) / std::f64::consts::LN_2;
+                    assert!(
+                        cents.abs() < 1.0,
+                        "{masses} {ends:?} {b}: partial {n}, {cents}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stiff_string_that_cannot_be_is_refused() {
+    let sentence = |masses, b| {
+        let error = stiff_string(masses, Ends::Fixed, b).expect_err("refused");
+        error.to_string()
+    };
+    assert!(sentence(0, 1e-4).contains("`masses`"));
+    assert!(sentence(60, -1e-4).contains("`inharmonicity`"));
+    assert!(sentence(60, f64::NAN).contains("`inharmonicity`"));
+    assert!(sentence(5_001, 1e-4).contains("5000"));
+    let coarse = sentence(20, 1e-3);
+    let enough: usize = coarse
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .next_back()
+        .expect("a number");
+    assert!(stiff_string(enough, Ends::Fixed, 1e-3).is_ok(), "{coarse}");
+}
+
+/// Bending is no stretching: it does not harden.
+#[test]
+fn only_links_between_neighbours_harden() {
+    let string = stiff_string(40, Ends::Fixed, 5e-4).expect("string");
+    let hard: usize = string
+        .runs
+        .iter()
+        .filter(|run| run.hardens)
+        .map(|run| run.len)
+        .sum();
+    assert_eq!(hard, 41);
+    assert!(string.runs.iter().any(|run| run.factor < 0.0));
+}
+
+/// Eigenvalues of a body's M⁻¹K, rising.
+fn spectrum_of(body: &Topology) -> Vec<f64> {
+    let mut matrix = dense(body);
+    for ((i, j), value) in (0..body.n_mat)
+        .flat_map(|j| (0..body.n_mat).map(move |i| (i, j)))
+        .zip(matrix.iter_mut())
+    {
+        *value /= (body.share(i) * body.share(j)).sqrt();
+    }
+    let mut values: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+// Leissa, Vibration of Plates (NASA SP-160, 1969): λ² of free and of simply supported plates.
+#[test]
+fn plates_that_bend_have_the_ratios_of_thin_plates() {
+    let rectangle = Shape::Rectangle { across: 17, up: 17 };
+    let cases = [
+        // A free disc, ν = 0.33: (2, 0) twice, (0, 1), (3, 0) twice.
+        (
+            Shape::Disc,
+            12,
+            Rim::Free,
+            0.33,
+            vec![5.253, 5.253, 9.084, 12.23, 12.23],
+            0.02,
+        ),
+        // A disc held at its rim, ν = 0.3.
+        (
+            Shape::Disc,
+            12,
+            Rim::Fixed,
+            0.3,
+            vec![4.977, 13.94, 13.94, 25.65, 25.65, 29.76],
+            0.02,
+        ),
+        // A free square, ν = 0.3.
+        (
+            rectangle,
+            0,
+            Rim::Free,
+            0.3,
+            vec![13.489, 19.789, 24.432, 35.024, 35.024],
+            0.03,
+        ),
+    ];
+    for (shape, radius, rim, poisson, wanted, within) in cases {
+        let plate = bent_plate(shape, radius, rim, poisson).expect("plate");
+        let values = spectrum_of(&plate);
+        let rigid = if rim == Rim::Free { 3 } else { 0 };
+        for value in &values[..rigid] {
+            assert!(value.abs() < 1e-9 * values[values.len() - 1], "{value}");
+        }
+        let lowest = plate.lowest().expect("mode");
+        assert!(
+            close(lowest, values[rigid], 1e-6),
+            "{lowest} {}",
+            values[rigid]
+        );
+        for (value, wanted_one) in values[rigid..].iter().zip(&wanted) {
+            let ratio = (value / values[rigid]).sqrt() / (wanted_one / wanted[0]);
+            assert!(
+                (ratio - 1.0).abs() < within,
+                "{shape:?} {rim:?}: {wanted_one} {ratio}"
+            );
+        }
+    }
+}
+
+/// ω of a simply supported rectangle is proportional to (m/a)² + (n/b)².
+#[test]
+fn a_held_rectangle_has_the_closed_form() {
+    let (across, up) = (39, 24);
+    let plate = bent_plate(Shape::Rectangle { across, up }, 0, Rim::Fixed, 0.3).expect("plate");
+    let values = spectrum_of(&plate);
+    let side = |m: usize, masses: usize| {
+        let part = m as f64 / (masses + 1) as f64;
+        part * part
+    };
+    let mut wanted: Vec<f64> = (1..9)
+        .flat_map(|m| (1..9).map(move |n| side(m, across) + side(n, up)))
+        .collect();
+    wanted.sort_by(f64::total_cmp);
+    assert!(close(plate.lowest().expect("mode"), values[0], 1e-9));
+    for (value, wanted_one) in values.iter().zip(&wanted).take(10) {
+        let ratio = (value / values[0]).sqrt() / (wanted_one / wanted[0]);
+        assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    }
+}
+
+#[test]
+fn a_rectangle_of_a_squares_sides_is_the_square() {
+    for rim in [Rim::Free, Rim::Fixed] {
+        let square = plate(Shape::Square, 4, rim).expect("square");
+        let same = plate(Shape::Rectangle { across: 9, up: 9 }, 0, rim).expect("rectangle");
+        assert_eq!(square.lowest(), same.lowest());
+        for (one, two) in spectrum_of(&square).iter().zip(spectrum_of(&same)) {
+            assert!((one - two).abs() < 1e-12, "{one} {two}");
+        }
+        assert_eq!(links(&same), neighbours(&same, distance(&same, (0, 1))));
+        assert_eq!(same.positions[same.centre], [0.0, 0.0]);
+    }
+}
+
+#[test]
+fn plates_that_cannot_bend_are_refused() {
+    let refused = |shape, radius, poisson| {
+        let error = bent_plate(shape, radius, Rim::Free, poisson).expect_err("refused");
+        error.to_string()
+    };
+    assert!(refused(Shape::Disc, 2, 0.3).contains("`radius`"));
+    assert!(refused(Shape::Hex, 61, 0.3).contains("`radius`"));
+    assert!(refused(Shape::Disc, 5, 0.6).contains("`poisson`"));
+    assert!(refused(Shape::Rectangle { across: 9, up: 2 }, 0, 0.3).contains("`sides`"));
+    let flat = plate(Shape::Disc, 5, Rim::Free).expect_err("refused");
+    assert!(flat.to_string().contains("bending"));
+}
+
+/// The decay of every mode of a body, by its own matrices: (f [Hz], t60 [s]).
+fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
+    let n = body.n_mat;
+    let root = |i: usize| (mass * body.share(i)).sqrt();
+    let scaled = |matrix: nalgebra::DMatrix<f64>| {
+        nalgebra::DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (root(i) * root(j)))
+    };
+    let dampers = Topology {
+        runs: losses.dampers.clone(),
+        ..body.clone()
+    };
+    let mut viscous = dense(body) * losses.tuned.z + dense(&dampers);
+    for i in 0..n {
+        viscous[(i, i)] += losses.ground * body.share(i);
+    }
+    let (stiff, viscous) = (scaled(dense(body) * losses.tuned.k), scaled(viscous));
+    let apart = &stiff * &viscous - &viscous * &stiff;
+    assert!(
+        apart.norm() <= 1e-10 * stiff.norm() * viscous.norm(),
+        "modes are shared"
+    );
+    let eigen = stiff.symmetric_eigen();
+    let mut found: Vec<(f64, f64)> = (0..n)
+        .map(|mode| {
+            let shape = eigen.eigenvectors.column(mode);
+            let sigma = 0.5 * shape.dot(&(&viscous * shape));
+            let whole = eigen.eigenvalues[mode];
+            // A mode that creeps keeps its place.
+            let squared = if whole > sigma * sigma {
+                whole - sigma * sigma
+            } else {
+                whole
+            };
+            (squared.max(0.0).sqrt() / TAU, 3.0 * LN_10 / sigma)
+        })
+        .collect();
+    found.sort_by(|one, two| one.0.total_cmp(&two.0));
+    found
+}
+
+/// Of a mode there, or between the two modes around it, straight in logarithms.
+fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
+    if let Some(own) = modes.iter().find(|mode| (mode.0 / f - 1.0).abs() < 1e-6) {
+        return own.1;
+    }
+    let above = modes
+        .partition_point(|mode| mode.0 < f)
+        .clamp(1, modes.len() - 1);
+    let ((f1, t1), (f2, t2)) = (modes[above - 1], modes[above]);
+    let part = log(f / f1) / log(f2 / f1);
+    t1 * exp(part * log(t2 / t1))
+}
+
+#[test]
+fn decays_at_named_pitches() {
+    let two = [(100.0, 8.0), (4_000.0, 1.0)];
+    // As air and a soundboard take from a string: less than the square of the pitch.
+    let four = [(110.0, 12.0), (500.0, 8.0), (1_500.0, 4.0), (4_000.0, 1.0)];
+    let steep = [(110.0, 8.0), (440.0, 0.2)];
+    let bodies = [
+        string(60, Ends::Fixed, 0.0),
+        stiff_string(60, Ends::Fixed, 3e-4),
+        string(60, Ends::Free, 0.0),
+        stiff_string(60, Ends::Left, 1e-4),
+    ];
+    for body in bodies {
+        let body = body.expect("body");
+        for points in [two.as_slice(), &four, &steep] {
+            let losses = tune_points(&body, 1e-4, 110.0, points, None).expect("losses");
+            let modes = decays(&body, &losses, 1e-4);
+            let lowest = modes[usize::from(body.is_rigid())];
+            assert!(close(lowest.0, 110.0, 1e-6), "{lowest:?}");
+            for &(f, t60) in points {
+                let own = decay_at(&modes, f);
+                // Where no mode lies, the chord between two of them leaves the curve.
+                let is_mode = modes.iter().any(|mode| (mode.0 / f - 1.0).abs() < 1e-3);
+                let within = if is_mode { 0.01 } else { 0.03 };
+                assert!((own / t60 - 1.0).abs() < within, "{points:?}: {own} at {f}");
+            }
+            assert!(modes.iter().all(|mode| mode.1 > 0.0));
+        }
+    }
+    for body in [
+        plate(Shape::Hex, 5, Rim::Free),
+        bent_plate(Shape::Disc, 6, Rim::Free, 0.3),
+    ] {
+        let body = body.expect("body");
+        for points in [
+            vec![(100.0, 8.0), (400.0, 1.0)],
+            vec![(100.0, 8.0), (250.0, 5.0), (400.0, 3.0)],
+        ] {
+            let losses = tune_points(&body, 1e-3, 100.0, &points, None).expect("losses");
+            let modes = decays(&body, &losses, 1e-3);
+            for &(f, t60) in &points {
+                let own = decay_at(&modes, f);
+                assert!((own / t60 - 1.0).abs() < 0.03, "{points:?}: {own} at {f}");
+            }
+        }
+    }
+}
+
+#[test]
+fn decays_that_no_damper_gives_are_refused() {
+    let string = string(20, Ends::Fixed, 0.0).expect("string");
+    let sentence = |points: &[(f64, f64)]| {
+        let error = tune_points(&string, 1e-4, 110.0, points, None).expect_err("refused");
+        error.to_string()
+    };
+    assert!(sentence(&[(110.0, 1.0)]).contains("2"));
+    assert!(sentence(&[(110.0, 1.0), (110.0, 2.0)]).contains("above the one before"));
+    assert!(sentence(&[(110.0, 1.0), (220.0, -2.0)]).contains("t60"));
+    let comb: Vec<(f64, f64)> = (1..12)
+        .map(|i| (110.0 * f64::from(i), if i % 2 == 0 { 9.0 } else { 0.1 }))
+        .collect();
+    assert!(sentence(&comb).contains("nearest"), "{}", sentence(&comb));
 }

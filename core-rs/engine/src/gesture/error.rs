@@ -1,14 +1,14 @@
-//! Why points make no gesture.
+//! The error of a gesture that is refused.
 
 use super::profile::PathError;
 
-/// Why points make no gesture.
+/// Why points do not define a gesture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GestureError {
-    /// A stretch of curves.
+    /// A path that is refused.
     #[error(transparent)]
     Path(#[from] PathError),
-    /// A gesture on a key that is not there.
+    /// A gesture on a key that does not exist.
     #[error("there is no key {0}")]
     NoKey(usize),
     /// Arrays of different lengths.
@@ -26,12 +26,12 @@ pub enum GestureError {
         /// When it is to be there [s].
         to: f64,
     },
-    /// Ergons that keep a key on its path cannot be launched before the path's forces are known.
+    /// Tracked ergons as particles, which would be launched before the force that they have to give is known.
     #[error(
-        "tracked ergons are events: a particle flies before the force that it must give is known"
+        "tracked ergons cannot be particles: a particle is launched before the force that it must give is known"
     )]
     TrackedParticle,
-    /// A joining time, force limit or grain that is no positive number.
+    /// A joining time, force limit or grain that is not a positive number.
     #[error("{what} must be a positive number, not {value}")]
     Positive {
         /// Which.

@@ -1,10 +1,24 @@
-//! A path played somewhere: shared, never copied.
+//! A path placed in the piece: shared, scaled and stretched.
 
 use std::sync::Arc;
 
 use super::profile::{PathError, Profile};
 
-/// A path played at an instant of the piece: x·scale at `at` + t·stretch.
+/// A path placed in the piece: it is at x·scale at the instant `at` + t·stretch.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use ergon_engine::gesture::placed::Placed;
+/// use ergon_engine::gesture::profile::{Curve, Point, Profile};
+///
+/// let point = |t, x| Point { t, x, curve: Curve::Line };
+/// let path = Arc::new(Profile::through(&[point(0.0, 0.0), point(1.0, 4e-3)])?);
+/// let placed = Placed::transformed(path, 10.0, 0.5, 2.0, false)?; // at 10 s, half as far, half as fast
+/// assert_eq!((placed.start(), placed.stop()), (10.0, 12.0));
+/// assert!((placed.at(11.0).0 - 1e-3).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     profile: Arc<Profile>,
@@ -59,24 +73,24 @@ impl Placed {
 
     /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s] of the piece.
     pub fn at(&self, t: f64) -> (f64, f64, f64) {
-        self.seen(self.profile.at(self.own(t)))
+        self.scaled(self.profile.at(self.profile_time(t)))
     }
 
-    /// [`Placed::at`] with a memory, as [`Profile::at_from`].
+    /// [`Placed::at`] with a cursor, as [`Profile::at_from`].
     pub fn at_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
-        self.seen(self.profile.at_from(cursor, self.own(t)))
+        self.scaled(self.profile.at_from(cursor, self.profile_time(t)))
     }
 
     /// Lowest and highest position [m] from `from` to `to` [s] of the piece.
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
-        let (from, to) = (self.own(from), self.own(to));
+        let (from, to) = (self.profile_time(from), self.profile_time(to));
         let (low, high) = self.profile.range(from.min(to), from.max(to));
         let (low, high) = (low * self.scale, high * self.scale);
         (low.min(high), low.max(high))
     }
 
-    /// The path's own time at `t` of the piece.
-    fn own(&self, t: f64) -> f64 {
+    /// The time of the profile at `t` [s] of the piece.
+    fn profile_time(&self, t: f64) -> f64 {
         let t = (t - self.at) / self.stretch;
         if self.reverse {
             self.profile.start() + (self.profile.stop() - t)
@@ -85,7 +99,8 @@ impl Placed {
         }
     }
 
-    fn seen(&self, (x, v, a): (f64, f64, f64)) -> (f64, f64, f64) {
+    /// Position, velocity and acceleration of the profile, scaled and stretched.
+    fn scaled(&self, (x, v, a): (f64, f64, f64)) -> (f64, f64, f64) {
         let pace = if self.reverse {
             -self.stretch
         } else {

@@ -5,15 +5,14 @@ use thiserror::Error;
 use super::quintic::{Knot, Quintic};
 use super::spline::{self, Ends};
 
-/// The way into a written point.
+/// The curve that leads to a written point.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Curve {
-    /// With the whole run of `smooth` points before and after: the path of least jerk, at rest at
-    /// the run's two ends.
+    /// The path of least jerk through the whole run of successive `smooth` points, at rest at both ends of the run.
     Smooth,
-    /// Straight.
+    /// A straight line.
     Line,
-    /// Staying where it is.
+    /// No motion.
     Hold,
 }
 
@@ -24,11 +23,11 @@ pub struct Point {
     pub t: f64,
     /// Position [m].
     pub x: f64,
-    /// The way here from the point before; the first point's is not read.
+    /// The curve from the previous point; that of the first point is ignored.
     pub curve: Curve,
 }
 
-/// Why points make no path.
+/// Why points do not define a path.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum PathError {
     /// No point at all.
@@ -84,10 +83,20 @@ pub enum PathError {
     },
 }
 
-/// A piecewise quintic path: before its first knot and after its last it rests there.
+/// A piecewise quintic path, at rest before its first knot and after its last.
 ///
-/// A knot's instant may come twice in a row, where the velocity jumps; at that instant the later
-/// knot holds.
+/// Two successive knots may have one instant, where the velocity jumps; at that instant the later knot holds.
+///
+/// ```
+/// use ergon_engine::gesture::profile::{Curve, Point, Profile};
+///
+/// let point = |t, x| Point { t, x, curve: Curve::Smooth };
+/// let path = Profile::through(&[point(0.0, 0.0), point(0.1, 6e-3), point(0.3, 0.0)])?;
+/// let (x, v, _) = path.at(0.1);
+/// assert!((x - 6e-3).abs() < 1e-12);
+/// assert!(path.range(0.0, 0.3).1 >= 6e-3 && v.is_finite());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     t: Vec<f64>,
@@ -96,7 +105,7 @@ pub struct Profile {
     a: Vec<f64>,
 }
 
-/// How far a cursor walks before it would rather search.
+/// Number of knots that a cursor moves by before it searches instead.
 const WALK: usize = 8;
 
 impl Profile {
@@ -141,7 +150,7 @@ impl Profile {
         Self { t, x, v, a }
     }
 
-    /// One run of points of one curve, of which the first is there already.
+    /// Append a run of points of one curve; its first point has been appended before.
     fn run(&mut self, points: &[Point], curve: Curve) {
         let t: Vec<f64> = points.iter().map(|p| p.t).collect();
         let x: Vec<f64> = points.iter().map(|p| p.x).collect();
@@ -160,7 +169,7 @@ impl Profile {
         }
     }
 
-    /// Append a knot, unless it says what the last one says.
+    /// Append a knot, unless it equals the last one.
     fn push(&mut self, knot: Knot) {
         if self.t.is_empty() || self.knot(self.t.len() - 1) != knot {
             self.t.push(knot.t);
@@ -224,8 +233,7 @@ impl Profile {
         self.on_piece(self.search(t), t)
     }
 
-    /// [`Profile::at`] with a memory, O(1) while `t` goes on in small steps either way. Start
-    /// `cursor` at 0.
+    /// [`Profile::at`] with a cursor, which begins at 0: O(1) while `t` changes in small steps.
     pub fn at_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
         let mut piece = (*cursor).min(self.t.len() - 1);
         for _ in 0..WALK {
@@ -246,7 +254,7 @@ impl Profile {
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let (from, to) = (from.min(to), from.max(to));
         let (first, last) = (self.search(from), self.search(to));
-        // Knots first: then most pieces cannot reach beyond and need no roots.
+        // Knots first: most pieces then cannot exceed them, and need no roots.
         let ends = [self.at(from).0, self.at(to).0];
         let mut known = extremes(ends.iter().chain(&self.x[first + 1..=last]));
         for i in first..(last + 1).min(self.t.len() - 1) {
@@ -269,7 +277,7 @@ impl Profile {
         Quintic::joining(self.knot(i), self.knot(i + 1))
     }
 
-    /// `t` lies between knot `i` and the next one, or before the first, or not before the last.
+    /// The path at `t`, which lies between knot `i` and the next one, before the first knot, or not before the last.
     fn on_piece(&self, i: usize, t: f64) -> (f64, f64, f64) {
         if t < self.t[0] {
             (self.x[0], 0.0, 0.0)
@@ -282,7 +290,7 @@ impl Profile {
         }
     }
 
-    /// Bounds of piece `i`: the extreme ordinates of its Bézier polygon.
+    /// Bounds of piece `i`: the least and greatest ordinate of its Bézier polygon.
     fn hull(&self, i: usize) -> (f64, f64) {
         let (k, l) = (self.knot(i), self.knot(i + 1));
         let h = (l.t - k.t) / 5.0;

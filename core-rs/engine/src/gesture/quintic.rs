@@ -1,6 +1,6 @@
 //! One piece of a path: the quintic with given position, velocity and acceleration at both ends.
 
-/// Where a path is at an instant, and how it moves there.
+/// Position, velocity and acceleration of a path at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Knot {
     /// Instant [s].
@@ -17,6 +17,14 @@ pub struct Knot {
 ///
 /// It is the path of least jerk between them (Flash & Hogan 1985), and every piece of a
 /// [`spline`](super::spline).
+///
+/// ```
+/// use ergon_engine::gesture::quintic::{Knot, Quintic};
+///
+/// let at_rest = |t, x| Knot { t, x, ..Knot::default() };
+/// let piece = Quintic::joining(at_rest(0.0, 0.0), at_rest(1.0, 4e-3));
+/// assert!((piece.at(0.5).0 - 2e-3).abs() < 1e-12); // symmetric
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quintic {
     start: f64,
@@ -37,7 +45,7 @@ impl Quintic {
             };
         }
         let (v0, v1, a0, a1) = (from.v * h, to.v * h, from.a * h * h, to.a * h * h);
-        // What is left for the last three coefficients once the left end is met.
+        // What the last three coefficients have to add to the motion that the left end determines.
         let x = (to.x - from.x) - v0 - 0.5 * a0;
         let v = v1 - v0 - a0;
         let a = a1 - a0;

@@ -1,35 +1,35 @@
-//! What became of a gesture.
+//! The report on one gesture: how well the key followed it.
 
-/// What became of a gesture.
+/// How well a key followed a gesture, over the frames that the gesture ran.
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
-    /// Ergons that struck.
+    /// Number of ergons.
     pub n_ergons: u64,
-    /// First and last instants it ran [s]; NaN when it never did.
+    /// First instant at which it ran [s]; NaN: it never ran.
     pub start: f64,
-    /// See `start`.
+    /// Last instant at which it ran [s]; NaN: it never ran.
     pub stop: f64,
     /// Largest |done − asked| on the loaded key [m].
     pub worst: f64,
-    /// When that was [s].
+    /// Instant of `worst` [s].
     pub worst_at: f64,
-    /// The MAT of another part that pushed most, where it was worst.
+    /// The MAT of another part that pushed the key most at that instant.
     pub pushed_by: Option<usize>,
-    /// Sum of (done − asked)² and number of frames compared.
+    /// Sum of (done − asked)² over the compared frames [m²].
     pub square: f64,
-    /// See `square`.
+    /// Number of compared frames.
     pub compared: u64,
-    /// Lowest and highest position of the free key, up to the next gesture [m].
+    /// Lowest position of the free key, from the start of the gesture to the next gesture [m].
     pub low: f64,
-    /// See `low`.
+    /// Highest position of the free key in that time [m].
     pub high: f64,
     /// Largest velocity step of one ergon [m/s].
     pub strongest: f64,
     /// Largest force of one ergon [N].
     pub force_max: f64,
-    /// Steps that needed more than the force limit.
+    /// Number of steps that needed more than the force limit.
     pub missed: u64,
-    /// It cut another gesture and joined after its start.
+    /// Whether it cut another gesture and joined its path only after its first point.
     pub first_point_missed: bool,
 }
 

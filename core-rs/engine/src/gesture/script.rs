@@ -1,4 +1,4 @@
-//! A gesture placed in the piece: what is asked of a key, in seconds and metres.
+//! A gesture placed in the piece: the path asked of a key, in seconds and metres.
 
 use super::error::GestureError;
 use super::placed::Placed;
@@ -8,18 +8,18 @@ use crate::units::frame;
 /// How the written hand holds the key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Touch {
-    /// The ergons are computed for the free key; the instrument pushes back.
+    /// Ergons are computed for the free key, so forces of the instrument move the key off its path.
     Open,
-    /// The ergons are whatever keeps the key on the path.
+    /// Ergons are whatever keeps the key on its path.
     Tracked,
 }
 
-/// What an ergon is.
+/// How an ergon is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ergons {
-    /// An exact impulse; its flight is not stepped.
+    /// As an exact impulse, without a flying mass.
     Event,
-    /// A real MAS that meets the key through a BUT.
+    /// As a MAS that flies and hits the key through a BUT.
     Particle,
 }
 
@@ -28,7 +28,7 @@ pub enum Ergons {
 pub struct Manner {
     /// How the hand holds the key.
     pub touch: Touch,
-    /// What an ergon is.
+    /// How an ergon is computed.
     pub ergons: Ergons,
     /// Time between ergons along a path [s]; `None`: one a frame.
     pub grain: Option<f64>,
@@ -36,16 +36,16 @@ pub struct Manner {
     pub join: f64,
     /// Largest force of one ergon [N].
     pub limit: Option<f64>,
-    /// Adds to what the key does already.
+    /// Whether the gesture adds to what the key does already.
     pub layer: bool,
 }
 
-/// A stretch of a gesture. Stretches follow one another.
+/// A part of a gesture between two ways of moving the key; they follow one another.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Stretch {
     /// Follow a path up to `stop` [s].
     Path { path: Placed, stop: f64 },
-    /// One strike at `from` [s], then free until the key passes `x` [m] at `to` [s]; the written point that it goes to.
+    /// One strike at `from` [s], after which the key flies freely and passes `x` [m] at `to` [s], as written point `point`.
     Throw {
         from: f64,
         to: f64,
@@ -63,15 +63,15 @@ pub struct Gesture {
     pub(crate) start: f64,
     /// Position of the last written point [m].
     pub(crate) exit: f64,
-    /// Where the first written point is, and how the path leaves it.
+    /// Position, velocity and acceleration of the path at its first written point.
     pub(crate) entry: Knot,
     pub(crate) manner: Manner,
-    /// Written points: their instants [s], rising, and their places in the score.
+    /// (instant [s], place in the score) of each written point, rising.
     pub(crate) points: Vec<(f64, u32)>,
 }
 
 impl Gesture {
-    /// Whether a throw has a frame between its ends at a rate [Hz].
+    /// Check that every throw has a frame between its ends at a rate [Hz].
     ///
     /// # Errors
     /// [`GestureError::Short`] for the first throw that has none.
@@ -93,7 +93,7 @@ impl Gesture {
         Ok(())
     }
 
-    /// Whether it asks the same of its key as another, wherever in a score they stand.
+    /// Whether another gesture asks the same path in the same manner, whatever its place in the score.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let instants = |gesture: &Self| -> Vec<u64> {
             let points = gesture.points.iter();
@@ -104,12 +104,12 @@ impl Gesture {
             && instants(self) == instants(other)
     }
 
-    /// The same on another key.
-    pub(crate) fn on(self, key: usize) -> Self {
+    /// The gesture on another key.
+    pub(crate) fn on_key(self, key: usize) -> Self {
         Self { key, ..self }
     }
 
-    /// Where the gesture wants the key as it begins, t [s].
+    /// The position that the gesture asks for where it begins at `t` [s]; in metres.
     pub(crate) fn entry_at(&self, t: f64) -> f64 {
         match self.stretches.first() {
             Some(Stretch::Path { path, .. }) => path.at(t.max(self.start)).0,

@@ -8,10 +8,10 @@
 //! of neighbouring intervals (at 10⁵ they err by 1e-7, these by 4e-16). Velocity and acceleration
 //! at a knot then follow from its two neighbours.
 
-/// What the path does at its two ends.
+/// Conditions at the two ends of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ends {
-    /// No jerk and no snap: the ends of a take, where nothing is known of the hand.
+    /// No jerk and no snap: the ends of a take, before and after which the motion is unknown.
     Natural,
     /// Given (velocity [m/s], acceleration [m/s²]).
     Clamped {
@@ -23,7 +23,7 @@ pub enum Ends {
 }
 
 impl Ends {
-    /// No velocity and no acceleration: the ends of a written run.
+    /// No velocity and no acceleration, as at the ends of a written run.
     pub const AT_REST: Self = Self::Clamped {
         first: (0.0, 0.0),
         last: (0.0, 0.0),
@@ -43,10 +43,10 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
     if n > 1 {
         let jerk = Jerk::solve(points, ends);
         for i in 1..n - 1 {
-            // Two straight lines, once the jerk's part is taken away, meet in this knot.
+            // Without the contribution of the jerk, two straight lines meet in this knot.
             let (left, right) = (points.step(i - 1), points.step(i));
-            let before = points.slope(i - 1) - jerk.on(points, i - 1).seen_from_right();
-            let after = points.slope(i) - jerk.on(points, i).seen_from_left();
+            let before = points.slope(i - 1) - jerk.on(points, i - 1).slope_from_right();
+            let after = points.slope(i) - jerk.on(points, i).slope_from_left();
             a[i] = 2.0 * (after - before) / (left + right);
             v[i] = (right * before + left * after) / (left + right);
         }
@@ -56,9 +56,9 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
             let (first, last) = (jerk.on(points, 0), jerk.on(points, n - 2));
             // Through two points a[1] is still zero and so is the jerk: the line.
             a[0] = a[1] - first.gain();
-            v[0] = points.slope(0) - first.seen_from_left() - 0.5 * first.h * a[0];
+            v[0] = points.slope(0) - first.slope_from_left() - 0.5 * first.h * a[0];
             a[n - 1] = a[n - 2] + last.gain();
-            v[n - 1] = points.slope(n - 2) - last.seen_from_right() + 0.5 * last.h * a[n - 1];
+            v[n - 1] = points.slope(n - 2) - last.slope_from_right() + 0.5 * last.h * a[n - 1];
         }
     } else if let (1, Ends::Clamped { first, .. }) = (n, ends) {
         (v[0], a[0]) = first;
@@ -81,8 +81,9 @@ impl Points<'_> {
         (self.x[i + 1] - self.x[i]) / self.step(i)
     }
 
-    /// The shares p, r of an interval in the widths that it has with its neighbours. Past a clamped
-    /// end the neighbour has no width; past a natural one there is no B-spline that would ask.
+    /// The shares (p, r) of an interval in its joint width with the left and with the right neighbour.
+    ///
+    /// Beyond a clamped end the neighbour has no width; beyond a natural end no B-spline uses the share.
     fn shares(self, i: usize) -> (f64, f64) {
         let h = self.step(i);
         let left = if i > 0 { self.step(i - 1) } else { 0.0 };
@@ -116,7 +117,7 @@ impl Points<'_> {
 /// Coefficients of the jerk in quadratic B-splines.
 struct Jerk {
     lambda: Vec<f64>,
-    /// Index of the first B-spline of interval 0, of which a natural end has two too few.
+    /// Index of the first B-spline of interval 0: 0, or −2 at a natural end, where two are missing.
     first: isize,
 }
 
@@ -134,18 +135,18 @@ const BERNSTEIN: [[f64; 3]; 3] = [
 ];
 
 impl Stretch {
-    /// What acceleration gains on the way.
+    /// Change of acceleration over the interval.
     fn gain(&self) -> f64 {
         self.h * (self.j[0] + self.j[1] + self.j[2]) / 3.0
     }
 
-    /// (1/h)∫ (h-u)²/2 · jerk du: the jerk's part in the mean slope, seen from the left end.
-    fn seen_from_left(&self) -> f64 {
+    /// (1/h)∫ (h-u)²/2 · jerk du: contribution of the jerk to the mean slope, relative to the left end.
+    fn slope_from_left(&self) -> f64 {
         0.5 * self.h * self.h * dot(BERNSTEIN[0], self.j)
     }
 
-    /// (1/h)∫ u²/2 · jerk du: the same seen from the right end.
-    fn seen_from_right(&self) -> f64 {
+    /// (1/h)∫ u²/2 · jerk du: contribution of the jerk to the mean slope, relative to the right end.
+    fn slope_from_right(&self) -> f64 {
         0.5 * self.h * self.h * dot(BERNSTEIN[2], self.j)
     }
 }

@@ -1,4 +1,4 @@
-//! A captured movement.
+//! Takes: movements as they were captured.
 
 use std::sync::Arc;
 
@@ -13,12 +13,22 @@ use crate::section::Section;
 pub const MAX_SAMPLES: usize = 20_000_000;
 
 /// A movement as it was captured: the natural quintic spline through its samples.
+///
+/// ```
+/// use ergon_engine::gesture::take::{Preparation, Take};
+///
+/// let t: Vec<f64> = (0..100).map(|i| f64::from(i) / 100.0).collect();
+/// let x: Vec<f64> = t.iter().map(|t| 1e-3 * t).collect();
+/// let preparation = Preparation { trim: Some((0.2, 0.7)), smooth: None };
+/// assert!((Take::new(&t, &x, preparation)?.duration() - 0.5).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Take {
     profile: Arc<Profile>,
 }
 
-/// Why samples make no take.
+/// Why samples do not define a take.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TakeError {
     /// Not as many positions as instants.
@@ -50,7 +60,7 @@ pub enum TakeError {
         /// Its position [m].
         x: f64,
     },
-    /// Time stands still or runs back.
+    /// An instant is not later than the one before.
     #[error(
         "time must rise along a take: sample {index} is at {t} s, the one before it at {before} s"
     )]
@@ -99,12 +109,12 @@ pub enum TakeError {
     },
 }
 
-/// What to do with the samples before they are played.
+/// How the samples of a take are prepared.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Care {
-    /// Keep only these instants [s] of the samples' own time, and call the first zero.
+pub struct Preparation {
+    /// First and last instant to keep [s], in the time of the samples; the first becomes 0.
     pub trim: Option<(f64, f64)>,
-    /// Cutoff [Hz] of a low-pass forward and back.
+    /// Cutoff [Hz] of a low-pass, applied forward and backward.
     pub smooth: Option<f64>,
 }
 
@@ -117,10 +127,10 @@ impl Take {
     /// # Errors
     /// Where the samples are too few, not finite or not in order, the cutoff is not below half their rate, or the trim lies
     /// outside the take.
-    pub fn new(t: &[f64], x: &[f64], care: Care) -> Result<Self, TakeError> {
+    pub fn new(t: &[f64], x: &[f64], preparation: Preparation) -> Result<Self, TakeError> {
         check(t, x)?;
         let natural = |t: &[f64], x: &[f64]| Profile::spline(t.to_vec(), x.to_vec(), Ends::Natural);
-        let profile = match care.smooth {
+        let profile = match preparation.smooth {
             None => natural(t, x),
             Some(cutoff) => {
                 let (t, mut x) = evenly(t, x, natural);
@@ -128,7 +138,7 @@ impl Take {
                 natural(&t, &x)
             }
         };
-        let Some((from, to)) = care.trim else {
+        let Some((from, to)) = preparation.trim else {
             return Ok(Self {
                 profile: Arc::new(profile),
             });
@@ -179,7 +189,7 @@ impl Take {
         stretch: f64,
         reverse: bool,
     ) -> Result<Placed, PathError> {
-        // The clock of a capture may begin anywhere; where it begins is no part of the movement.
+        // The clock of a capture may begin anywhere: its origin is no part of the movement.
         let zero = at - self.profile.start() * stretch;
         Placed::transformed(Arc::clone(&self.profile), zero, scale, stretch, reverse)
     }
@@ -225,8 +235,8 @@ fn rate(t: &[f64]) -> f64 {
     (t.len() - 1) as f64 / (t[t.len() - 1] - t[0])
 }
 
-/// The samples on their mean step. A digital filter knows no other; captured or written instants
-/// jitter (0.0333, 0.0667, 0.1), so those are read off the spline.
+/// The samples at even steps, as a digital filter needs them; where instants jitter (0.0333, 0.0667, 0.1), samples of
+/// the spline.
 fn evenly(
     t: &[f64],
     x: &[f64],
@@ -237,7 +247,7 @@ fn evenly(
     let even: Vec<f64> = (0..=last)
         .map(|i| start + (stop - start) * (i as f64 / last as f64))
         .collect();
-    // A billionth of a step: rounding of i·T, and nothing that moves a sample.
+    // 1e-9 of a step covers the rounding of i·T, and is no jitter.
     let tolerance = 1e-9 * (stop - start) / last as f64;
     if t.iter().zip(&even).all(|(t, e)| (t - e).abs() <= tolerance) {
         return (even, x.to_vec());
@@ -254,11 +264,11 @@ fn evenly(
 /// 1/Q of the two sections of a Butterworth low-pass of order 4: 2·sin(π/8), 2·sin(3π/8).
 const DAMPINGS: [f64; 2] = [0.765_366_864_730_179_6, 1.847_759_065_022_573_5];
 
-/// Samples put before and after by reflection through the end points: 3 × (order + 1), the custom
-/// of MATLAB's and scipy's `filtfilt`, so that either can check a take.
+/// Number of samples added before and after by reflection through the end points: 3 × (order + 1), as in `filtfilt` of
+/// MATLAB and scipy, so that either can check a take.
 const PADDING: usize = 15;
 
-/// Butterworth of order 4, forward and back: no delay, -6 dB at `cutoff` [Hz].
+/// Butterworth low-pass of order 4, forward and backward: no delay, -6 dB at `cutoff` [Hz].
 fn low_pass(x: &mut [f64], cutoff: f64, rate: f64) -> Result<(), TakeError> {
     if !(cutoff > 0.0 && cutoff < 0.5 * rate) {
         return Err(TakeError::Smooth { cutoff, rate });

@@ -1,4 +1,4 @@
-//! Written points and takes → gestures.
+//! Making gestures from written points and from takes.
 
 use std::sync::Arc;
 
@@ -8,30 +8,50 @@ use super::profile::{Curve, PathError, Point, Profile};
 use super::quintic::Knot;
 use super::script::{Ergons, Gesture, Manner, Stretch, Touch};
 
-/// The way into a written point.
+/// How the key goes to a written point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Approach {
-    /// Along a curve, held by ergons all the way.
+    /// Along a curve, led by ergons all the way.
     Path(Curve),
-    /// One strike at the point before, then free.
+    /// In free flight, after one strike at the previous point.
     Throw,
 }
 
-/// Points of a narrative gesture, (n_points) each.
+/// The points of a written gesture, (n_points) each.
 #[derive(Clone, Copy, Debug)]
 pub struct Written<'a> {
     /// Instants [s].
     pub t: &'a [f64],
     /// Positions [m].
     pub x: &'a [f64],
-    /// Ways into the points; the first is not read.
-    pub way: &'a [Approach],
+    /// How the key goes to each point; the first is ignored.
+    pub approaches: &'a [Approach],
     /// Places in the score, or empty.
     pub sources: &'a [u32],
 }
 
 impl Gesture {
-    /// A narrative gesture on a key.
+    /// A written gesture on a key.
+    ///
+    /// ```
+    /// use ergon_engine::gesture::profile::Curve;
+    /// use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+    /// use ergon_engine::gesture::written::{Approach, Written};
+    ///
+    /// let smooth = Approach::Path(Curve::Smooth);
+    /// let points = Written {
+    ///     t: &[0.0, 0.06, 0.16],
+    ///     x: &[0.0, 6e-3, 0.0],
+    ///     approaches: &[smooth, smooth, Approach::Throw],
+    ///     sources: &[],
+    /// };
+    /// let manner = Manner {
+    ///     touch: Touch::Open, ergons: Ergons::Event, grain: None, join: 0.02, limit: None, layer: false,
+    /// };
+    /// Gesture::written(0, &points, manner)?;
+    /// assert!(Gesture::written(0, &points, Manner { join: -1.0, ..manner }).is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`GestureError`] names the point at fault.
@@ -40,7 +60,10 @@ impl Gesture {
         if n == 0 {
             return Err(PathError::Empty.into());
         }
-        if points.x.len() != n || points.way.len() != n || ![0, n].contains(&points.sources.len()) {
+        if points.x.len() != n
+            || points.approaches.len() != n
+            || ![0, n].contains(&points.sources.len())
+        {
             return Err(GestureError::Shape);
         }
         let finite = |i: &usize| points.t[*i].is_finite() && points.x[*i].is_finite();
@@ -59,11 +82,11 @@ impl Gesture {
         )
     }
 
-    /// A take on a key, cut at `until` [s].
+    /// A gesture that plays a take on a key, cut at `until` [s].
     ///
     /// # Errors
-    /// [`GestureError`] where `manner` is none for it.
-    pub fn taken(
+    /// [`GestureError`] where `manner` has a number out of range, or tracks the key by particles.
+    pub fn from_take(
         key: usize,
         path: Placed,
         until: Option<f64>,
@@ -137,12 +160,14 @@ impl Manner {
 }
 
 fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
-    let Written { t, x, way, .. } = *points;
+    let Written {
+        t, x, approaches, ..
+    } = *points;
     let mut found = Vec::new();
     let mut i = 0;
     while i + 1 < t.len() {
-        let is_throw = |way: &Approach| *way == Approach::Throw;
-        if is_throw(&way[i + 1]) {
+        let is_throw = |approach: &Approach| *approach == Approach::Throw;
+        if is_throw(&approaches[i + 1]) {
             found.push(Stretch::Throw {
                 from: t[i],
                 to: t[i + 1],
@@ -151,7 +176,10 @@ fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
             });
             i += 1;
         } else {
-            let run = way[i + 1..].iter().take_while(|way| !is_throw(way)).count();
+            let run = approaches[i + 1..]
+                .iter()
+                .take_while(|approach| !is_throw(approach))
+                .count();
             found.push(path(points, i, i + run)?);
             i += run;
         }
@@ -167,7 +195,7 @@ fn path(points: &Written<'_>, from: usize, to: usize) -> Result<Stretch, Gesture
     let point = |i: usize| Point {
         t: points.t[i],
         x: points.x[i],
-        curve: match points.way[i] {
+        curve: match points.approaches[i] {
             Approach::Path(curve) => curve,
             Approach::Throw => Curve::Hold,
         },

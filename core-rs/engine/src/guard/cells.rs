@@ -1,17 +1,17 @@
-//! Cells in finer frames: their poles are those of the rate, at another rate they have other numbers.
+//! CELs in finer frames: κ and ζ come from the poles at the rate of the steps, not of the frame.
 
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::units::Rate;
 
-use super::MOST;
+use super::MAX_STEPS;
 
-/// κ and ζ at a rate of 2, 4 and 8 steps a frame, each as a multiple of the frame's, in its own time   (n_mat each).
+/// Factors from κ and ζ of the frame to those of 2, 4 and 8 steps a frame, in units of the frame   (n_mat each).
 #[derive(Clone, Debug)]
 pub(super) struct Cells([[Vec<f64>; 2]; 3]);
 
 impl Cells {
-    /// `None` where there are none.
+    /// `None` where the network has no CEL.
     pub(super) fn new(
         scheme: &Scheme,
         network: &Network,
@@ -29,7 +29,7 @@ impl Cells {
                 return Ok([&scheme.kappa, &scheme.zeta].map(|all| vec![1.0; all.len()]));
             };
             let finer = Scheme::new(network, rate)?;
-            let of = |fine: &[f64], whole: &[f64], by: f64| {
+            let factors = |fine: &[f64], whole: &[f64], by: f64| {
                 let both = fine.iter().zip(whole);
                 both.map(|(fine, whole)| {
                     if *whole == 0.0 {
@@ -41,14 +41,18 @@ impl Cells {
                 .collect()
             };
             Ok([
-                of(&finer.kappa, &scheme.kappa, steps * steps),
-                of(&finer.zeta, &scheme.zeta, steps),
+                factors(&finer.kappa, &scheme.kappa, steps * steps),
+                factors(&finer.zeta, &scheme.zeta, steps),
             ])
         };
-        Ok(Some(Self([multiples(2)?, multiples(4)?, multiples(MOST)?])))
+        Ok(Some(Self([
+            multiples(2)?,
+            multiples(4)?,
+            multiples(MAX_STEPS)?,
+        ])))
     }
 
-    /// κ and ζ of so many steps a frame, from those of the frame.
+    /// Write κ and ζ for `steps` steps a frame into `out`, from those of the frame.
     pub(super) fn ties(&self, steps: u32, [kappa, zeta]: [&[f64]; 2], out: [&mut [f64]; 2]) {
         let multiples = &self.0[steps.ilog2() as usize - 1];
         for ((out, whole), by) in out.into_iter().zip([kappa, zeta]).zip(multiples) {

@@ -1,23 +1,24 @@
 //! A frame in several steps of CA.
 //!
-//! x goes by d/S a step and d by a/S; forces see d as they know it, metres a frame. The last of S steps is 1/2S before
-//! the end of its frame, that of a frame in one step a half: between the two, velocities pass by what links and ties
-//! give meanwhile. What acts from outside acts at the beginning of the frame, as in one step.
+//! In S steps x advances by d/S and d by a/S each; forces read d in metres a frame as ever. The velocity d belongs to
+//! the middle of a step: 1/2S before the end of a frame in S steps, 1/2 before the end of an ordinary frame. Where the
+//! number of steps changes, d is moved between the two instants by the acceleration of links and ties. Outside forces
+//! act at the beginning of the frame, as in one step.
 
-use super::{CALM, Guard, HOLD, MOST};
+use super::{CALM_FRAMES, CALM_SHARE, Guard, MAX_STEPS};
 use crate::kernel::{fine_steps, sound};
 
-/// What is gone through.
+/// A network that the guard can step.
 pub(crate) trait Stage {
-    /// Forces of all links at positions and steps as they are, into `force`.
-    fn pull(&mut self);
-    /// What moves.
+    /// Compute the forces of all links at the present positions and steps, into `force`.
+    fn links(&mut self);
+    /// The state, to be stepped.
     fn motion(&mut self) -> Motion<'_>;
 }
 
-/// What moves, (n_mat) each.
+/// State and parameters of the MATs, (n_mat) each.
 pub(crate) struct Motion<'a> {
-    /// 1/M, κ, ζ and where the ground is.
+    /// 1/M, κ, ζ and the position of the ground.
     pub(crate) ties: [&'a [f64]; 4],
     pub(crate) force: &'a mut [f64],
     pub(crate) x: &'a mut [f64],
@@ -25,26 +26,26 @@ pub(crate) struct Motion<'a> {
 }
 
 impl Guard {
-    /// MATs that are led in the next finer frame, ports among them; `way` says from where to where [m].
-    pub(crate) fn lead(
+    /// Set the MATs whose path is imposed in the next finer frame, ports among them; `path` gives its two ends [m].
+    pub(crate) fn impose(
         &mut self,
         targets: impl Iterator<Item = usize>,
-        way: impl Fn(usize) -> (f64, f64),
+        path: impl Fn(usize) -> (f64, f64),
     ) {
         let all = self.ports.iter().copied().chain(targets);
-        self.led.clear();
-        self.led.extend(all.map(|mat| {
-            let (from, to) = way(mat);
+        self.imposed.clear();
+        self.imposed.extend(all.map(|mat| {
+            let (from, to) = path(mat);
             (mat, from, to)
         }));
     }
 
-    /// Go through a frame finer: `stage` stands at its beginning, with all forces that act in it. Says whether all
-    /// stayed within reason.
-    pub(crate) fn finer(&mut self, stage: &mut impl Stage) -> bool {
+    /// Compute a frame in smaller steps; `stage` holds its beginning and all forces that act in it. False where a
+    /// position is no longer finite or plausible.
+    pub(crate) fn compute_finer(&mut self, stage: &mut impl Stage) -> bool {
         self.begin(stage);
-        let mut steps = if self.now > 1 { self.now } else { 2 };
-        while !self.go(stage, steps) && steps < MOST {
+        let mut steps = if self.steps > 1 { self.steps } else { 2 };
+        while !self.try_steps(stage, steps) && steps < MAX_STEPS {
             steps *= 2;
             let Motion { x, d, .. } = stage.motion();
             x.copy_from_slice(&self.x);
@@ -53,46 +54,50 @@ impl Guard {
         self.end(stage, steps)
     }
 
-    /// What is there at the beginning.
+    /// Store the beginning of the frame, and separate outside forces from those of links.
     fn begin(&mut self, stage: &mut impl Stage) {
         let Motion { force, x, d, .. } = stage.motion();
         self.x.copy_from_slice(x);
         self.d.copy_from_slice(d);
         self.outside.copy_from_slice(force);
-        stage.pull();
+        stage.links();
         let Motion { ties, force, x, d } = stage.motion();
         let [w, kappa, zeta, rest] = ties;
         for (outside, force) in self.outside.iter_mut().zip(&*force) {
             *outside -= force;
         }
-        for (i, own) in self.own.iter_mut().enumerate() {
-            *own = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
+        for (i, step) in self.link_steps.iter_mut().enumerate() {
+            *step = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
         }
     }
 
-    /// In so many steps; false where these are too few, and more may be taken.
-    fn go(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
+    /// Compute the frame in `steps` steps; false where they are too few and more are possible.
+    fn try_steps(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
         let part = 1.0 / f64::from(steps);
-        let since = 0.5 / f64::from(self.before) - 0.5 * part;
+        let shift = 0.5 / f64::from(self.previous_steps) - 0.5 * part;
         let Motion { d, ties, .. } = stage.motion();
         let [kappa, zeta] = &mut self.ties;
         if let Some(cells) = &self.cells {
             cells.ties(steps, [ties[1], ties[2]], [kappa, zeta]);
         }
         for (i, d) in d.iter_mut().enumerate() {
-            let lead = if self.before > 1 { self.lead[i] } else { 0.0 };
-            *d += lead + since * self.own[i];
+            let lead = if self.previous_steps > 1 {
+                self.lead[i]
+            } else {
+                0.0
+            };
+            *d += lead + shift * self.link_steps[i];
         }
-        for &(mat, from, to) in &self.led {
+        for &(mat, from, to) in &self.imposed {
             d[mat] = to - from;
         }
         for step in 1..=steps {
-            stage.pull();
+            stage.links();
             let Motion { ties, force, x, d } = stage.motion();
             if step == 1 {
                 for (i, force) in force.iter_mut().enumerate() {
                     *force += f64::from(steps) * self.outside[i];
-                    self.way[i] = 0.5 * d[i];
+                    self.travel[i] = 0.5 * d[i];
                 }
             }
             let own = match self.cells {
@@ -101,22 +106,22 @@ impl Guard {
             };
             fine_steps(part, own, force, x, d);
             if step == 1 {
-                let mesh_partition = self.way.iter_mut().zip(&*d);
-                mesh_partition.for_each(|(way, d)| *way += 0.5 * d);
+                let both = self.travel.iter_mut().zip(&*d);
+                both.for_each(|(travel, d)| *travel += 0.5 * d);
             }
             let share = f64::from(step) * part;
-            for &(mat, from, to) in &self.led {
+            for &(mat, from, to) in &self.imposed {
                 (x[mat], d[mat]) = (from + (to - from) * share, to - from);
             }
-            let (risen, _) = self.look(x, ties[0]);
-            if steps < MOST && self.needs(risen) > steps {
+            let (risen, _) = self.stiffening(x, ties[0]);
+            if steps < MAX_STEPS && self.steps_needed(risen) > steps {
                 return false;
             }
         }
         true
     }
 
-    /// The frame is over: its mean is its step, and what the last of its steps is ahead of it is kept.
+    /// End the frame: its step is the mean of its steps, and the difference of the last one is kept as `lead`.
     fn end(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
         let Motion { ties, x, d, .. } = stage.motion();
         for i in 0..x.len() {
@@ -124,17 +129,17 @@ impl Guard {
             self.lead[i] = d[i] - mean;
             d[i] = mean;
         }
-        let (risen, _) = self.risen(x, ties[0]);
-        // Half as many only where a quarter would do.
+        let (risen, _) = self.stiffening_exact(x, ties[0]);
+        // Half the steps only where a quarter would be enough.
         let is_calm = match steps {
-            2 => risen <= CALM * (self.limit - self.rest),
-            _ => 4 * self.needs(risen) <= steps,
+            2 => risen <= CALM_SHARE * (self.limit - self.rest_lambda),
+            _ => 4 * self.steps_needed(risen) <= steps,
         };
-        self.calm = if is_calm { self.calm + 1 } else { 0 };
-        (self.before, self.now) = (steps, steps);
-        if self.calm == HOLD {
-            (self.calm, self.now) = (0, steps / 2);
-            self.before = if self.now == 1 { 1 } else { steps };
+        self.calm_frames = if is_calm { self.calm_frames + 1 } else { 0 };
+        (self.previous_steps, self.steps) = (steps, steps);
+        if self.calm_frames == CALM_FRAMES {
+            (self.calm_frames, self.steps) = (0, steps / 2);
+            self.previous_steps = if self.steps == 1 { 1 } else { steps };
         }
         self.finer_frames.frames += 1;
         self.finer_frames.most = self.finer_frames.most.max(steps);

@@ -80,15 +80,15 @@ fn what_links_have_stiffened_by_bounds_lambda() {
         });
         let tangent_scheme = Scheme::new(&tangent, rate()).unwrap();
         let lambda = top(&tangent_scheme, &tangent, 2.0, 0.0).unwrap().lambda;
-        let (risen, _) = guard.look(&x, &scheme.w);
+        let (risen, _) = guard.stiffening(&x, &scheme.w);
         if guard.margin > 0.0 {
             assert!(lambda <= guard.limit, "{seed}: {lambda}");
         } else {
             assert!(
-                lambda <= (guard.rest + risen) * (1.0 + 1e-6),
+                lambda <= (guard.rest_lambda + risen) * (1.0 + 1e-6),
                 "{seed}: {lambda} {risen}"
             );
-            nearest = nearest.min((guard.rest + risen) / lambda);
+            nearest = nearest.min((guard.rest_lambda + risen) / lambda);
         }
     }
     // And there are moments at which it is no more than that.
@@ -153,8 +153,8 @@ fn no_number_is_overlooked() {
             .unwrap()
             .unwrap();
         let (mut x, mut d) = (vec![0.0; N + 1], vec![0.0; N + 1]);
-        assert!(!guard.is_over(&x, &d, &scheme.w));
+        assert!(!guard.needs_finer(&x, &d, &scheme.w));
         (x[3], d[3]) = (bad, bad);
-        assert!(guard.is_over(&x, &d, &scheme.w));
+        assert!(guard.needs_finer(&x, &d, &scheme.w));
     }
 }

@@ -1,4 +1,4 @@
-//! Links that stiffen: how far each run may be stretched, and how stiff they are together.
+//! Links that stiffen: the largest elongation that each run may have, and how much λ rises by their stiffening.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,32 +14,32 @@ pub(super) struct Watch {
     pub(super) b: usize,
     pub(super) len: usize,
     rest: f64,
-    stiff: Stiff,
-    /// As long as no link of any run is stretched further than this, λ is within the limit [m].
+    stiffening: Stiffening,
+    /// Largest elongation [m]: while no link of any run exceeds its reach, λ is within the limit.
     reach: f64,
 }
 
-/// How a link stiffens.
+/// The law by which a link stiffens.
 #[derive(Clone, Debug)]
-enum Stiff {
-    /// By so much times its elongation squared [N/m³].
+enum Stiffening {
+    /// The stiffness rises by this times the elongation squared [N/m³].
     Square(f64),
-    /// From its stiffness at rest [N/m].
+    /// Any law, and its stiffness at rest [N/m].
     Law(Arc<Law>, f64),
 }
 
-impl Stiff {
+impl Stiffening {
     fn of(kind: &Kind) -> Option<Self> {
         let Kind::Lnl { law, .. } = kind else {
             return None;
         };
-        match law.hardens() {
+        match law.hardening_spring() {
             Some(by) => (by.q > 0.0).then_some(Self::Square(3.0 * by.q)),
             None => Some(Self::Law(law.clone(), law.slope(0.0).max(0.0))),
         }
     }
 
-    /// By how much a link is stiffer at elongation `e` than at rest [N/m].
+    /// Stiffness at elongation `e` minus stiffness at rest [N/m].
     #[inline(always)]
     fn rise(&self, e: f64) -> f64 {
         match self {
@@ -48,7 +48,7 @@ impl Stiff {
         }
     }
 
-    /// The largest elongation either way at which it is stiffer by no more than `rise` [m].
+    /// The largest elongation [m], either way, at which the stiffness has risen by no more than `rise` [N/m].
     fn reach(&self, rise: f64) -> f64 {
         match self {
             Self::Square(by) => (rise / by).sqrt(),
@@ -57,26 +57,26 @@ impl Stiff {
     }
 }
 
-/// Runs that stiffen and have an end that moves; couplings are not among them, for they let go.
+/// Runs that stiffen and have an end that moves, but for couplings, which open.
 pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch> {
     let watch = |run: &Run| {
         let has_free = (0..run.len).any(|i| moves(run.a + i) || moves(run.b + i));
         let is_watched = has_free && run.gate.is_none();
-        let stiff = Stiff::of(&run.kind).filter(|_| is_watched)?;
+        let stiffening = Stiffening::of(&run.kind).filter(|_| is_watched)?;
         Some(Watch {
             a: run.a,
             b: run.b,
             len: run.len,
             rest: run.rest,
-            stiff,
+            stiffening,
             reach: 0.0,
         })
     };
     runs.iter().filter_map(watch).collect()
 }
 
-/// Give every run its reach, such that λ rises by no more than `rise`; those that never stiffen so much go.
-pub(super) fn allow(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
+/// Set the reach of every run such that λ rises by no more than `rise`, and remove runs that never stiffen so much.
+pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
     let mut degree = vec![0.0; w.len()];
     for watch in &*watches {
         for first in [watch.a, watch.b] {
@@ -89,13 +89,15 @@ pub(super) fn allow(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
     let at = |mat: usize| degree[mat] * w[mat];
     for watch in &mut *watches {
         let ends = (0..watch.len).map(|i| at(watch.a + i).max(at(watch.b + i)));
-        watch.reach = watch.stiff.reach(0.5 * rise / ends.fold(0.0, f64::max));
+        watch.reach = watch
+            .stiffening
+            .reach(0.5 * rise / ends.fold(0.0, f64::max));
     }
     watches.retain(|watch| watch.reach < f64::INFINITY);
 }
 
 wide! {
-    /// The largest magnitude of some numbers; of one that is none: none.
+    /// The largest magnitude of some numbers; NaN where one is NaN.
     pub(super) fn peak(numbers: &[f64]) -> f64 {
         // Bits of positive numbers have their order, and those of NaN are above all.
         f64::from_bits(numbers.iter().fold(0, |peak, d| d.abs().to_bits().max(peak)))
@@ -103,7 +105,7 @@ wide! {
 }
 
 wide! {
-    /// How much further the link that is nearest to its reach may be stretched [m].
+    /// How much further the link nearest to its reach may be stretched [m].
     pub(super) fn nearest(watches: &[Watch], x: &[f64]) -> f64 {
         let mut nearest = f64::INFINITY;
         for watch in watches {
@@ -114,7 +116,7 @@ wide! {
                 peak = peak.max((xb[i] - xa[i] - rest).abs().to_bits());
             }
             let left = watch.reach - f64::from_bits(peak);
-            // Of what is no number nothing is left.
+            // A NaN elongation is beyond every reach.
             let left = if left.is_nan() { f64::NEG_INFINITY } else { left };
             nearest = f64::min(nearest, left);
         }
@@ -122,9 +124,11 @@ wide! {
     }
 }
 
-/// The largest edge sum of what links are stiffer by than at rest, over the masses: by so much λ rises at most; and a
-/// MAT of that edge. `mats` are those that they join, `sums`: (n_mat), `rises`: (longest run).
-pub(super) fn risen(
+/// A bound on the rise of λ by stiffening, and a MAT of the link where it is reached.
+///
+/// The bound is the largest edge sum: stiffening over mass, summed at both ends of a link. `mats` are the MATs that
+/// watched links join; `sums` (n_mat) and `rises` (longest run) are buffers.
+pub(super) fn stiffening(
     watches: &[Watch],
     mats: &Range<usize>,
     x: &[f64],
@@ -138,7 +142,7 @@ pub(super) fn risen(
         let rises = &mut rises[..watch.len];
         let (xa, xb) = (&x[a..][..watch.len], &x[b..][..watch.len]);
         for (i, rise) in rises.iter_mut().enumerate() {
-            *rise = watch.stiff.rise(xb[i] - xa[i] - watch.rest);
+            *rise = watch.stiffening.rise(xb[i] - xa[i] - watch.rest);
         }
         for first in [a, b] {
             let sums = &mut sums[first..][..watch.len];

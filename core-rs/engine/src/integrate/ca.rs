@@ -65,10 +65,10 @@ impl Stepper for Ca {
         let mesh_partition = self.laws.mesh_partition.as_ref();
         kernel::advance(scheme, &mut [], &mut self.body, mesh_partition, team);
         if let (Some(guard), Some(previous)) = (&mut self.guard, &mut self.body.previous)
-            && guard.is_over(&self.body.x, &self.body.d, &scheme.w)
+            && guard.needs_finer(&self.body.x, &self.body.d, &scheme.w)
         {
             previous.swap(&mut self.body.x, &mut self.body.d);
-            guard.finer(&mut guard::Scene {
+            guard.compute_finer(&mut guard::KernelStage {
                 scheme,
                 gates: &[],
                 body: &mut self.body,

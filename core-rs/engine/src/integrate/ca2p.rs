@@ -151,7 +151,7 @@ impl Stepper for Ca2p {
             passes::leap(ties, &force[mats], look, from, x, d);
         });
         if let Some(guard) = &mut self.guard
-            && guard.is_over(x, d, &mesh.scheme.w)
+            && guard.needs_finer(x, d, &mesh.scheme.w)
         {
             self.previous.swap(x, d);
             let (force, d) = (&mut self.force[..], &mut d[..]);

@@ -1,31 +1,31 @@
-//! The exact flow of slow masses, as kicks once every R frames and straight ways between them (E4).
+//! The exact flow of slow masses, as kicks once every R frames and straight motion between them (method E4).
 //!
-//! Let E = [[a, b], [c, d]] take positions and velocities of the slow masses, alone, R frames on. Split as half a
-//! kick, a straight way and half a kick so that it stays exact, and with the half kicks that meet taken together,
-//! it reads v ← B·v − A·x, x += R·v, with B = b·d·b⁻¹·a − b·c and A = −((a − 1) + b·c + b·d·b⁻¹·(1 − a))/R.
-//! What is not slow kicks the same velocities at any frame between. Velocities are in metres a frame.
+//! Let E = [[a, b], [c, d]] be the map of positions and velocities of the slow masses, alone, over R frames. It is split
+//! exactly into half a kick, straight motion and half a kick. Successive half kicks are joined:
+//! v ← B·v − A·x, x += R·v, with B = b·d·b⁻¹·a − b·c and A = −((a − 1) + b·c + b·d·b⁻¹·(1 − a))/R.
+//! Fast links kick the same velocities at every frame. Velocities are in metres a frame.
 
 use super::square::Square;
 
-/// B and A of some masses.
+/// The flow of some masses over R frames.
 #[derive(Clone, Debug)]
 pub(crate) struct Flow {
-    /// Frames between two kicks.
-    pub(crate) every: u32,
-    /// What a kick leaves of the velocities, and what it takes from them for where the masses are   (n, n)
+    /// R, the frames from one kick to the next.
+    pub(crate) macrostep: u32,
+    /// B: the share of the velocities that a kick keeps   (n, n)
     pub(crate) keep: Square,
+    /// A: the velocity that a kick removes for each position   (n, n)
     pub(crate) pull: Square,
-    /// (a − 1)/R and b/R: the velocity of the first straight way
+    /// (a − 1)/R and b/R: the velocity of the first straight motion
     start: [Square; 2],
 }
 
 impl Flow {
-    /// Of masses whose positions and velocities `frame` takes one frame on. `None` where a mode swings as often as
-    /// every other kick.
-    pub(crate) fn new(frame: &Square, every: u32) -> Option<Self> {
+    /// The flow of masses whose map over one frame is `frame`. `None` where a mode oscillates in two kicks or faster.
+    pub(crate) fn new(frame: &Square, macrostep: u32) -> Option<Self> {
         let n = frame.n / 2;
-        let steps = f64::from(every);
-        let whole = frame.power(every);
+        let steps = f64::from(macrostep);
+        let whole = frame.power(macrostep);
         let [a, b] = [whole.block(0, 0, n), whole.block(0, n, n)];
         let [c, d] = [whole.block(n, 0, n), whole.block(n, n, n)];
         let turned = b.times(&d).over(&b)?;
@@ -36,14 +36,14 @@ impl Flow {
         let keep = turned.plus(&turned_moved, 1.0).plus(&bc, -1.0);
         let pull = moved.clone().plus(&bc, 1.0).plus(&turned_moved, -1.0);
         Some(Self {
-            every,
+            macrostep,
             keep,
             pull: pull.scaled(-1.0 / steps),
             start: [moved.scaled(1.0 / steps), b.scaled(1.0 / steps)],
         })
     }
 
-    /// The velocity of the first straight way, from where the masses are and how they move.
+    /// The velocity of the first straight motion, from positions and velocities.
     pub(crate) fn start(&self, x: &[f64], v: &[f64]) -> Vec<f64> {
         let [by_x, by_v] = &self.start;
         let pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));

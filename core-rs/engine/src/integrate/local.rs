@@ -48,7 +48,11 @@ impl Mesh {
                         }
                         None => {
                             let run = &self.others[at - self.springs.len()];
-                            force_of(run, e - run.rest, de)
+                            let at = |i: usize| x(run.b + i) - x(run.a + i) - run.rest;
+                            match kernel::tension(run, at) {
+                                0.0 => force_of(run, e - run.rest, de),
+                                tension => tension * (e - run.rest),
+                            }
                         }
                     };
             }
@@ -72,8 +76,10 @@ impl Mesh {
             });
         }
         for run in &self.others {
+            let at = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
+            let tension = kernel::tension(run, at);
             sum += total(run.len, |i| {
-                kernel::potential(run, x[run.b + i] - x[run.a + i] - run.rest)
+                kernel::potential(run, at(i)) + kernel::tension_energy(tension, at(i))
             });
         }
         sum
@@ -98,10 +104,15 @@ impl Mesh {
             });
         }
         for run in &self.others {
+            let now = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
+            let last = |i: usize| before(run.b + i) - before(run.a + i) - run.rest;
+            let tensions = [kernel::tension(run, now), kernel::tension(run, last)];
             sum += total(run.len, |i| {
-                let e = x[run.b + i] - x[run.a + i] - run.rest;
-                let last = before(run.b + i) - before(run.a + i) - run.rest;
-                0.5 * (kernel::potential(run, e) + kernel::potential(run, last))
+                let [now, last] =
+                    [(now(i), tensions[0]), (last(i), tensions[1])].map(|(e, tension)| {
+                        kernel::potential(run, e) + kernel::tension_energy(tension, e)
+                    });
+                0.5 * (now + last)
             });
         }
         sum

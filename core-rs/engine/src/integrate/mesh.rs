@@ -71,9 +71,9 @@ impl Mesh {
         for run in &mesh.scheme.runs {
             let (k, q, z) = match &run.kind {
                 Kind::Ref => (run.k, 0.0, run.z),
-                Kind::Lnl { law, rate, .. } if law.hardens().is_some() => {
+                Kind::Lnl { law, rate, .. } if law.hardening_spring().is_some() => {
                     let by = law
-                        .hardens()
+                        .hardening_spring()
                         .map_or((0.0, 0.0, None), |by| (by.k, by.q, by.z));
                     (by.0, by.1, by.2.unwrap_or(0.0) * rate)
                 }

@@ -15,7 +15,7 @@ pub(super) struct MeshStage<'a, 'b> {
 }
 
 impl Stage for MeshStage<'_, '_> {
-    fn pull(&mut self) {
+    fn links(&mut self) {
         let motion = [&*self.x, &*self.d];
         self.mesh.total(motion, self.room, self.force, self.team);
     }
@@ -33,7 +33,7 @@ impl Stage for MeshStage<'_, '_> {
 impl MeshStage<'_, '_> {
     /// Compute one frame in finer steps; positions and steps are those at its beginning, impulses included.
     pub(super) fn step_finer(mut self, guard: &mut Guard) {
-        self.pull();
-        guard.finer(&mut self);
+        self.links();
+        guard.compute_finer(&mut self);
     }
 }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use super::fault::Mutes;
 use super::fine::Fine;
 use super::hand::framed::FramedGesture;
-use super::hands::{Touch as HandTouch, grips};
+use super::hands::{HandState, hand_bindings};
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
+use super::live_strikes::strike_points;
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
@@ -99,7 +100,8 @@ impl Island {
         let ledger = options
             .ledger
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
-        let grips = grips(&timeline.drives);
+        let hand_bindings = hand_bindings(&timeline.drives);
+        let strike_points = strike_points(&timeline.drives);
         let state = State {
             frame: 0,
             voices,
@@ -108,7 +110,7 @@ impl Island {
             ergons: 0,
             gates: vec![0.0; timeline.gates.len()],
             gates_next: vec![0.0; timeline.gates.len()],
-            leans: vec![None; timeline.gates.len()],
+            gate_continuations: vec![None; timeline.gates.len()],
             layers: vec![0.0; timeline.keys.len()],
             targets: Vec::new(),
             laws,
@@ -116,7 +118,8 @@ impl Island {
             unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,
-            touches: vec![HandTouch::default(); grips.len()],
+            hand_states: vec![HandState::default(); hand_bindings.len()],
+            impulses: vec![0.0; strike_points.len()],
             ledger,
             mutes: Mutes::new(&scheme),
             guard,
@@ -133,7 +136,8 @@ impl Island {
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
-            grips,
+            hand_bindings,
+            strike_points,
             n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
         };
@@ -341,7 +345,7 @@ fn free_key(
     let part = mats.part[key.struck] as usize;
     // A gesture is written for the key as it will be.
     let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let own = network.alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
+    let own = network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
     let inside = |mat: usize| own.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.link) {

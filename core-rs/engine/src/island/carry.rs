@@ -2,14 +2,14 @@
 
 use super::Island;
 use crate::kernel;
-use crate::timeline::{DriveKind, Lean};
+use crate::timeline::{DriveKind, GateContinuation};
 use crate::units::frame;
 
 /// What passes from a voice, a gate or a hand of one island to one of another.
 #[derive(Clone, Debug)]
 pub(crate) enum Through {
     /// From a voice to a voice.
-    Voice(crate::island::hand::voice::Heir),
+    Voice(crate::island::hand::voice::VoiceCarry),
     /// From a gate, or from a link that is always there, to a gate.
     Gate(Option<usize>, usize),
     /// From a hand to a hand.
@@ -45,7 +45,7 @@ impl Island {
                 state.body.d[drive.mat] = x - drive.value(n - 1, rate);
             }
         }
-        super::hands::seek(&script.grips, &mut state.touches, n);
+        super::hands::seek(&script.hand_bindings, &mut state.hand_states, n);
     }
 
     /// Go on as an island of the same network and bodies, stepped as often, to the last bit.
@@ -55,7 +55,7 @@ impl Island {
             self.state.body.x.copy_from_slice(&old.state.body.x);
             self.state.body.d.copy_from_slice(&old.state.body.d);
             if let Some(guard) = &mut self.state.guard {
-                guard.forget();
+                guard.reset();
             }
             self.place();
             return;
@@ -97,23 +97,31 @@ impl Island {
                 let n = self.state.frame;
                 let gate = &self.script.gates[to];
                 let then = old.state.frame;
-                self.state.leans[to] = match from {
+                self.state.gate_continuations[to] = match from {
                     // A glide says itself where it comes from.
                     _ if gate.glides() => None,
-                    None => Lean::new(gate, 1.0, n),
+                    None => GateContinuation::new(gate, 1.0, n),
                     Some(from) => {
-                        let (before, lean) = (&old.script.gates[from], &old.state.leans[from]);
+                        let (before, continuation) =
+                            (&old.script.gates[from], &old.state.gate_continuations[from]);
                         if before.on(gate.link, gate.len) == *gate {
-                            *lean
+                            *continuation
                         } else {
-                            Lean::new(gate, Lean::open(lean.as_ref(), before, then), n)
+                            GateContinuation::new(
+                                gate,
+                                GateContinuation::open(continuation.as_ref(), before, then),
+                                n,
+                            )
                         }
                     }
                 };
             }
             Through::Hand(from, to) => {
-                self.state.touches[to] = old.state.touches[from].clone();
-                let (own, their) = (self.script.grips[to].mat(), old.script.grips[from].mat());
+                self.state.hand_states[to] = old.state.hand_states[from].clone();
+                let (own, their) = (
+                    self.script.hand_bindings[to].mat(),
+                    old.script.hand_bindings[from].mat(),
+                );
                 self.state.body.x[own] = old.state.body.x[their];
                 self.state.body.d[own] = old.state.body.d[their];
             }
@@ -149,7 +157,7 @@ impl Island {
             self.state.body.x[mat] = x;
             self.state.body.d[mat] = step / f64::from(self.oversampling);
             if let Some(guard) = &mut self.state.guard {
-                guard.forget();
+                guard.reset();
             }
         }
     }

@@ -4,7 +4,7 @@
 //! Every bit is that of steps done one by one; a contact is only asked a hair more carefully whether it may close.
 
 use super::fault::Fault;
-use super::step::Heard;
+use super::step::StepOutputs;
 use super::{Island, inside};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
@@ -20,7 +20,7 @@ impl Island {
         let scheme = &script.scheme;
         let is_bare = scheme.runs.is_empty() && scheme.fused.is_empty() && scheme.exact.is_empty();
         let is_left =
-            script.voices.is_empty() && script.grips.is_empty() && script.drives.is_empty();
+            script.voices.is_empty() && script.hand_bindings.is_empty() && script.drives.is_empty();
         let is_plain = script.gates.is_empty() && state.scheme.is_none() && state.damped >= 1.0;
         let is_whole = state.ledger.is_none() && state.mutes.list().next().is_none();
         let by_modes = |body: &inside::RunningBody| body.modal().is_some();
@@ -33,7 +33,7 @@ impl Island {
     /// Go on for as long as nothing meets, from one step of a block to another at most; how many steps that was.
     pub(super) fn coast(
         &mut self,
-        heard: &mut Heard<'_>,
+        heard: &mut StepOutputs<'_>,
         from: usize,
         to: usize,
     ) -> Result<usize, Fault> {

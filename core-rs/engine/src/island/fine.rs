@@ -69,6 +69,10 @@ pub(crate) struct Fine {
     /// Whether a contact may be closed in this frame, and whether it pushes.
     near: Vec<bool>,
     pushes: Vec<bool>,
+    /// Whether it has pushed since the beginning of the frame.
+    rests: Vec<bool>,
+    /// Whether the instant at which it closes or opens in this step is known.
+    located: Vec<bool>,
     /// Forces of contacts that are solved together [N]   (n_links)
     forces: Vec<f64>,
     /// Whether one has been closed.
@@ -162,6 +166,8 @@ impl Fine {
             steady: vec![0.0; n_joints],
             near: vec![false; n_links],
             pushes: vec![false; n_links],
+            rests: vec![false; n_links],
+            located: vec![false; n_links],
             forces: vec![0.0; n_links],
             has_touched: false,
             work: FineWork {
@@ -214,6 +220,8 @@ impl Fine {
         keep(&mut script.ends, &stays);
         keep(&mut self.near, &stays);
         keep(&mut self.pushes, &stays);
+        keep(&mut self.rests, &stays);
+        keep(&mut self.located, &stays);
         keep(&mut self.forces, &stays);
         *laws = LawScript::new(script);
         links
@@ -251,6 +259,7 @@ impl Fine {
     /// As frames in which every contact is open leave it.
     pub(super) fn rest(&mut self, body: &mut Body) {
         self.near.fill(false);
+        self.rests.fill(false);
         for run in &self.script.links {
             body.link[run.first] = 0.0;
         }
@@ -293,6 +302,9 @@ impl Fine {
             self.near[contact] = near;
             any |= near;
             body.link[run.first] = 0.0;
+        }
+        if !any {
+            self.rests.fill(false);
         }
         if !any && self.laws.is_empty() {
             return;
@@ -363,10 +375,10 @@ impl Fine {
                     for (x_at, (from, to)) in values.iter_mut().zip(&joint.way) {
                         *x_at = rest + (x * from + then * to);
                     }
-                    if joint.cell.is_some() {
+                    if joint.bends {
                         // A mesh bends the way of its port all through the frame too.
                         bend += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
-                    } else {
+                    } else if joint.cell.is_none() {
                         bend = 0.0;
                     }
                 }

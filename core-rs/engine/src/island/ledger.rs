@@ -90,6 +90,19 @@ fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
     (now, now - (body.d[b] - body.d[a]))
 }
 
+/// The stiffness that the links of a run have in common: now, and one step ago.
+fn tensions(run: &Run, body: &Body) -> [f64; 2] {
+    [
+        kernel::tension(run, |i| elongation(run, body, i).0),
+        kernel::tension(run, |i| elongation(run, body, i).1),
+    ]
+}
+
+/// Energy of one link.
+fn potential(run: &Run, tension: f64, e: f64) -> f64 {
+    kernel::potential(run, e) + kernel::tension_energy(tension, e)
+}
+
 /// The elastic part of a link's force.
 fn elastic(run: &Run, e: f64) -> f64 {
     match &run.kind {
@@ -141,11 +154,12 @@ impl Ledger {
         };
         let open = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
         for run in all(scheme).filter(|run| !is_spring(run)) {
+            let tensions = tensions(run, body);
             for i in 0..run.len {
                 let (now, before) = elongation(run, body, i);
                 ledger.potential[run.first + i] = 0.5
                     * open(run)
-                    * (kernel::potential(run, now) + kernel::potential(run, before));
+                    * (potential(run, tensions[0], now) + potential(run, tensions[1], before));
             }
         }
         ledger.start = ledger.stored(scheme, body);
@@ -197,6 +211,7 @@ impl Ledger {
         for run in all(scheme) {
             let spring = is_spring(run);
             let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
+            let [tension_next, tension] = tensions(run, body);
             for i in 0..run.len {
                 let stretch = s(run.b + i) - s(run.a + i);
                 if spring {
@@ -206,8 +221,9 @@ impl Ledger {
                     continue;
                 }
                 let (e_next, e) = elongation(run, body, i);
-                let stored =
-                    0.5 * (next * kernel::potential(run, e_next) + now * kernel::potential(run, e));
+                let stored = 0.5
+                    * (next * potential(run, tension_next, e_next)
+                        + now * potential(run, tension, e));
                 let risen = stored - self.potential[run.first + i];
                 self.potential[run.first + i] = stored;
                 if finer.is_some() {
@@ -222,7 +238,7 @@ impl Ledger {
                     let kept = if is_exact(run) {
                         given
                     } else {
-                        0.5 * stretch * now * elastic(run, e)
+                        0.5 * stretch * now * (elastic(run, e) + tension * e)
                     };
                     self.lost.add(given - kept);
                     self.produced.add(risen - kept);

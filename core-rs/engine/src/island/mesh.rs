@@ -75,6 +75,12 @@ impl RunningMesh {
         })
     }
 
+    /// Whether a MAT of the island is its port, and its method is stable at any rate.
+    pub(crate) fn leaps(&self, mat: usize) -> bool {
+        matches!(self.plan.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
+            && self.plan.ports.iter().any(|&(_, port)| port == mat)
+    }
+
     /// Let its motion fade by a factor more a frame.
     pub(crate) fn damp(&mut self, by: f64) {
         self.damped = by * by;

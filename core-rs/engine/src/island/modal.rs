@@ -8,7 +8,7 @@ mod between;
 mod plan;
 mod script;
 
-pub(crate) use plan::{Modal, Mode, Port, Struck};
+pub(crate) use plan::{Answers, Modal, Mode, Port, Struck};
 
 use std::sync::Arc;
 
@@ -211,6 +211,10 @@ impl RunningModal {
         for (mode, (own, square)) in modes.enumerate() {
             let motion = &self.motions[mode / LANES];
             let (x, before) = (motion.now.0[mode % LANES], motion.before.0[mode % LANES]);
+            if own.b == 0.0 {
+                *square = square.max(x * x);
+                continue;
+            }
             // b = r² and a = 2r·cos θ: the frame before, as if it had not faded since.
             let (y, sine) = (before * own.b.sqrt(), 1.0 - own.a * own.a / (4.0 * own.b));
             let now = if sine > 0.0 {
@@ -399,6 +403,13 @@ impl RunningModal {
             for (gain, &force) in gains.iter().zip(&self.forces) {
                 if force != 0.0 {
                     ports::add(&mut motion.now, gain, force);
+                }
+            }
+        }
+        for (motion, gains) in self.motions.iter_mut().zip(&script.back_gains) {
+            for (gain, &force) in gains.iter().zip(&self.forces) {
+                if force != 0.0 {
+                    ports::add(&mut motion.before, gain, force);
                 }
             }
         }

@@ -45,14 +45,14 @@ impl Record {
 
 /// An ergon and the frame in which it struck.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Taken {
+pub(crate) struct FramedErgon {
     pub(crate) frame: u64,
     pub(crate) record: Record,
 }
 
-/// Ergons kept since they were last taken.
+/// Ergons kept since they were last ergon.
 #[derive(Clone, Debug)]
-pub(crate) struct Stream(Option<Vec<Taken>>);
+pub(crate) struct Stream(Option<Vec<FramedErgon>>);
 
 impl Stream {
     pub(crate) fn new(kept: bool) -> Self {
@@ -65,11 +65,11 @@ impl Stream {
 
     pub(crate) fn push(&mut self, frame: u64, record: Record) {
         if let Some(kept) = &mut self.0 {
-            kept.push(Taken { frame, record });
+            kept.push(FramedErgon { frame, record });
         }
     }
 
-    pub(crate) fn take(&mut self) -> Vec<Taken> {
+    pub(crate) fn take(&mut self) -> Vec<FramedErgon> {
         self.0.as_mut().map(std::mem::take).unwrap_or_default()
     }
 }

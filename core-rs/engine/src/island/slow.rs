@@ -91,7 +91,7 @@ impl Slow {
             let free = slow.free.iter();
             free.map(|&mat| slow.network.mat_name(mat)).collect()
         };
-        self.flow.every == other.flow.every
+        self.flow.macrostep == other.flow.macrostep
             && ports(self) == ports(other)
             && names(self) == names(other)
     }
@@ -115,7 +115,7 @@ impl RunningSlow {
         let mut v = plan.flow.start(&bent, &plan.v0);
         // Half a kick lies between the velocity now and that of the way.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
-        let half = 0.5 / f64::from(plan.flow.every);
+        let half = 0.5 / f64::from(plan.flow.macrostep);
         let mut was = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
         for &(own, mat) in &plan.ports {
@@ -156,7 +156,7 @@ impl RunningSlow {
 
     /// Where one of its MATs is, and its step in a frame [m].
     pub(crate) fn motion(&self, own: usize) -> (f64, f64) {
-        let pull = self.kick[own] / f64::from(self.plan.flow.every);
+        let pull = self.kick[own] / f64::from(self.plan.flow.macrostep);
         let frames = f64::from(self.since) * self.plan.is_inner[own];
         (
             self.x[own] + frames * self.v[own],
@@ -166,7 +166,7 @@ impl RunningSlow {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.first = (n % u64::from(self.plan.flow.every)) as u32;
+        self.first = (n % u64::from(self.plan.flow.macrostep)) as u32;
     }
 
     /// Set all of it going as it goes elsewhere (own; x, step): as if its springs had pulled when they were to.
@@ -196,7 +196,7 @@ impl RunningSlow {
         self.since = self.first;
         self.kick.fill(0.0);
         dense::apply(&self.plan.flow.pull.entries, &self.bent, &mut self.kick);
-        let ahead = self.ahead(self.since) / f64::from(self.plan.flow.every);
+        let ahead = self.ahead(self.since) / f64::from(self.plan.flow.macrostep);
         for (v, kick) in self.v.iter_mut().zip(&self.kick) {
             *v += kick * ahead;
         }
@@ -207,7 +207,7 @@ impl RunningSlow {
 
     /// Let its motion fade by a factor more a frame.
     pub(crate) fn damp(&mut self, by: f64) {
-        self.damped = (0..2 * self.plan.flow.every).fold(1.0, |all, _| all * by);
+        self.damped = (0..2 * self.plan.flow.macrostep).fold(1.0, |all, _| all * by);
     }
 
     /// Go on as an equal body does.
@@ -266,7 +266,7 @@ impl RunningSlow {
             self.v[own] += std::mem::take(given);
         }
         self.since += 1;
-        let every = plan.flow.every;
+        let every = plan.flow.macrostep;
         if !(n + 1).is_multiple_of(u64::from(every)) {
             return;
         }
@@ -322,7 +322,7 @@ impl RunningSlow {
         let plan = &*self.plan;
         let pulled = plan.flow.pull.apply(&self.x);
         let each = self.x.iter().zip(&self.v).zip(pulled.iter().zip(&plan.w));
-        let every = f64::from(plan.flow.every);
+        let every = f64::from(plan.flow.macrostep);
         each.map(|((x, v), (pull, w))| 0.5 * (v * v + x * pull / every) / w)
             .sum()
     }

@@ -2,21 +2,21 @@
 //!
 //! A step does not allocate (but for a recorded stream of ergons), lock or panic.
 
-use super::{Fault, Island, Record, Script, State, glide, hands};
+use super::{Fault, Island, Record, Script, State, glide, hands, live_strikes};
 use crate::guard;
 use crate::interrupt;
 use crate::island::hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
-use crate::timeline::Lean;
+use crate::timeline::GateContinuation;
 use crate::units::frame;
 
 /// Steps between two looks at whether a computation is to end: of half a million masses they take 50 ms.
 const LOOK: usize = 16;
 
 /// Output buffer of the steps of a frame; only the first step of a frame is heard.
-pub(super) struct Heard<'a> {
+pub(super) struct StepOutputs<'a> {
     /// (n_frames · n_out)
     out: &'a mut [f64],
     /// (n_out)
@@ -24,7 +24,7 @@ pub(super) struct Heard<'a> {
     oversampling: usize,
 }
 
-impl Heard<'_> {
+impl StepOutputs<'_> {
     /// The output row of a step, counted from the first step of the first frame.
     pub(super) fn at(&mut self, step: usize) -> &mut [f64] {
         let n_out = self.unheard.len();
@@ -47,7 +47,7 @@ impl Island {
         team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
         let mut unheard = std::mem::take(&mut self.state.unheard);
-        let mut heard = Heard {
+        let mut heard = StepOutputs {
             out,
             unheard: &mut unheard,
             oversampling: self.oversampling as usize,
@@ -60,7 +60,7 @@ impl Island {
     /// All steps of so many frames.
     fn go(
         &mut self,
-        heard: &mut Heard<'_>,
+        heard: &mut StepOutputs<'_>,
         n_frames: usize,
         team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
@@ -91,8 +91,13 @@ impl Island {
             glide::turn(&script.glides, &script.scheme, scheme, n);
         }
         let scheme = gliding.as_deref().unwrap_or(&script.scheme);
-        for ((open, gate), lean) in state.gates.iter_mut().zip(&script.gates).zip(&state.leans) {
-            *open = Lean::open(lean.as_ref(), gate, n);
+        for ((open, gate), continuation) in state
+            .gates
+            .iter_mut()
+            .zip(&script.gates)
+            .zip(&state.gate_continuations)
+        {
+            *open = GateContinuation::open(continuation.as_ref(), gate, n);
         }
         if state.damped < 1.0 {
             state.body.d.iter_mut().for_each(|d| *d *= state.damped);
@@ -103,12 +108,23 @@ impl Island {
                 body.place(&mut state.body); // they fade by themselves
             }
         }
-        hands::arrive(&script.grips, &mut state.touches, n, &mut state.body);
+        hands::arrive(
+            &script.hand_bindings,
+            &mut state.hand_states,
+            n,
+            &mut state.body,
+        );
         kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws, team);
         state.targets.clear();
         for drive in &script.drives {
             drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
         }
+        live_strikes::apply(
+            &script.strike_points,
+            &mut state.impulses,
+            scheme,
+            &mut state.body,
+        );
         if let Some(fine) = &mut state.fine {
             fine.lean(&state.body);
             fine.carry(&mut state.body);
@@ -131,7 +147,12 @@ impl Island {
             fine.step(scheme, gates, targets, bodies, body);
         }
         voices(script, scheme, state, n, Voice::settle);
-        hands::feel(&script.grips, &mut state.touches, n, &state.body);
+        hands::feel(
+            &script.hand_bindings,
+            &mut state.hand_states,
+            n,
+            &state.body,
+        );
         kernel::tap(scheme, &state.body, out);
         state.bodies.iter().for_each(|body| body.tap(out));
         state.mutes.fade(n, scheme, out);
@@ -156,16 +177,16 @@ impl Island {
         let finer = finer(scheme, state, team);
         sound = finer.unwrap_or(sound);
         if let Some(ledger) = &mut state.ledger {
-            let gates = script.gates.iter().zip(&state.leans);
-            for (next, (gate, lean)) in state.gates_next.iter_mut().zip(gates) {
-                *next = Lean::open(lean.as_ref(), gate, n + 1);
+            let gates = script.gates.iter().zip(&state.gate_continuations);
+            for (next, (gate, continuation)) in state.gates_next.iter_mut().zip(gates) {
+                *next = GateContinuation::open(continuation.as_ref(), gate, n + 1);
             }
             ledger.after(
                 scheme,
                 [&state.gates, &state.gates_next],
                 &state.targets,
                 &state.body,
-                finer.and(state.guard.as_ref()).map(|guard| guard.way()),
+                finer.and(state.guard.as_ref()).map(|guard| guard.travel()),
             );
         }
         state.scheme = gliding;
@@ -181,15 +202,15 @@ impl Island {
 /// Go through the frame again, finer, where links have stiffened too much; says then whether all stayed within reason.
 fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let (guard, body) = (state.guard.as_mut()?, &mut state.body);
-    if !guard.is_over(&body.x, &body.d, &scheme.w) {
+    if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
         return None;
     }
     let then = body.previous.as_mut()?;
     then.swap(&mut body.x, &mut body.d);
     let led = state.targets.iter().map(|target| target.mat);
     let (x, then) = (&body.x, &then.x);
-    guard.lead(led, |mat| (x[mat], then[mat]));
-    let sound = guard.finer(&mut guard::Scene {
+    guard.impose(led, |mat| (x[mat], then[mat]));
+    let sound = guard.compute_finer(&mut guard::KernelStage {
         scheme,
         gates: &state.gates,
         body,
@@ -197,7 +218,7 @@ fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Optio
         team,
     });
     if let Some(whole) = &state.body.previous {
-        guard.keep(whole, &mut state.body.x, &mut state.body.d);
+        guard.keep_unrelated(whole, &mut state.body.x, &mut state.body.d);
     }
     for body in &state.bodies {
         body.place(&mut state.body);

@@ -40,7 +40,7 @@ pub(crate) fn links(
                     f[i] = contact(but, run, xb[i] - xa[i] - run.rest, db[i] - da[i]);
                 }
             }
-            Kind::Lnl { law, rate, room } => match law.hardens() {
+            Kind::Lnl { law, rate, room } => match law.hardening_spring() {
                 Some(by) => hardening(by, *rate, run.rest, &ends, f),
                 None => {
                     let Ends { xa, xb, da, db } = ends;
@@ -145,7 +145,22 @@ fn contact(but: &But, run: &Run, e: f64, step: f64) -> f64 {
     s * push(but, run.k, run.z, s * e, s * step)
 }
 
-/// Potential energy of one link of a run at elongation `e` [m], in joules.
+/// The stiffness that all links of a run have in common [N/m], from their elongations; 0 where each has its own.
+pub(crate) fn tension(run: &Run, e: impl Fn(usize) -> f64) -> f64 {
+    match &run.kind {
+        Kind::Lnl { law, .. } if law.is_shared() => {
+            law.tension((0..run.len).map(|i| e(i) * e(i)).sum())
+        }
+        _ => 0.0,
+    }
+}
+
+/// Its share of the energy in one link at elongation `e` [m], in joules.
+pub(crate) fn tension_energy(tension: f64, e: f64) -> f64 {
+    0.25 * tension * e * e
+}
+
+/// Potential energy of one link of a run at elongation `e` [m], in joules, but for a shared tension's.
 pub(crate) fn potential(run: &Run, e: f64) -> f64 {
     match &run.kind {
         Kind::Ref => 0.5 * run.k * e * e,

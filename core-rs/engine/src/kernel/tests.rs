@@ -53,7 +53,7 @@ proptest! {
         }
         // A damping of 0 is no damping.
         let law = Law::hardening(k, q, z.max(0.0)).expect("a law");
-        hardening(law.hardens().expect("it hardens"), 44_100.0, rest, &ends, &mut forces);
+        hardening(law.hardening_spring().expect("it hardens"), 44_100.0, rest, &ends, &mut forces);
         let e: Vec<f64> = (0..n).map(|i| xb[i] - xa[i] - rest).collect();
         let v: Vec<f64> = (0..n).map(|i| (db[i] - da[i]) * 44_100.0).collect();
         let mut by_expression = vec![0.0; n];

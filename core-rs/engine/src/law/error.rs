@@ -1,8 +1,8 @@
-//! What a law is refused for, with its place.
+//! Why a law is refused, and where in its text.
 
 use std::fmt;
 
-/// Which part of a law is at fault.
+/// The part of a law that is at fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Which {
     /// The elastic expression.
@@ -13,7 +13,7 @@ pub enum Which {
     Points,
     /// A named constant.
     Constants,
-    /// The lever.
+    /// The factor of a lever.
     Reach,
 }
 
@@ -39,6 +39,15 @@ impl fmt::Display for Which {
 /// A law that cannot be compiled.
 ///
 /// `offset` and `length` count characters (not bytes) of the text that `which` names.
+///
+/// ```
+/// use ergon_engine::law::{Law, LawText};
+///
+/// let text = LawText { law: Some("2*d + tahn(d)"), ..LawText::default() };
+/// let error = Law::new(&text).unwrap_err();
+/// assert_eq!((error.offset, error.length), (6, 4));
+/// assert_eq!(error.suggestion.as_deref(), Some("tanh"));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{which}: {message}")]
 pub struct LawError {
@@ -50,7 +59,7 @@ pub struct LawError {
     pub length: usize,
     /// A sentence.
     pub message: String,
-    /// What may have been meant.
+    /// A correction of the text at fault.
     pub suggestion: Option<String>,
 }
 
@@ -71,11 +80,10 @@ impl LawError {
     }
 }
 
-/// The candidate nearest to `word`, if it is near enough to have been meant: at most one slip for
-/// words of up to four letters, two for longer ones.
+/// The candidate nearest to `word`: at most one slip away for words of up to four letters, two for longer ones.
 pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
     let letters: Vec<char> = word.chars().flat_map(char::to_lowercase).collect();
-    // A longer word is no slip of the pen, and the table below grows with its length.
+    // The table below grows with the length, and a word this long is no typing error.
     if letters.len() > 32 {
         return None;
     }
@@ -85,14 +93,13 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
             let other: Vec<char> = candidate.chars().flat_map(char::to_lowercase).collect();
             (slips(&letters, &other), candidate)
         })
-        // A single letter is one slip from every other single letter: only its case can be wrong.
+        // Every single letter is one slip from every other one: of these only the case can be wrong.
         .filter(|(n, _)| *n <= allowed && (*n < letters.len()))
         .min_by_key(|(n, _)| *n)
         .map(|(_, candidate)| candidate.to_owned())
 }
 
-/// Insertions, deletions, changes and swaps of neighbours that lead from `a` to `b`
-/// (optimal string alignment).
+/// Number of insertions, deletions, changes and swaps of neighbours from `a` to `b` (optimal string alignment).
 fn slips(a: &[char], b: &[char]) -> usize {
     let mut before = vec![0; b.len() + 1];
     let mut last: Vec<usize> = (0..=b.len()).collect();

@@ -1,4 +1,4 @@
-//! A law as machine code that was made outside, from [`Law::rows`], and the functions such code calls.
+//! A law as machine code compiled elsewhere from [`Law::rows`], and the functions that such code calls.
 
 use super::Law;
 use super::table::{FIRST_ROW, Row};
@@ -6,13 +6,13 @@ use super::tree::{Binary, Unary};
 use crate::maths::lanes;
 use crate::maths::wide::wide;
 
-/// Links that native code takes at once where it calls [`FUNCTIONS`].
+/// Number of links that native code computes at once where it calls [`FUNCTIONS`].
 pub const NATIVE_LANES: usize = 64;
 
 /// Native code of a law: forces `out` of `n` links at elongations `d` and rates `v`.
 ///
-/// `numbers` are the law's own. Where it calls a function, `room` holds [`NATIVE_LANES`] numbers for d, for v
-/// and for each row.
+/// `numbers` are the law's constants. Where the code calls a function, `room` holds [`NATIVE_LANES`] numbers for d,
+/// for v and for each row.
 pub type Entry = unsafe extern "C" fn(
     d: *const f64,
     v: *const f64,
@@ -25,17 +25,17 @@ pub type Entry = unsafe extern "C" fn(
 /// A function of the core over lanes: reads `room` from `a` (and `b`) on, writes `n` values from `to` on.
 pub type Function = unsafe extern "C" fn(room: *mut f64, a: i64, b: i64, to: i64, n: i64);
 
-/// What native code calls instead of doing it itself, so that the bits are the core's own.
+/// Functions that native code calls, so that its results have the same bits as the core's.
 pub const FUNCTIONS: [(&str, Function); 3] = [("exp", exp), ("tanh", tanh), ("power", power)];
 
-/// Where a law's native code begins.
+/// The entry point of a law's native code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Native {
     entry: usize,
 }
 
 impl Law {
-    /// Let runs of links be computed by native code, of the same bits as [`Law::force`].
+    /// Let runs of links be computed by native code, which gives the same bits as [`Law::force`].
     ///
     /// # Safety
     /// `entry` was made from this law's [`Law::rows`] and stays where it is until the process ends.
@@ -44,13 +44,13 @@ impl Law {
         self.native = Some(Native { entry });
     }
 
-    /// The law's numbers, as its native code reads them; none without such code.
+    /// The law's constants in the order in which its native code reads them; empty without native code.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let table = self.native.and_then(|_| self.table());
         table.map(|table| table.constants).unwrap_or_default()
     }
 
-    /// How large a room the native code needs: laws that take turns can share one.
+    /// Length of the buffer that the native code needs; laws computed one after another can share one.
     pub(crate) fn room(&self) -> usize {
         let calls = |row: &Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
         match self.native.and_then(|_| self.rows()) {
@@ -63,7 +63,7 @@ impl Law {
 }
 
 impl Native {
-    /// `numbers` and at least as large a `room` are those of the same law.
+    /// Compute forces; `numbers` and `room` are those of the same law, `room` at least as long as [`Law::room`] says.
     pub(super) fn run(
         self,
         d: &[f64],
@@ -92,7 +92,7 @@ wide! {
 unsafe extern "C" fn exp(room: *mut f64, a: i64, _: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
     let (a, out) = unsafe { (row(room, a, n), row_mut(room, to, n)) };
-    // Most LNLs of a score are alone in their run.
+    // Most LNLs of a score stand alone in their run.
     if let ([a], [out]) = (a, &mut *out) {
         *out = Unary::Exp.of(*a);
     } else {

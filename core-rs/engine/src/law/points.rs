@@ -2,10 +2,10 @@
 
 use super::error::{LawError, Which};
 
-/// More points than a measured law needs; a table this long still fits the L2 cache.
+/// Most points of a law: more than a measured one needs, and the table still fits the L2 cache.
 const MAX_POINTS: usize = 10_000;
 
-/// Straight lines through points, going on beyond the first and the last.
+/// Straight lines through points, extended beyond the first and the last.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Points {
     d: Vec<f64>,
@@ -75,7 +75,7 @@ impl Points {
         self.slope[self.line_at(d)]
     }
 
-    /// How near to 0 a line is that is steeper.
+    /// Distance from 0 to the nearest line that is steeper than `slope`.
     pub(super) fn steeper_beyond(&self, slope: f64) -> f64 {
         let last = self.slope.len() - 1;
         let nearest = |i: usize| {

@@ -5,9 +5,9 @@ use super::tree::{Binary, Node, Tree, Unary, whole};
 /// Highest degree recognised; a law of the field has degree 3.
 const MAX_DEGREE: usize = 16;
 
-/// Coefficients by rising power of d, where the tree is a polynomial with finite ones.
+/// Coefficients by rising power of d; `None` where the tree is no polynomial, or a coefficient is not finite.
 pub(super) fn coefficients(tree: &Tree) -> Option<Vec<f64>> {
-    of(tree, tree.root).filter(|coefficients| coefficients.iter().all(|c| c.is_finite()))
+    polynomial(tree, tree.root).filter(|coefficients| coefficients.iter().all(|c| c.is_finite()))
 }
 
 /// Coefficients of the integral from 0, divided by d.
@@ -24,13 +24,13 @@ pub(super) fn value(coefficients: &[f64], d: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * d + c)
 }
 
-fn of(tree: &Tree, node: usize) -> Option<Vec<f64>> {
+fn polynomial(tree: &Tree, node: usize) -> Option<Vec<f64>> {
     match tree.nodes[node] {
         Node::Number(value) => Some(vec![value]),
         Node::Elongation => Some(vec![0.0, 1.0]),
-        Node::Unary(Unary::Negate, a) => of(tree, a).map(|a| scaled(&a, -1.0)),
+        Node::Unary(Unary::Negate, a) => polynomial(tree, a).map(|a| scaled(&a, -1.0)),
         Node::Binary(operation, a, b) => {
-            let (a, b) = (of(tree, a)?, of(tree, b)?);
+            let (a, b) = (polynomial(tree, a)?, polynomial(tree, b)?);
             match operation {
                 Binary::Add => Some(sum(&a, &b)),
                 Binary::Subtract => Some(sum(&a, &scaled(&b, -1.0))),

@@ -29,9 +29,8 @@ const GAUSS: [f64; 3] = [
 ];
 const GAUSS_CENTRE: f64 = 0.417_959_183_673_469_4;
 
-/// What the value at an end would be, had the function been the polynomial through the fifteen points:
-/// the weights of the points, from the near end on. A kink between the end and the first point, which
-/// neither rule sees, shows there.
+/// Weights of the fifteen points, from the near end on, that extrapolate their polynomial to the end of the interval.
+/// A kink between the end and the first point, which neither rule sees, shows as a difference from the true value.
 const EDGE: [f64; 15] = edge();
 
 const fn point(i: usize) -> f64 {
@@ -64,8 +63,8 @@ const fn edge() -> [f64; 15] {
 const TOLERANCE: f64 = 2e-15;
 /// Halvings of the whole: a jump then costs less than rounding does.
 const DEPTH: u32 = 52;
-/// Intervals in all. A law with a handful of kinks needs a few hundred; what needs more has no
-/// integral, and the sum so far is as good as any.
+/// Most intervals in all. A law with a handful of kinks needs a few hundred; a function that needs more is taken to
+/// have no integral, and the sum so far is returned.
 const INTERVALS: usize = 10_000;
 
 /// Where the first intervals end: laws have their detail (slack, detents) near rest.

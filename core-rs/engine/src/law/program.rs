@@ -10,11 +10,11 @@ use std::ops::{Deref, DerefMut};
 
 use super::tree::{Binary, Node, Tree, Unary, choose, whole, whole_power};
 
-/// Links per pass: a register is 2 KB, a law's dozen registers stay in the L1 cache, and what it takes to
-/// begin a loop (some 5 ns) counts little.
+/// Links per pass: a register is 2 KB, the dozen registers of a law stay in the L1 cache, and the 5 ns that a loop
+/// takes to begin count little.
 pub(super) const LANES: usize = 256;
 
-/// Numbers of one pass, beginning where a cache line does: a vector then never crosses two.
+/// Numbers of one pass, aligned to cache lines, so that no vector crosses two.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Register([f64; LANES]);
@@ -39,10 +39,10 @@ impl DerefMut for Register {
     }
 }
 
-/// Register 0 holds d, 1 holds v, 2 + i what step i gives.
+/// Register 0 holds d, 1 holds v, 2 + i the result of step i.
 const FIRST: usize = 2;
 const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
-/// Registers that most laws do with: one link alone then touches a quarter of a kilobyte.
+/// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte.
 const FEW_REGISTERS: usize = 32;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// Compile, doing beforehand what does not depend on d and v, and equal things once.
+    /// Compile a tree: what depends on neither d nor v is computed now, and equal expressions are computed once.
     pub(super) fn new(tree: &Tree) -> Self {
         let folded = fold(tree);
         let mut program = Self {
@@ -77,7 +77,7 @@ impl Program {
 
     fn emit(&mut self, tree: &Tree, folded: &[Option<f64>], node: usize) -> usize {
         if let Some(value) = folded[node] {
-            return self.once(Step::Constant(value));
+            return self.register_of(Step::Constant(value));
         }
         let step = match tree.nodes[node] {
             Node::Elongation => return 0,
@@ -98,11 +98,11 @@ impl Program {
                 Step::Where(c, a, self.emit(tree, folded, b))
             }
         };
-        self.once(step)
+        self.register_of(step)
     }
 
-    /// The register of an equal step, or of this one, new.
-    fn once(&mut self, step: Step) -> usize {
+    /// The register of an equal earlier step, or a new one.
+    fn register_of(&mut self, step: Step) -> usize {
         let same = |other: &Step| match (other, &step) {
             // 0 and -0 are equal and not the same.
             (Step::Constant(a), Step::Constant(b)) => a.to_bits() == b.to_bits(),
@@ -115,7 +115,7 @@ impl Program {
         FIRST + index
     }
 
-    /// Room to run in, constants in place.
+    /// The registers of a run, with constants in place.
     pub(super) fn registers(&self) -> Vec<Register> {
         let mut registers = vec![Register::of(0.0); FIRST + self.steps.len()];
         for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
@@ -130,12 +130,12 @@ impl Program {
         &self.steps
     }
 
-    /// Where its value is: 0 is d, 1 is v, 2 + i what step i gives.
+    /// The register of the value: 0 is d, 1 is v, 2 + i is the result of step i.
     pub(super) fn result(&self) -> usize {
         self.result
     }
 
-    /// Whether anything in it depends on d.
+    /// Whether the value depends on d.
     pub(super) fn reads_d(&self) -> bool {
         self.reads_d
     }
@@ -164,7 +164,7 @@ impl Program {
         r[self.result]
     }
 
-    /// The values for the first `n` lanes; `registers` are this program's, 0 and 1 loaded.
+    /// The values of the first `n` lanes; `registers` are this program's, with d and v loaded into 0 and 1.
     #[inline(always)]
     pub(super) fn run<'r>(&self, registers: &'r mut [Register], n: usize) -> &'r [f64] {
         lanes::run(&self.steps, registers, n);

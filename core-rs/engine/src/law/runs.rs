@@ -1,11 +1,11 @@
-//! Forces of a run of links, whole or in their parts: methods of higher order treat the elastic part and
-//! the damping apart.
+//! Forces of a run of links: the whole force, or the elastic part and the damping apart, as methods of higher order
+//! need them.
 
 use super::program::{LANES, Program, Register};
 use super::{Elastic, Law};
 use crate::maths::wide::wide;
 
-/// Room for [`Law::eval_run`], made by [`Law::scratch`] of the same law.
+/// Buffers for [`Law::eval_run`], made by [`Law::scratch`] of the same law.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     elastic: Vec<Register>,
@@ -14,7 +14,7 @@ pub struct Scratch {
     room: Vec<f64>,
 }
 
-/// What of a law is asked for.
+/// The part of a law's force that is computed.
 #[derive(Clone, Copy)]
 enum Part {
     Elastic,
@@ -23,7 +23,7 @@ enum Part {
 }
 
 impl Law {
-    /// Room for [`Law::eval_run`].
+    /// Buffers for [`Law::eval_run`].
     pub fn scratch(&self) -> Scratch {
         let room = |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
         let elastic = match &self.elastic {
@@ -39,7 +39,7 @@ impl Law {
         }
     }
 
-    /// Room for runs of one link by [`Law::eval_in`]: a score can have very many.
+    /// Buffers for runs of one link by [`Law::eval_in`], kept small because a score can have very many.
     pub(crate) fn scratch_alone(&self) -> Scratch {
         Scratch {
             numbers: self.numbers(),
@@ -51,13 +51,23 @@ impl Law {
     ///
     /// `d`, `v`, `out`: (n_links,); `v` may be empty where the law has no damping. `scratch` is this
     /// law's own: its registers hold the constants.
+    ///
+    /// ```
+    /// use ergon_engine::law::Law;
+    ///
+    /// let law = Law::hardening(2e3, 1e8, 0.0)?;
+    /// let (d, mut forces) = ([0.0, 1e-3, 2e-3], [0.0; 3]);
+    /// law.eval_run(&d, &[], &mut forces, &mut law.scratch());
+    /// assert_eq!(forces[2], law.force(2e-3, 0.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn eval_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
         let mut room = std::mem::take(&mut scratch.room);
         self.eval_in(d, v, out, scratch, &mut room);
         scratch.room = room;
     }
 
-    /// The same with a `room` as large as [`Law::room`] that others use as well.
+    /// [`Law::eval_run`] with a shared `room`, at least as long as [`Law::room`] says.
     pub(crate) fn eval_in(
         &self,
         d: &[f64],
@@ -66,10 +76,12 @@ impl Law {
         scratch: &mut Scratch,
         room: &mut [f64],
     ) {
-        if let Some(native) = &self.native {
+        if self.is_shared() {
+            self.shared_run(d, out);
+        } else if let Some(native) = &self.native {
             native.run(d, v, out, &scratch.numbers, room);
         } else if let [out] = out {
-            // Most LNLs of a score are alone in their run.
+            // Most LNLs of a score stand alone in their run.
             *out = self.force(d[0], v.first().copied().unwrap_or_default());
         } else {
             run(self, Part::Whole, d, v, out, scratch);
@@ -80,7 +92,9 @@ impl Law {
     ///
     /// `d`, `out`: (n_links,); `scratch` is this law's own.
     pub(crate) fn spring_run(&self, d: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        if let [out] = out {
+        if self.is_shared() {
+            self.shared_run(d, out);
+        } else if let [out] = out {
             *out = self.spring(d[0]);
         } else {
             run(self, Part::Elastic, d, &[], out, scratch);
@@ -98,13 +112,20 @@ impl Law {
         }
     }
 
+    fn shared_run(&self, d: &[f64], out: &mut [f64]) {
+        let tension = self.tension(d.iter().map(|d| d * d).sum());
+        for (out, d) in out.iter_mut().zip(d) {
+            *out = tension * d;
+        }
+    }
+
     fn drag(&self, d: f64, v: f64) -> f64 {
         let damping = self.damping.as_ref();
         let value = damping.map(|damping| damping.value(d / self.reach, v / self.reach));
         value.unwrap_or_default() / self.reach
     }
 
-    /// Whether it has a damping.
+    /// Whether the law has a damping.
     pub(crate) fn is_damped(&self) -> bool {
         self.damping.is_some()
     }
@@ -163,7 +184,7 @@ wide! {
             let span = chunk * LANES..chunk * LANES + out.len();
             let d = &d[span.clone()];
             match part {
-                // −0 and not 0: added to, it leaves the sign of what is added.
+                // −0, not 0: −0 + x keeps the sign of a zero x.
                 Part::Damping => out.fill(if law.is_damped() { -0.0 } else { 0.0 }),
                 Part::Elastic | Part::Whole => law.elastic_chunk(d, out, &mut scratch.elastic),
             }

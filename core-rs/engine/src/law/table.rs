@@ -1,4 +1,4 @@
-//! A law as plain data, for a compiler that stands outside: one row for each operation.
+//! A law as plain data for a compiler elsewhere: one row for each operation.
 
 use super::program::{Program, Step};
 use super::tree::{Binary, Unary};
@@ -33,7 +33,7 @@ impl Law {
     }
 
     pub(super) fn table(&self) -> Option<Table> {
-        if self.hardens().is_some() {
+        if self.hardening_spring().is_some() || self.is_shared() {
             return None;
         }
         let mut table = Table {

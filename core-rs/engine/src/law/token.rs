@@ -34,15 +34,11 @@ const SIGNS: [&str; 14] = [
     "**", "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", ",",
 ];
 
-/// What people write from habit elsewhere: the sign, why not, what instead.
+/// Signs of other languages: the sign, why it has no meaning here, and what to write instead.
 const HABITS: [(&str, &str, Option<&str>); 10] = [
-    ("//", "There is no whole division.", Some("/")),
+    ("//", "There is no integer division.", Some("/")),
     ("^", "A power is written with two stars.", Some("**")),
-    (
-        "=",
-        "One sign of equality gives a name; two compare.",
-        Some("=="),
-    ),
+    ("=", "One `=` does not compare; two do.", Some("==")),
     ("!", "`!` cannot stand alone; unequal is `!=`.", Some("!=")),
     ("[", "Only parentheses group.", Some("(")),
     ("]", "Only parentheses group.", Some(")")),
@@ -50,7 +46,7 @@ const HABITS: [(&str, &str, Option<&str>); 10] = [
     ("}", "Only parentheses group.", Some(")")),
     (
         ".",
-        "A point stands only in numbers: nothing here has attributes.",
+        "A point stands only in numbers; there are no attributes.",
         None,
     ),
     ("−", "This minus is a typographic one.", Some("-")),
@@ -85,7 +81,7 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
         });
         at += length;
     }
-    // A caret needs something to stand under: the last character, or the first place of an empty text.
+    // A message marks the last character, or the first place of an empty text.
     let end = text.trim_end().chars().count();
     tokens.push(Token {
         kind: Kind::End,
@@ -121,7 +117,7 @@ fn number(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawEr
         .take_while(|c| is_letter(**c) || c.is_numeric())
         .count();
     if tail > 0 {
-        let message = "Numbers here are bare, in SI units: give what has a unit a name \
+        let message = "A number in a law has no unit: define a constant with one \
                        (`k: 400N/m`), and write a product with `*`.";
         return Err(LawError::new(which, at, length + tail, message.into()));
     }
@@ -152,7 +148,7 @@ fn sign(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawErro
         return Ok((Kind::Sign(sign), sign.len()));
     }
     let message = match rest[0] {
-        '"' | '\'' => "A law has no texts, only numbers.".into(),
+        '"' | '\'' => "A law has numbers only, no texts.".into(),
         other => format!("`{}` has no meaning in a law.", other.escape_debug()),
     };
     Err(LawError::new(which, at, 1, message))

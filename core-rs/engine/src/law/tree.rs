@@ -1,4 +1,4 @@
-//! What an expression means: its operations, one value at a time.
+//! An expression as a tree, and its operations on single values.
 
 use crate::maths;
 
@@ -44,7 +44,7 @@ impl Unary {
                 } else if a < 0.0 {
                     -1.0
                 } else {
-                    a // 0, and what is not a number
+                    a // 0 or NaN
                 }
             }
             Self::Exp => maths::exp(a),

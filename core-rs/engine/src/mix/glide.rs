@@ -1,23 +1,33 @@
-//! A gain that is moved while it sounds: it never jumps.
+//! A gain that changes smoothly while it sounds.
 
 use crate::timeline::GRID;
 
-/// From one gain to the next it takes this time [s], rounded up to the grid: as couplings do.
+/// Time from one gain to the next [s], rounded up to the grid, as for couplings.
 const GLIDE: f64 = 0.02;
 
-/// A gain on its way. It sets out at multiples of [`GRID`] frames, so that no block size moves it.
+/// A gain that glides. Every glide begins at a multiple of [`GRID`] frames, whatever the size of blocks.
+///
+/// ```
+/// use ergon_engine::mix::glide::Glide;
+///
+/// let mut glide = Glide::new(48_000.0, 1.0);
+/// glide.set(0.5);
+/// let mut frames = vec![1.0; 2000];
+/// glide.apply(0, &mut frames, 1);
+/// assert_eq!((frames[0], frames[1999]), (1.0, 0.5));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Glide {
     from: f64,
     to: f64,
     start: u64,
     length: u64,
-    /// Where it is to go from the next multiple of the grid on.
-    wish: Option<f64>,
+    /// The gain to which it glides from the next multiple of the grid on.
+    requested: Option<f64>,
 }
 
 impl Glide {
-    /// At rest at `gain`, for frames at `rate` [Hz].
+    /// A constant gain, for frames at `rate` [Hz].
     #[must_use]
     pub fn new(rate: f64, gain: f64) -> Self {
         let length = ((GLIDE * rate) as u64).div_ceil(GRID).max(1) * GRID;
@@ -26,18 +36,18 @@ impl Glide {
             to: gain,
             start: 0,
             length,
-            wish: None,
+            requested: None,
         }
     }
 
-    /// Go to `gain` from the next multiple of the grid on; what is not finite is left alone.
+    /// Glide to `gain` from the next multiple of the grid on; a gain that is not finite is ignored.
     pub fn set(&mut self, gain: f64) {
         if gain.is_finite() {
-            self.wish = Some(gain);
+            self.requested = Some(gain);
         }
     }
 
-    /// Where it is at frame `n`.
+    /// The gain at frame `n`.
     #[must_use]
     pub fn at(&self, n: u64) -> f64 {
         let into = n.saturating_sub(self.start);
@@ -48,17 +58,17 @@ impl Glide {
         self.from + (self.to - self.from) * u * u * (3.0 - 2.0 * u)
     }
 
-    /// The gain, if it stays what it is from frame `n` on.
+    /// The gain, if it is constant from frame `n` on.
     #[must_use]
     pub fn steady(&self, n: u64) -> Option<f64> {
-        let rests = self.wish.is_none() && n.saturating_sub(self.start) >= self.length;
-        (rests || self.wish.is_none() && self.from == self.to).then_some(self.to)
+        let rests = self.requested.is_none() && n.saturating_sub(self.start) >= self.length;
+        (rests || self.requested.is_none() && self.from == self.to).then_some(self.to)
     }
 
-    /// At frame `n`: set out, if it is to and may.
-    pub fn turn(&mut self, n: u64) {
+    /// At frame `n`: begin a glide that was asked for, if `n` is a multiple of the grid.
+    pub fn begin_due(&mut self, n: u64) {
         if n.is_multiple_of(GRID)
-            && let Some(gain) = self.wish.take()
+            && let Some(gain) = self.requested.take()
         {
             (self.from, self.to, self.start) = (self.at(n), gain, n);
         }
@@ -69,7 +79,7 @@ impl Glide {
         let mut n = n;
         let mut rest = frames;
         while !rest.is_empty() {
-            self.turn(n);
+            self.begin_due(n);
             let count = until(n, self.steady(n).is_some());
             let length = rest.len();
             let span = count.saturating_mul(n_channels as u64).min(length as u64) as usize;
@@ -86,7 +96,7 @@ impl Glide {
     }
 }
 
-/// Frames from `n` that need no look at what is to move: all, or those before the grid's next.
+/// Number of frames from `n` on in which no glide begins: all, or those up to the next multiple of the grid.
 pub(super) fn until(n: u64, steady: bool) -> u64 {
     if steady { u64::MAX } else { GRID - n % GRID }
 }

@@ -1,4 +1,4 @@
-//! The last thing before the loudspeakers.
+//! The limiter, the last stage before the loudspeakers.
 
 use std::collections::VecDeque;
 
@@ -11,42 +11,55 @@ use crate::maths;
 const AHEAD: f64 = 5e-3;
 /// Time constant of the release [s].
 const RELEASE: f64 = 50e-3;
-/// One of gain in fixed point: a running sum of integers never drifts, so that the gain comes back
-/// to exactly 1. Its step is -241 dB.
+/// A gain of 1 in fixed point, in steps of -241 dB: a running sum of integers does not drift, so the gain returns to
+/// exactly 1.
 const ONE: f64 = (1u64 << 40) as f64;
 /// Most frames ahead: with [`ONE`] their sum stays below 2⁵³, where doubles are exact.
 const MAX_AHEAD: f64 = 8191.0;
 
-/// Most channels: the widest room there is has some hundreds of loudspeakers.
+/// Most channels; the largest loudspeaker rooms have some hundreds.
 pub const MAX_CHANNELS: usize = 1024;
 
 /// Why a limiter cannot be built.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LimiterError {
-    /// Not a sample rate that fits 5 ms of look-ahead.
+    /// A rate at which 5 ms of look-ahead are no frame, or too many.
     #[error("a limiter's rate lies above 0 and up to 1.6 MHz; here {0} Hz")]
     Rate(f64),
     /// More than [`MAX_CHANNELS`].
     #[error("a limiter has at most {MAX_CHANNELS} channels; here {0}")]
     Channels(usize),
-    /// Not a ceiling.
+    /// A ceiling that is not a finite number above 0.
     #[error("a limiter's ceiling is a number above zero; here {0}")]
     Ceiling(f64),
 }
 
 /// Look-ahead limiter of sample peaks, one gain for all channels: 5 ms ahead, 50 ms release.
 ///
-/// No sample leaves it above the ceiling. What needs no gain leaves it bit for bit as it came,
-/// [`Limiter::latency`] frames late.
+/// No output exceeds the ceiling. Samples that need no reduction are unchanged to the bit, [`Limiter::latency`] frames
+/// late.
 ///
-/// The gain that each frame needs is held for the look-ahead (a sliding maximum of 1 - gain), let go
-/// exponentially and averaged over the look-ahead: it arrives at a peak on a straight line, in time.
+/// The reduction that each frame needs, 1 - gain, passes a sliding maximum over the look-ahead, an exponential release
+/// and a mean over the look-ahead; so the gain arrives at each peak in time, on a straight line.
+///
+/// ```
+/// use ergon_engine::mix::limiter::Limiter;
+///
+/// let mut limiter = Limiter::new(44_100.0, 1, 0.9)?;
+/// let mut frames = vec![0.0; 2000];
+/// frames[500] = 3.0;
+/// limiter.process(&mut frames);
+/// assert!(frames.iter().all(|x| x.abs() <= 0.9));
+/// assert!((frames[500 + limiter.latency()] - 0.9).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Limiter {
     n_channels: usize,
     ceiling: f64,
     latency: usize,
-    keep: f64,
+    /// Factor of the release in one frame.
+    release: f64,
     /// The last `latency` frames, oldest at `at`.
     delay: Vec<f64>,
     /// Held reductions of the last `latency` + 1 frames, the newest of which goes to `turn`.
@@ -82,7 +95,7 @@ impl Limiter {
             n_channels,
             ceiling,
             latency,
-            keep: maths::exp(-1.0 / (RELEASE * rate)),
+            release: maths::exp(-1.0 / (RELEASE * rate)),
             delay: vec![0.0; latency * n_channels],
             held: vec![0; latency + 1],
             sum: 0,
@@ -95,12 +108,12 @@ impl Limiter {
         })
     }
 
-    /// How many frames what comes out is late.
+    /// Delay of the output in frames.
     pub fn latency(&self) -> usize {
         self.latency
     }
 
-    /// How many channels it has.
+    /// Number of channels.
     pub fn n_channels(&self) -> usize {
         self.n_channels
     }
@@ -135,7 +148,7 @@ impl Limiter {
         }
     }
 
-    /// The gain of the frame that leaves, as one with this `peak` enters.
+    /// The gain of the frame that leaves while a frame with this `peak` enters.
     fn gain(&mut self, peak: f64) -> f64 {
         let wanted = if peak > self.ceiling {
             1.0 - self.ceiling / peak
@@ -143,8 +156,8 @@ impl Limiter {
             0.0
         };
         let largest = self.largest(wanted);
-        let released = self.reduction * self.keep;
-        // Below one step of the fixed point the release has arrived.
+        let released = self.reduction * self.release;
+        // Below one step of the fixed point the release is over.
         self.reduction = if released * ONE < 1.0 {
             largest
         } else {

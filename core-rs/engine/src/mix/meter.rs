@@ -19,6 +19,16 @@ pub struct MeterError {
 ///
 /// Every channel weighs the same: a channel here is a loudspeaker of some dome, and BS.1770 weighs
 /// only the surrounds of its own layouts differently. In mono and stereo that is the standard.
+///
+/// ```
+/// use ergon_engine::mix::meter::Meter;
+///
+/// let mut meter = Meter::new(44_100.0, 1)?;
+/// assert_eq!(meter.loudness(), f64::NEG_INFINITY); // nothing yet
+/// meter.process(&[0.0, 0.5, -0.25]);
+/// assert!((meter.peak() - 0.5).abs() < 0.1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Meter {
     peak: f64,

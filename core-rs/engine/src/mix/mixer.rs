@@ -48,6 +48,18 @@ const GROUPS_MAX: usize = 1 << 16;
 /// A channel is the sum of its routes in the order in which they were added, so the last bit of a
 /// mix does not depend on how it is cut into blocks. Routes belong to groups (0 if nothing is said),
 /// each with a gain of its own that may be moved while it sounds.
+///
+/// ```
+/// use ergon_engine::mix::mixer::Mixer;
+///
+/// let mut mixer = Mixer::new(44_100.0, 2, 1);
+/// mixer.route(0, 0, 0.5, None)?;
+/// mixer.route(1, 0, 2.0, None)?;
+/// let mut mixed = [0.0; 2];
+/// mixer.process(&[1.0, 0.25, 0.0, 1.0], &mut mixed); // two frames of two outputs
+/// assert_eq!(mixed, [1.0, 2.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Mixer {
     rate: f64,
@@ -153,13 +165,14 @@ impl Mixer {
         self.groups.len()
     }
 
-    /// Go on as `old` stands: gains of groups that both have, high-passes of routes that both have; `outputs`: here, an
-    /// output of there, where they are not the same. Allocates nothing.
+    /// Take the state of `old` over: gains of groups and high-passes of routes that both have. Allocates nothing.
+    ///
+    /// `outputs`: for each output of `old` the output here, where they differ.
     pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
         self.frame = old.frame;
         let groups = self.groups.iter_mut().zip(&old.groups);
         groups.for_each(|(own, old)| *own = *old);
-        // Routes come in about the same order: each is looked for after the one before.
+        // Routes come in about the same order: search after the previous one first.
         let mut next = 0;
         for own in &mut self.routes {
             let is_same = |before: &Route| {
@@ -177,18 +190,18 @@ impl Mixer {
             let Some(at) = at else { continue };
             next = at + 1;
             if let (Some(section), Some(before)) = (&mut own.highpass, &old.routes[at].highpass) {
-                section.go_on(before);
+                section.take_over(before);
             }
         }
     }
 
-    /// The next frame to be mixed is frame `n` of the piece.
+    /// Set the number of the next frame in the piece.
     pub fn seek(&mut self, n: u64) {
         self.frame = n;
     }
 
-    /// Let the gain of a group glide to `gain`, over 20 ms from the next multiple of 64 frames on.
-    /// A group that is not there is left alone. Allocates nothing.
+    /// Let the gain of a group glide to `gain`, over 20 ms from the next multiple of 64 frames on; a group that does not
+    /// exist is ignored. Allocates nothing.
     pub fn set_gain(&mut self, group: usize, gain: f64) {
         if let Some(glide) = self.groups.get_mut(group) {
             glide.set(gain);
@@ -207,7 +220,7 @@ impl Mixer {
         let mut at = 0;
         while at < n_frames {
             let n = self.frame;
-            self.groups.iter_mut().for_each(|glide| glide.turn(n));
+            self.groups.iter_mut().for_each(|glide| glide.begin_due(n));
             let steady = self.groups.iter().all(|glide| glide.steady(n).is_some());
             let count = until(n, steady).min((n_frames - at) as u64) as usize;
             let span = at..at + count;
@@ -220,7 +233,7 @@ impl Mixer {
         }
     }
 
-    /// Add all routes of a span in which no gain sets out.
+    /// Add all routes of a span in which no glide begins.
     fn add(&mut self, frames: &[f64], mixed: &mut [f64]) {
         for route in &mut self.routes {
             let from = frames.iter().skip(route.out).step_by(self.n_out);
@@ -237,11 +250,13 @@ impl Mixer {
                 (Some(gain), Some(section)) => {
                     let gain = route.gain * gain;
                     to.zip(from)
-                        .for_each(|(y, x)| *y += gain * heard(section, *x));
+                        .for_each(|(y, x)| *y += gain * high_passed(section, *x));
                 }
                 (None, section) => {
                     for ((y, x), n) in to.zip(from).zip(self.frame..) {
-                        let x = section.as_mut().map_or(*x, |section| heard(section, *x));
+                        let x = section
+                            .as_mut()
+                            .map_or(*x, |section| high_passed(section, *x));
                         *y += route.gain * own.at(n) * x;
                     }
                 }
@@ -250,9 +265,9 @@ impl Mixer {
     }
 }
 
-/// The high-pass of a sample. One that is not finite is left out: it would stay in the filter for
-/// ever and keep the channel silent long after its cause was muted.
-fn heard(section: &mut Section, x: f64) -> f64 {
+/// The high-passed sample. A sample that is not finite counts as 0, for it would stay in the filter for ever and keep
+/// the channel silent long after its cause was muted.
+fn high_passed(section: &mut Section, x: f64) -> f64 {
     section.next(if x.is_finite() { x } else { 0.0 }).high
 }
 

@@ -34,6 +34,14 @@ impl Bits {
 ///
 /// 1.0 is one step above the top code, as readers of such files have it; rounded half to even,
 /// clipped at the top and the bottom code; NaN is zero.
+///
+/// ```
+/// use ergon_engine::mix::pcm::{Bits, pcm};
+///
+/// let mut codes = [0; 2];
+/// pcm(&[0.5, 7.0], 1.0, Bits::Sixteen, &mut codes);
+/// assert_eq!(codes.map(|code| code >> 16), [16_384, 32_767]);
+/// ```
 pub fn pcm(samples: &[f64], gain: f64, bits: Bits, codes: &mut [i32]) {
     let full = f64::from(1 << (bits.width() - 1));
     let shift = 32 - bits.width();
@@ -69,13 +77,10 @@ mod tests {
     #[test]
     fn rounds_half_to_even() {
         let step = 1.0 / 32_768.0;
-        let mesh_partition = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * step);
-        assert_eq!(
-            codes(&mesh_partition, 1.0, Bits::Sixteen),
-            [0, 2, 2, 0, -2, -2, 3]
-        );
-        let mesh_partition = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
-        assert_eq!(codes(&mesh_partition, 1.0, Bits::TwentyFour), [0, 2, -2]);
+        let ties = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * step);
+        assert_eq!(codes(&ties, 1.0, Bits::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
+        let ties = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
+        assert_eq!(codes(&ties, 1.0, Bits::TwentyFour), [0, 2, -2]);
     }
 
     #[test]

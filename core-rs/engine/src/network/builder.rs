@@ -1,4 +1,4 @@
-//! Adding MATs (`<M>` points) and outputs, with the rules of the formalism checked as they come.
+//! Adding MATs (`<M>` points) and outputs; the rules of the formalism are checked at once.
 
 use std::sync::Arc;
 
@@ -7,29 +7,29 @@ use super::kinds::{Error, Tie};
 use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
 use crate::cell::{self, Cell};
 use crate::chance::Chance;
-use crate::generator::{self, BankForm, Topology};
+use crate::generator::{self, BankForm, Decay, Losses, Topology};
 use crate::interrupt;
 use crate::law::Law;
 use crate::units::Rate;
 
 impl Network {
-    /// Start a part, or go on with one: modules added from now on belong to it.
+    /// Begin or continue a part: modules added from now on belong to it.
     pub fn part(&mut self, name: &str, ca_rate: Option<Rate>) {
         let known = self.parts.iter().position(|part| part.name == name);
         self.current = known.unwrap_or_else(|| {
             self.parts.push(Part {
                 name: name.to_owned(),
                 ca_rate,
-                every: None,
+                macrostep: None,
             });
             self.parts.len() - 1
         });
     }
 
-    /// Let the linear parts of the present part go once every so many frames.
-    pub fn every(&mut self, frames: u32) {
+    /// Let a plan compute the own springs of the current part only once in so many frames.
+    pub fn macrostep(&mut self, frames: u32) {
         if let Some(part) = self.parts.get_mut(self.current) {
-            part.every = Some(frames.max(1));
+            part.macrostep = Some(frames.max(1));
         }
     }
 
@@ -47,7 +47,7 @@ impl Network {
                 ("V0", v0, Rule::Finite),
             ],
         )?;
-        self.mat(name, MatKind::Mas, [m, 0.0, 0.0, 0.0, x0, v0])
+        self.add_mat(name, MatKind::Mas, [m, 0.0, 0.0, 0.0, x0, v0])
     }
 
     /// Add a fixed point (SOL) at `x0` [m]; returns its index.
@@ -56,7 +56,7 @@ impl Network {
     /// [`Error::Refused`] with the name of the module where `x0` is not finite or the network is full.
     pub fn sol(&mut self, name: &str, x0: f64) -> Result<usize, Error> {
         self.check(name, &[("X0", x0, Rule::Finite)])?;
-        self.mat(name, MatKind::Sol, [0.0, 0.0, 0.0, 0.0, x0, 0.0])
+        self.add_mat(name, MatKind::Sol, [0.0, 0.0, 0.0, 0.0, x0, 0.0])
     }
 
     /// Add a mass tied to the ground (CEL): mass `m` [kg], ground at `rest` [m], at `x0` [m] and `v0` [m/s] at the start;
@@ -93,7 +93,7 @@ impl Network {
             name,
             &[("K", k, Rule::NotNegative), ("Z", z, Rule::NotNegative)],
         )?;
-        self.mat(name, MatKind::Cel, [m, k, z, rest, x0, v0])
+        self.add_mat(name, MatKind::Cel, [m, k, z, rest, x0, v0])
     }
 
     /// Add a bank of CELs of mass `m` [kg] each, drawn by `seed`; returns the index of the first.
@@ -109,7 +109,7 @@ impl Network {
         seed: i128,
     ) -> Result<usize, Error> {
         self.check(name, &[("M", m, Rule::Positive)])?;
-        let full = self.full(name);
+        let full = self.full_name(name);
         let draw = |member: usize| {
             let mut chance = Chance::new(seed, "bank", &full, member as u64, 0);
             (chance.uniform(0.0, 1.0), chance.uniform(0.0, 1.0))
@@ -141,46 +141,101 @@ impl Network {
         Ok(first)
     }
 
-    /// Add a string or a plate of total mass `mass` [kg] whose lowest mode has the frequency `f` [Hz] and the decay time
-    /// `t60` [s]; returns the index of the first mass.
+    /// Add a string or a plate of total mass `mass` [kg] whose lowest mode has the frequency `f` [Hz], and which has
+    /// the `decay`; returns the index of the first mass.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::generator::{Rim, Shape, plate};
+    ///
+    /// let mut network = Network::new();
+    /// network.part("gong", None);
+    /// let first = network.mesh("plate", &plate(Shape::Hex, 2, Rim::Free)?, 0.5, 120.0, Some(4.0), 0.0)?;
+    /// assert_eq!((network.count(first), network.mat_name(network.centre(first))), (19, "gong.plate.9".into()));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module where a number is out of range, the mesh cannot have the pitch, or
     /// the network is full.
-    pub fn mesh(
+    pub fn mesh<'a>(
         &mut self,
         name: &str,
         topology: &Topology,
         mass: f64,
         f: f64,
-        t60: Option<f64>,
+        decay: impl Into<Decay<'a>>,
         hardening: f64,
+    ) -> Result<usize, Error> {
+        self.stretched_mesh(name, topology, mass, f, decay, [hardening, 0.0])
+    }
+
+    /// The same with the `stretching` of a row of masses, whose links in line share one tension: `hardening` and
+    /// `stretching` are q of q·d³ and of q·S·d [N/m³], S the sum of the squares of all elongations.
+    ///
+    /// # Errors
+    /// As [`Network::mesh`].
+    pub fn stretched_mesh<'a>(
+        &mut self,
+        name: &str,
+        topology: &Topology,
+        mass: f64,
+        f: f64,
+        decay: impl Into<Decay<'a>>,
+        [hardening, stretching]: [f64; 2],
     ) -> Result<usize, Error> {
         self.check(
             name,
             &[
                 ("M", mass, Rule::Positive),
                 ("hardening", hardening, Rule::NotNegative),
+                ("stretching", stretching, Rule::NotNegative),
             ],
         )?;
-        self.check_tuning(name, f, t60)?;
+        let decay = decay.into();
+        let lowest = match decay {
+            Decay::Lowest(t60) => t60,
+            Decay::Points(_) => None,
+        };
+        self.check_tuning(name, f, lowest)?;
         self.room(name, topology.n_mat + topology.n_fixed)?;
         let each = mass / topology.n_mat as f64;
-        let tuned = generator::tune(topology, each, f, t60, self.ca_rate())
-            .map_err(|error| self.refused(name, &error.to_string()))?;
-        let first = self.n_mat();
+        let losses = match decay {
+            Decay::Lowest(t60) => {
+                let tuned = generator::tune(topology, each, f, t60, self.ca_rate());
+                tuned.map(|tuned| Losses {
+                    tuned,
+                    ground: 0.0,
+                    dampers: Vec::new(),
+                })
+            }
+            Decay::Points(points) => {
+                generator::tune_points(topology, each, f, points, self.ca_rate())
+            }
+        };
+        let losses = losses.map_err(|error| self.refused(name, &error.to_string()))?;
+        let tuned = losses.tuned;
+        let (n, n_fixed) = (topology.n_mat, topology.n_fixed);
+        let before = usize::from(topology.in_line && n_fixed > 0);
+        let first = self.n_mat() + before;
         let part = self.current();
-        for (i, place) in topology.positions.iter().enumerate() {
-            let (kind, m) = if i < topology.n_mat {
-                (MatKind::Mas, each)
+        // Points are the MATs, then the fixed ones; in line the first of these lies before the MATs.
+        let order = (n..n + before).chain(0..n).chain(n + before..n + n_fixed);
+        for i in order {
+            let place = &topology.positions[i];
+            let share = topology.share(i);
+            let (kind, m, z) = if i >= topology.n_mat {
+                (MatKind::Sol, 0.0, 0.0)
+            } else if losses.ground > 0.0 {
+                (MatKind::Cel, each * share, losses.ground * share)
             } else {
-                (MatKind::Sol, 0.0)
+                (MatKind::Mas, each * share, 0.0)
             };
             self.mats.push(Mat {
                 kind,
                 m,
                 k: 0.0,
-                z: 0.0,
+                z,
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
@@ -188,22 +243,33 @@ impl Network {
                 part,
             });
         }
-        let full = self.full(name);
-        self.names
-            .add_mats(first, topology.n_mat, true, full.clone(), topology.centre);
-        self.names.add_mats(
-            first + topology.n_mat,
-            topology.n_fixed,
-            true,
-            format!("{full}.end"),
-            0,
-        );
+        let full = self.full_name(name);
+        let end = format!("{full}.end");
+        if before > 0 {
+            self.names
+                .add_mats(first - 1, 1, false, format!("{end}.0"), 0);
+            self.names
+                .add_mats(first, n, true, full.clone(), topology.centre);
+            if n_fixed > 1 {
+                self.names
+                    .add_mats(first + n, 1, false, format!("{end}.1"), 0);
+            }
+        } else {
+            self.names
+                .add_mats(first, n, true, full.clone(), topology.centre);
+            self.names.add_mats(first + n, n_fixed, true, end, 0);
+        }
         let links = self.n_lia;
-        // Runs of one factor share one law.
+        // Runs of one factor share a law.
         let mut laws: Vec<(f64, Arc<Law>)> = Vec::new();
+        let point = |i: usize| match i {
+            i if i < n || before == 0 => first + i,
+            i if i == n => first - 1,
+            i => first + i - 1,
+        };
         for run in &topology.runs {
             let (k, z) = (tuned.k * run.factor, tuned.z * run.factor);
-            let kind = if hardening == 0.0 {
+            let kind = if hardening == 0.0 || !run.hardens {
                 LinkKind::Ref
             } else if let Some((_, law)) = laws.iter().find(|(factor, _)| *factor == run.factor) {
                 LinkKind::Lnl(law.clone())
@@ -213,7 +279,17 @@ impl Network {
                 laws.push((run.factor, law.clone()));
                 LinkKind::Lnl(law)
             };
-            self.add_run(kind, first + run.a, first + run.b, run.len, [k, z, 0.0]);
+            self.add_run(kind, point(run.a), point(run.b), run.len, [k, z, 0.0]);
+        }
+        for run in &losses.dampers {
+            let (a, b) = (point(run.a), point(run.b));
+            self.add_run(LinkKind::Ref, a, b, run.len, [0.0, run.factor, 0.0]);
+        }
+        if stretching > 0.0 {
+            let law = Arc::new(Law::shared(stretching));
+            let links = n_fixed + n - 1;
+            let path = first - before;
+            self.add_run(LinkKind::Lnl(law), path, path + 1, links, [0.0; 3]);
         }
         self.names
             .add_links(links, self.n_lia - links, true, format!("{full}.link"));
@@ -243,6 +319,17 @@ impl Network {
 
     /// Add an output, the sum of its terms; returns its index.
     ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::network::Term;
+    ///
+    /// let mut network = Network::new();
+    /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
+    /// let out = network.listen("left", vec![Term::Position { first: m, len: 1, weight: 1.0 }])?;
+    /// assert_eq!(network.outputs()[out].name, "left");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module where a term refers to modules that do not exist or its weight is
     /// not finite.
@@ -255,7 +342,7 @@ impl Network {
                 Term::Force { first, len, weight } => (first, len, weight, self.n_lia),
             };
             if first.checked_add(len).is_none_or(|end| end > most) {
-                return Err(self.refused(name, "listens to a module that is not there"));
+                return Err(self.refused(name, "listens to a module that does not exist"));
             }
             if !weight.is_finite() {
                 let message = format!("a weight is {weight}: it must be a finite number");
@@ -279,7 +366,7 @@ impl Network {
         self.names.centre(first)
     }
 
-    fn mat(
+    fn add_mat(
         &mut self,
         name: &str,
         kind: MatKind,
@@ -299,7 +386,7 @@ impl Network {
             place: [0.0; 2],
             part,
         });
-        let name = self.full(name);
+        let name = self.full_name(name);
         self.names.add_mats(index, 1, false, name, 0);
         Ok(index)
     }
@@ -340,7 +427,7 @@ impl Network {
         }
     }
 
-    /// The part that modules are added to; one without a name where none was begun.
+    /// The part that modules are added to; where none was begun, one without a name.
     fn current(&mut self) -> u32 {
         if self.parts.is_empty() {
             self.part("", None);
@@ -352,7 +439,8 @@ impl Network {
         self.parts.get(self.current).and_then(|part| part.ca_rate)
     }
 
-    pub(super) fn full(&self, name: &str) -> String {
+    /// The name of a module with that of its part.
+    pub(super) fn full_name(&self, name: &str) -> String {
         let part = self
             .parts
             .get(self.current)

@@ -1,4 +1,4 @@
-//! What every number of a network must be.
+//! Rules for the numbers of a network.
 
 use super::Network;
 use super::kinds::Error;
@@ -6,7 +6,7 @@ use super::kinds::Error;
 /// Most MATs or LIAs of one network: 4 GB of state.
 const MODULES_MAX: usize = 20_000_000;
 
-/// What a number must be.
+/// A rule for a number.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Rule {
     Finite,
@@ -15,7 +15,7 @@ pub(super) enum Rule {
 }
 
 impl Rule {
-    /// The rule in words, where a value breaks it.
+    /// The rule in words; `None` where the value keeps it.
     fn broken(self, value: f64) -> Option<&'static str> {
         match self {
             _ if !value.is_finite() => Some("it must be a finite number"),
@@ -27,14 +27,15 @@ impl Rule {
 }
 
 impl Network {
-    /// The refusal of a module of the present part.
+    /// The error that refuses a module of the current part.
     pub fn refused(&self, name: &str, message: &str) -> Error {
         Error::Refused {
-            module: self.full(name),
+            module: self.full_name(name),
             message: message.to_owned(),
         }
     }
 
+    /// Refuse the module where the network has no room for `more` modules.
     pub(super) fn room(&self, name: &str, more: usize) -> Result<(), Error> {
         if self.n_mat() + more > MODULES_MAX || self.n_lia + more > MODULES_MAX {
             return Err(self.refused(
@@ -45,6 +46,7 @@ impl Network {
         Ok(())
     }
 
+    /// Refuse the module where a frequency [Hz] or a decay [s] is out of range.
     pub(super) fn check_tuning(&self, name: &str, f: f64, t60: Option<f64>) -> Result<(), Error> {
         if !(f > 0.0 && f.is_finite()) {
             return Err(self.refused(name, &format!("f is {f} Hz: it must be above 0 and finite")));
@@ -55,7 +57,7 @@ impl Network {
         Ok(())
     }
 
-    /// Each value must keep its rule.
+    /// Refuse the module where a value breaks its rule.
     pub(super) fn check(&self, name: &str, values: &[(&str, f64, Rule)]) -> Result<(), Error> {
         for &(what, value, rule) in values {
             if let Some(broken) = rule.broken(value) {

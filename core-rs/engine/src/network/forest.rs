@@ -11,7 +11,7 @@ impl Forest {
         Self((0..n_mat as u32).collect())
     }
 
-    /// The MAT that leads those that are joined with this one.
+    /// The representative of the MATs that are joined with this one.
     pub(crate) fn root(&mut self, mut i: usize) -> usize {
         while self.0[i] as usize != i {
             self.0[i] = self.0[self.0[i] as usize];
@@ -20,10 +20,10 @@ impl Forest {
         i
     }
 
-    /// From now on two MATs are led by one.
+    /// Join the sets of two MATs.
     pub(crate) fn join(&mut self, i: usize, j: usize) {
         let (i, j) = (self.root(i), self.root(j));
-        // The lower index leads: sets come in the order of their first MATs.
+        // The lower index represents: sets come in the order of their first MATs.
         self.0[i.max(j)] = i.min(j) as u32;
     }
 }

@@ -1,11 +1,11 @@
-//! What modules are made from, and why they are refused.
+//! Parameters of modules, and the error of a network that is refused.
 
 use crate::maths;
 
 /// Why a network is refused; `module` is named as the composer wrote it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// A parameter or a rule of the formalism.
+    /// A parameter out of range, or a broken rule of the formalism.
     #[error("{module}: {message}")]
     Refused {
         /// The module at fault.
@@ -13,7 +13,7 @@ pub enum Error {
         /// A sentence.
         message: String,
     },
-    /// The scheme would diverge at this rate.
+    /// The CA scheme diverges at this rate.
     #[error(
         "{module}: unstable at this rate: λmax(M⁻¹(K+2Z)) = {lambda:.6} must stay below 4; \
          it would take {oversampling} times the rate, a larger M, or a smaller K or Z"
@@ -58,7 +58,7 @@ pub enum Contact {
     Magic,
 }
 
-/// Where the striker is.
+/// The side from which the striker comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// The striker comes from below and pushes up.
@@ -74,9 +74,9 @@ pub struct But {
     pub k: f64,
     /// Viscosity while it is closed [N·s/m], or algorithmic Z in a part under `ca`.
     pub z: f64,
-    /// Distance at which the two touch [m].
+    /// Distance at which the contact closes [m].
     pub gap: f64,
-    /// Where the striker is.
+    /// The side from which the striker comes.
     pub side: Side,
     /// How the contact is computed.
     pub contact: Contact,
@@ -86,7 +86,7 @@ pub struct But {
     pub steps: u32,
     /// Power of the penetration.
     pub exponent: f64,
-    /// Never pulls.
+    /// Whether a force that would pull is set to 0.
     pub clamp: bool,
 }
 
@@ -100,7 +100,7 @@ impl But {
         } else {
             maths::pow(self.restitution, 1.0 / n)
         };
-        // cos(π/2) is 6e-17 in floating point; two and three steps are the common cases and exact.
+        // Exact for the common cases of two and three steps; cos(π/2) is 6e-17 in floating point.
         let cos = match self.steps {
             2 => 0.0,
             3 => 0.5,

@@ -8,10 +8,10 @@ use super::kinds::{But, Contact, Error, Side};
 use super::{LinkKind, Network};
 use crate::law::{Entry, Law, Row};
 
-/// A law that links of a network have, whatever its numbers.
+/// How many links of a network have laws of the same operations, whatever the numbers in them.
 #[derive(Clone, Debug)]
 pub struct LawUse {
-    /// Its operations; see [`Law::rows`].
+    /// The operations; see [`Law::rows`].
     pub rows: Vec<Row>,
     /// Links alone in their run.
     pub alone: usize,
@@ -22,6 +22,16 @@ pub struct LawUse {
 impl Network {
     /// Add a spring of stiffness `k` [N/m] and a damper `z` [N·s/m] between MATs `a` and `b` (REF; RES without Z, FRO
     /// without K), `rest` [m] long at rest; returns its index.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.sol("b", 0.0)?);
+    /// network.spring("s", a, b, 500.0, 0.01, 0.0)?; // 500 N/m, 10 mN·s/m
+    /// assert_eq!((network.n_mat(), network.n_lia(), network.degree(a)), (2, 1, 1));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module where `k` or `z` is negative, a number is not finite, or the ends
@@ -47,6 +57,22 @@ impl Network {
     }
 
     /// Add a one-sided contact of the striker `a` on `b`, which closes where the gap is 0; returns its index.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::network::{But, Contact, Side};
+    ///
+    /// let mut network = Network::new();
+    /// let hammer = network.mas("hammer", 1e-3, -2e-3, 1.0)?;
+    /// let bell = network.mas("bell", 2e-3, 0.0, 0.0)?;
+    /// let but = But {
+    ///     k: 900.0, z: 0.1, gap: 1e-3, side: Side::Below, contact: Contact::Plain,
+    ///     restitution: 1.0, steps: 2, exponent: 1.0, clamp: false,
+    /// };
+    /// let link = network.but("felt", hammer, bell, but)?;
+    /// assert_eq!(network.link_name(link), "felt");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
@@ -94,6 +120,18 @@ impl Network {
 
     /// Add a non-linear link (LNL) between MATs `a` and `b`, `rest` [m] long at rest; returns its index.
     ///
+    /// ```
+    /// use std::sync::Arc;
+    ///
+    /// use ergon_engine::{Network, law::Law};
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.sol("b", 0.0)?);
+    /// network.lnl("skin", a, b, Arc::new(Law::hardening(500.0, 1e8, 0.01)?), 0.0)?;
+    /// assert_eq!(network.n_lia(), 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module where `rest` is not finite or the ends cannot be joined.
     pub fn lnl(
@@ -117,7 +155,7 @@ impl Network {
         [k, z, rest]: [f64; 3],
     ) -> Result<usize, Error> {
         if a >= self.n_mat() || b >= self.n_mat() {
-            return Err(self.refused(name, "joins a module that is not there"));
+            return Err(self.refused(name, "joins a module that does not exist"));
         }
         if a == b {
             return Err(self.refused(name, "a link joins two different points"));
@@ -125,12 +163,12 @@ impl Network {
         self.room(name, 1)?;
         let first = self.n_lia;
         self.add_run(kind, a, b, 1, [k, z, rest]);
-        let name = self.full(name);
+        let name = self.full_name(name);
         self.names.add_links(first, 1, false, name);
         Ok(first)
     }
 
-    /// Every different law that native code could compute.
+    /// Every different law that native code can compute, and how often links have it.
     pub fn laws(&self) -> Vec<LawUse> {
         let mut laws: Vec<LawUse> = Vec::new();
         let mut known: HashMap<Vec<Row>, usize> = HashMap::new();
@@ -155,16 +193,16 @@ impl Network {
         laws
     }
 
-    /// Let the laws with the rows of each pair be computed by native code.
+    /// Let laws with these rows be computed by native code.
     ///
     /// # Safety
-    /// Each pair is what [`Law::set_native`] asks for.
+    /// Each entry fulfils for its rows what [`Law::set_native`] requires.
     pub unsafe fn set_native(&mut self, entries: &HashMap<Vec<Row>, Entry>) {
         for run in &mut self.runs {
             if let LinkKind::Lnl(law) = &mut run.kind
                 && let Some(entry) = law.rows().and_then(|rows| entries.get(&rows))
             {
-                // SAFETY: the caller's.
+                // SAFETY: the caller guarantees what `set_native` requires.
                 unsafe { Arc::make_mut(law).set_native(*entry) };
             }
         }

@@ -1,4 +1,4 @@
-//! Modes of one part alone: what a tuner hears.
+//! Modes of one part by itself, as one would measure them to tune it.
 
 use super::{LinkKind, MatKind, Network};
 use crate::spectrum;
@@ -14,11 +14,23 @@ pub struct Tone {
 }
 
 impl Network {
-    /// The lowest modes of a part, its links with other parts cut, contacts open and laws at their slope
-    /// at rest. Damping is taken mode by mode, φᵀZφ, which is exact where it is proportional and good
-    /// to second order where it is light.
+    /// The lowest modes of a part, without its links to other parts, contacts open and laws at their slope at rest.
+    ///
+    /// Damping is taken mode by mode, φᵀZφ: exact where it is proportional, of second order where it is light.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::generator::{Ends, string};
+    ///
+    /// let mut network = Network::new();
+    /// network.part("string", None);
+    /// network.mesh("s", &string(40, Ends::Fixed, 0.0)?, 0.01, 220.0, Some(3.0), 0.0)?;
+    /// let tones = network.tones(0, 2);
+    /// assert!((tones[0].f - 220.0).abs() < 1e-6 && (tones[1].f / 440.0 - 1.0).abs() < 0.01);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn tones(&self, part: usize, n_tones: usize) -> Vec<Tone> {
-        let alone = self.alone(part, &[]).network;
+        let alone = self.part_alone(part, &[]).network;
         let mats = alone.mats();
         let moving: Vec<usize> = (0..alone.n_mat())
             .filter(|&i| mats.kind[i].moves())

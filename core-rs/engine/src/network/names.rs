@@ -1,13 +1,13 @@
 //! Names of modules: a generator's members share one, `string` → `string.12`.
 
-/// A stretch of modules under one name.
+/// Consecutive modules under one name.
 #[derive(Clone, Debug, PartialEq)]
 struct Group {
     first: usize,
     len: usize,
     /// Numbered members are shown with their index.
     numbered: bool,
-    /// The number of the first of them.
+    /// Number of the first member.
     from: usize,
     name: String,
     /// Which member is the middle one.
@@ -36,7 +36,7 @@ fn show(groups: &[Group], index: usize) -> String {
     }
 }
 
-/// The groups of `kept` members (rising), counted anew.
+/// The groups of the modules `kept` (rising indices), with indices counted anew.
 fn cut(groups: &[Group], kept: &[u32]) -> Vec<Group> {
     let mut cut: Vec<Group> = Vec::new();
     let mut before: Option<usize> = None;
@@ -61,7 +61,7 @@ fn cut(groups: &[Group], kept: &[u32]) -> Vec<Group> {
 }
 
 impl Names {
-    /// The names of some of the modules, by their indices (rising).
+    /// The names of some modules, by their rising indices.
     pub(super) fn subset(&self, mats: &[u32], links: &[u32]) -> Self {
         Self {
             mats: cut(&self.mats, mats),

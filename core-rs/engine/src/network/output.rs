@@ -1,4 +1,4 @@
-//! What is listened to: weighted sums of positions and forces.
+//! Outputs: weighted sums of positions and forces.
 
 /// One term of an output: a weight on a range of like modules.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +33,7 @@ pub enum Term {
 }
 
 impl Term {
-    /// The same of another range.
+    /// The term over another range.
     pub(crate) fn over(&self, first: usize, len: usize) -> Self {
         match *self {
             Self::Position { weight, .. } => Self::Position { first, len, weight },
@@ -48,6 +48,6 @@ impl Term {
 pub struct Output {
     /// Its name in the score, e.g. `bell` or `string.left`.
     pub name: String,
-    /// What it sums.
+    /// The terms of the sum.
     pub terms: Vec<Term>,
 }

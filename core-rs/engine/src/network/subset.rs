@@ -1,8 +1,8 @@
-//! Some of a network's modules as a network of their own, and the way back to the whole.
+//! Some modules of a network as a network of their own, with their indices in the whole.
 
 use super::{Mat, MatKind, Network, Output, Run, Term};
 
-/// A network cut out of another: local index → index in the whole, rising.
+/// A part of another network, the whole. The lists give the index in the whole for each local index, rising.
 #[derive(Clone, Debug)]
 pub(crate) struct Subset {
     pub(crate) network: Network,
@@ -10,7 +10,7 @@ pub(crate) struct Subset {
     pub(crate) mats: Vec<u32>,
     /// (n_lia)
     pub(crate) links: Vec<u32>,
-    /// (n_out): only the outputs that listen to it
+    /// (n_out): only outputs that listen to its modules
     pub(crate) outputs: Vec<u32>,
 }
 
@@ -22,8 +22,9 @@ impl Subset {
 }
 
 impl Network {
-    /// The MATs `mats` and `guests`, with every one of `links` that joins two of them, in the order of the
-    /// whole; of the outputs, the terms that speak of them, but for guests. All lists rise.
+    /// The MATs `mats` and `guests`, with those of `links` that join two of them, in the order of the whole.
+    ///
+    /// Outputs keep their terms on `mats` and `links`; terms on guests are left out. All lists rise.
     pub(crate) fn subset(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
         let mut subset = self.subset_for_all(mats, guests, links);
         let outputs = &mut subset.network.outputs;
@@ -34,7 +35,7 @@ impl Network {
         subset
     }
 
-    /// The same with all outputs of the whole, also those that do not listen to it.
+    /// [`Network::subset`] with all outputs of the whole, also those that listen to none of its modules.
     pub(crate) fn subset_for_all(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
         let mut all = [mats, guests].concat();
         all.sort_unstable();
@@ -52,7 +53,7 @@ impl Network {
             subset.network.mats.push(mat);
         }
         for run in &self.runs {
-            // Most runs have nothing to do with a small subset: look before searching link by link.
+            // Few runs reach a small subset: check before searching link by link.
             if subset.reaches(run.a, run.len) && subset.reaches(run.b, run.len) {
                 self.cut(run, links, &mut subset);
             }
@@ -63,8 +64,8 @@ impl Network {
         subset
     }
 
-    /// Let a MAT go: a free mass `m` where it is.
-    pub(crate) fn loosen(&mut self, mat: usize, m: f64) {
+    /// Make a MAT a free mass `m` [kg] where it is.
+    pub(crate) fn set_free(&mut self, mat: usize, m: f64) {
         let mats = &mut self.mats;
         mats.kind[mat] = MatKind::Mas;
         (mats.m[mat], mats.k[mat], mats.z[mat], mats.rest[mat]) = (m, 0.0, 0.0, 0.0);
@@ -76,12 +77,15 @@ impl Network {
         (mats.k[mat], mats.z[mat], mats.m[mat]) = (k, z, m);
     }
 
-    /// The same with other rates of its slow parts: what `of` makes of a part's name, and of its frames from
-    /// kick to kick; `None`: at every frame.
-    pub(crate) fn with_every(&self, of: impl Fn(&str, Option<u32>) -> Option<u32>) -> Self {
+    /// The network with other rates of its slow parts: `macrostep` gives the frames from pull to pull from a part's name
+    /// and present value; `None`: every frame.
+    pub(crate) fn with_macrosteps(
+        &self,
+        macrostep: impl Fn(&str, Option<u32>) -> Option<u32>,
+    ) -> Self {
         let mut own = self.clone();
         for part in &mut own.parts {
-            part.every = of(&part.name, part.every);
+            part.macrostep = macrostep(&part.name, part.macrostep);
         }
         own
     }
@@ -101,7 +105,7 @@ impl Network {
         }
     }
 
-    /// The links of one run that lie inside, as runs: side by side where both ends stay side by side.
+    /// Add the links of one run that lie inside, as runs; links whose ends stay consecutive share a run.
     fn cut(&self, run: &Run, links: &[u32], subset: &mut Subset) {
         let mut open: Option<(usize, usize, usize)> = None;
         for i in 0..run.len {
@@ -125,7 +129,7 @@ impl Network {
 }
 
 impl Subset {
-    /// Whether any MAT of a range of the whole is here.
+    /// Whether any MAT of a range of the whole belongs to the subset.
     fn reaches(&self, first: usize, len: usize) -> bool {
         let at = self.mats.partition_point(|&mat| (mat as usize) < first);
         self.mats
@@ -159,7 +163,7 @@ impl Subset {
         }
     }
 
-    /// What there is of a term here, as terms over local ranges.
+    /// The share of the subset in a term, as terms over local ranges.
     fn term(&self, term: &Term, guests: &[u32]) -> Vec<Term> {
         let (known, guests, first, len) = match *term {
             Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {

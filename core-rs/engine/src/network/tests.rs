@@ -61,7 +61,7 @@ fn a_module_without_a_part_has_one_without_a_name() {
         (network.parts().len(), network.mat_name(0).as_str()),
         (1, "m")
     );
-    assert_eq!(network.alone(0, &[]).network.n_mat(), 1);
+    assert_eq!(network.part_alone(0, &[]).network.n_mat(), 1);
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
     network
         .spring("by", first + 1, first + 3, 5.0, 0.0, 0.0)
         .unwrap();
-    let own = network.alone(1, &[]);
+    let own = network.part_alone(1, &[]);
     assert_eq!(own.mats, (1..=6).collect::<Vec<_>>());
     let alone = own.network;
     assert_eq!(alone.mat_name(3), "key.s.3");

@@ -2,11 +2,13 @@
 
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
+use crate::island::mesh::Mesh;
 use crate::island::slow::Slow;
 use crate::network::{Contact, LinkKind, Network, Run};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::mesh::LADDER;
+use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -38,7 +40,9 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     for run in network.runs() {
         let each = match &run.kind {
             LinkKind::Ref if run.len > 1 => Costs::of("link"),
-            LinkKind::Lnl(law) if law.hardens().is_none() => Costs::of("expression"),
+            LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
+                Costs::of("expression")
+            }
             LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
             LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
             _ => Costs::of("single"),
@@ -57,9 +61,11 @@ pub(super) fn laws_cost(network: &Network, contact_substeps: usize) -> f64 {
         return 0.0;
     }
     let is_fine = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_)) && run.len == 1;
-    let parts =
-        contact_substeps / Budget::STEPS_MIN * network.runs().iter().filter(is_fine).count();
-    parts as f64 * Costs::of("collocation")
+    let n_laws = network.runs().iter().filter(is_fine).count();
+    if n_laws > Scheme::FINE_LAWS {
+        return 0.0;
+    }
+    (contact_substeps / Budget::STEPS_MIN * n_laws) as f64 * Costs::of("collocation")
 }
 
 /// What a body inside an island costs a frame [ns].
@@ -70,13 +76,26 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
             modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
         }
         BodyPlan::Mesh(mesh) => {
-            let rung = |&&(way, steps, _): &&(MeshMethod, u32, f64)| {
-                (way, steps) == (mesh.way, mesh.substeps)
-            };
-            let times = LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times);
-            times * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
+            times(mesh) * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
         }
         BodyPlan::Slow(slow) => slow_cost(slow),
+    }
+}
+
+/// How many times a step of CA a mesh takes a frame.
+fn times(mesh: &Mesh) -> f64 {
+    let rung =
+        |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.way, mesh.substeps);
+    LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times)
+}
+
+/// What a body takes in a trial a frame beyond [`body_cost`] [ns]: rows of a small plate are shorter than what the
+/// table was measured with.
+pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
+    const ROW: f64 = 2.5;
+    match inside {
+        BodyPlan::Mesh(mesh) => times(mesh) * ROW * mesh.network.runs().len() as f64,
+        BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }
 }
 
@@ -91,7 +110,7 @@ fn slow_cost(slow: &Slow) -> f64 {
     let n = slow.free.len() as f64;
     let kick = n * (2.0 * n * Costs::of("port") + Costs::of("mat"));
     let each = Costs::of("slow") + slow.ports.len() as f64 * Costs::of("mat");
-    kick / f64::from(slow.flow.every) + each
+    kick / f64::from(slow.flow.macrostep) + each
 }
 
 /// What a bank costs a frame [ns].

@@ -9,6 +9,7 @@ use crate::plan::budget::Budget;
 use crate::plan::choice::{Choice, Pins, another};
 use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::audible::ModeKind;
 use crate::plan::passes::body;
 use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
@@ -164,7 +165,9 @@ impl Maker<'_> {
                 Ok(mut found) => {
                     found.bank.is_open = own.timeline.is_open;
                     found.bank.kept = found.kept.numbers();
-                    found.bank.of = Some(Arc::new(subset.network.clone()));
+                    // What takes over from it asks for normal modes.
+                    let is_normal = found.kind == ModeKind::Normal;
+                    found.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
                     for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
                         self.plan.still[output as usize] += rest;
                     }
@@ -290,11 +293,15 @@ impl Maker<'_> {
         let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
             let assemble = |how: (u32, Ways<'_>)| {
-                Assembled::new(&subset, own, self.budget, how, pin, &self.memo)
+                let island = Assembled::new(&subset, own, self.budget, how, pin, &self.memo);
+                self.allowance.spend(self.memo.take_work());
+                island
             };
             // What grows at once is not worth a pilot.
             let mut judged = match assemble((1, Ways::Budget)) {
-                Ok(island) if subset.network.has_slow_parts() => multirate::certify(&island),
+                Ok(island) if subset.network.has_slow_parts() => {
+                    multirate::certify(&island, &self.allowance)
+                }
                 _ => Ok(None),
             };
             if judged.is_ok() {
@@ -307,7 +314,7 @@ impl Maker<'_> {
                 };
                 // Where all of it goes more often its map is another.
                 if found.island.island_plan.oversampling > 1 {
-                    judged = multirate::certify(&found.island);
+                    judged = multirate::certify(&found.island, &self.allowance);
                 }
                 if let Ok(growth) = judged {
                     break (found, growth);

@@ -1,8 +1,11 @@
 //! The passes that find what is computed and how: islands, bodies, methods. Nothing is played here.
 
 pub(in crate::plan) mod assemble;
+pub(in crate::plan) mod audible;
 pub(in crate::plan) mod body;
 pub(in crate::plan) mod cells;
+pub(in crate::plan) mod complex_body;
+pub(in crate::plan) mod complex_modes;
 pub(in crate::plan) mod degenerate_modes;
 pub(in crate::plan) mod islands;
 pub(in crate::plan) mod linear;
@@ -15,4 +18,5 @@ pub(in crate::plan) mod slow;
 pub(in crate::plan) mod solved_modes;
 pub(in crate::plan) mod split;
 pub(in crate::plan) mod truncate;
+pub(in crate::plan) mod viscosity;
 pub(in crate::plan) mod wiring;

@@ -115,10 +115,11 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
             }
         })
         .collect();
+    // A body that resists bending has negative links; each counts as if it were positive.
     for (run, weight) in links() {
         for i in 0..run.len {
-            sums[run.a + i] += weight;
-            sums[run.b + i] += weight;
+            sums[run.a + i] += weight.abs();
+            sums[run.b + i] += weight.abs();
         }
     }
     if let Some(mat) = sums.iter().position(|sum| !sum.is_finite()) {

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use super::side::{At, Side, Spot, others};
+use super::side::{At, MatLocation, Side, others};
 use super::{RunningUnit, Simulation};
 use crate::island::inside::{self, BodyPlan};
 use crate::network::Network;
@@ -150,7 +150,7 @@ pub(super) fn bodies(
     wanted: impl Fn(&str) -> bool,
     sight: Sight,
     room: &mut Room,
-) -> (Vec<(String, Spot)>, Vec<Body>) {
+) -> (Vec<(String, MatLocation)>, Vec<Body>) {
     let (mut spots, mut found) = (Vec::new(), Vec::new());
     for known in Candidate::all(side, same, without) {
         if !known.names.iter().any(|name| wanted(name)) {
@@ -161,7 +161,7 @@ pub(super) fn bodies(
             continue;
         };
         let slots = names.into_iter().zip(body.first..);
-        spots.extend(slots.map(|(name, slot)| (name, Spot::Room(slot))));
+        spots.extend(slots.map(|(name, slot)| (name, MatLocation::Room(slot))));
         found.push(body);
     }
     (spots, found)

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::Simulation;
 use super::bodies::{Body, Room, bodies, names};
-use super::side::{At, Side, Spot, others, spots};
+use super::side::{At, MatLocation, Side, others, spots};
 use crate::bank::are_same;
 use crate::island::Through;
 use crate::network::Network;
@@ -24,7 +24,7 @@ pub struct Carry {
     /// Banks of the same modes, otherwise heard.
     pub(super) modes: Vec<(At, At, usize)>,
     /// MATs of all others.
-    pub(super) mats: Vec<(Spot, Spot)>,
+    pub(super) mats: Vec<(MatLocation, MatLocation)>,
     /// Bodies there whose masses go on, and bodies here that do.
     pub(super) from: Vec<Body>,
     pub(super) to: Vec<Body>,
@@ -209,7 +209,7 @@ impl Carry {
             Sight::Positions,
             &mut self.room,
         );
-        let by_name: HashMap<String, Spot> = singles.into_iter().chain(more).collect();
+        let by_name: HashMap<String, MatLocation> = singles.into_iter().chain(more).collect();
         for (name, to) in &here_spots {
             if let Some(&from) = by_name.get(name) {
                 self.mats.push((from, *to));

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::carry::Carry;
 use super::side::{At, Side};
-use crate::island::hand::voice::{Heir, shared};
+use crate::island::hand::voice::{VoiceCarry, shared};
 use crate::island::{Island, Through};
 use crate::plan::IslandPlan;
 
@@ -76,7 +76,7 @@ impl Carry {
                     self.through
                         .push((from, to, Through::Report(there, here, is_same)));
                 }
-                let heir = Heir {
+                let heir = VoiceCarry {
                     from: there,
                     to: voice,
                     mats,
@@ -96,7 +96,7 @@ impl Carry {
                 gates.insert(island_plan.network.link_name(own.link), (from, gate));
             }
             // A hand that several islands touch has a part in each of them.
-            for (hand, own) in island.script().grips.iter().enumerate() {
+            for (hand, own) in island.script().hand_bindings.iter().enumerate() {
                 let name = island_plan.network.mat_name(own.mat());
                 hands.entry(name).or_default().push((from, hand));
             }
@@ -125,7 +125,7 @@ impl Carry {
                     self.through.push((from, to, Through::Gate(None, gate)));
                 }
             }
-            for (hand, own) in script.grips.iter().enumerate() {
+            for (hand, own) in script.hand_bindings.iter().enumerate() {
                 let Some(known) = hands.get(&island_plan.network.mat_name(own.mat())) else {
                     continue;
                 };

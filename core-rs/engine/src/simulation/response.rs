@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{OnFault, Options, Simulation};
-use crate::network::{Error, Met};
+use crate::network::{Error, ReachableScene};
 use crate::plan::Plan;
 use crate::scheme::Scheme;
 use crate::timeline::{HandWay, Timeline};
@@ -18,7 +18,7 @@ const WORK: usize = 1 << 17;
 /// Steps of a frame at most, where a closed scene is too stiff for one.
 const FINEST: u32 = 64;
 
-impl Met {
+impl ReachableScene {
     /// Force against the hand [N/m] in each tick, of `every` frames, after it was 1 m away for one: for so many ticks as
     /// `ticks` says at least, and at most as long as it rings.
     ///
@@ -112,7 +112,7 @@ fn rings(felt: &[f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::{Moment, Network, Tie};
+    use crate::network::{Network, SceneMoment, Tie};
 
     const RATE: f64 = 44_100.0;
     const KEY: Tie = Tie::Physical { k: 60.0, z: 1.2 };
@@ -132,37 +132,37 @@ mod tests {
         (network, [a, far, b, m, n])
     }
 
-    fn response(network: &Network, mat: usize, moment: &Moment) -> Vec<f64> {
-        let met = network.met(mat, moment, 1e-3, RATE);
+    fn response(network: &Network, mat: usize, moment: &SceneMoment) -> Vec<f64> {
+        let scene = network.reachable_scene(mat, moment, 1e-3, RATE);
         let rate = Rate::new(RATE).unwrap();
-        met.response(rate, 44, [400, 4_096]).unwrap().unwrap()
+        scene.response(rate, 44, [400, 4_096]).unwrap().unwrap()
     }
 
     #[test]
     fn only_what_a_hand_can_reach_is_met() {
         let (network, [a, far, b, ..]) = scene();
-        let met = network.met(a, &Moment::default(), 1e-3, RATE);
+        let scene = network.reachable_scene(a, &SceneMoment::default(), 1e-3, RATE);
         assert_eq!(
-            (met.network.n_mat(), met.network.n_lia(), met.others),
+            (scene.network.n_mat(), scene.network.n_lia(), scene.others),
             (4, 3, 0)
         );
-        let held = Moment {
+        let held = SceneMoment {
             held: vec![far, b],
-            ..Moment::default()
+            ..SceneMoment::default()
         };
         // A held key ends the scene, and its hand is counted.
-        let met = network.met(a, &held, 1e-3, RATE);
+        let scene = network.reachable_scene(a, &held, 1e-3, RATE);
         assert_eq!(
-            (met.network.n_mat(), met.network.n_lia(), met.others),
+            (scene.network.n_mat(), scene.network.n_lia(), scene.others),
             (3, 2, 1)
         );
-        let parted = Moment {
+        let parted = SceneMoment {
             without: vec![1],
             ..held
         };
-        let met = network.met(a, &parted, 1e-3, RATE);
+        let scene = network.reachable_scene(a, &parted, 1e-3, RATE);
         assert_eq!(
-            (met.network.n_mat(), met.network.n_lia(), met.others),
+            (scene.network.n_mat(), scene.network.n_lia(), scene.others),
             (2, 1, 0)
         );
     }
@@ -171,10 +171,10 @@ mod tests {
     #[test]
     fn a_moment_answers_as_a_network_with_its_numbers() {
         let (network, [a, _, _, m, _]) = scene();
-        let moment = Moment {
+        let moment = SceneMoment {
             ties: vec![(m, [10.0, 0.3, 0.02])],
             factors: vec![(1, 3.0)],
-            ..Moment::default()
+            ..SceneMoment::default()
         };
         let mut other = Network::new();
         other.part("keys", None);
@@ -188,28 +188,33 @@ mod tests {
         other.spring("bn", b, n, 700.0, 0.1, 0.0).unwrap();
         let (found, expected) = (
             response(&network, a, &moment),
-            response(&other, own, &Moment::default()),
+            response(&other, own, &SceneMoment::default()),
         );
         for (found, expected) in found.iter().zip(&expected) {
             assert!((found - expected).abs() < 1e-6 * expected.abs() + 1e-9);
         }
-        assert_ne!(found, response(&network, a, &Moment::default()));
+        assert_ne!(found, response(&network, a, &SceneMoment::default()));
     }
 
     /// The same numbers, the same bytes; another number anywhere, others.
     #[test]
     fn numbers_tell_scenes_apart() {
         let (network, [a, _, b, ..]) = scene();
-        let plain = Moment::default();
-        let of = |moment: &Moment| network.met(a, moment, 1e-3, RATE).network.numbers();
-        assert_eq!(of(&plain), of(&plain));
-        let softer = Moment {
-            factors: vec![(2, 0.5)],
-            ..Moment::default()
+        let plain = SceneMoment::default();
+        let of = |moment: &SceneMoment| {
+            network
+                .reachable_scene(a, moment, 1e-3, RATE)
+                .network
+                .numbers()
         };
-        let held = Moment {
+        assert_eq!(of(&plain), of(&plain));
+        let softer = SceneMoment {
+            factors: vec![(2, 0.5)],
+            ..SceneMoment::default()
+        };
+        let held = SceneMoment {
             held: vec![b],
-            ..Moment::default()
+            ..SceneMoment::default()
         };
         assert_ne!(of(&plain), of(&softer));
         assert_ne!(of(&plain), of(&held));
@@ -223,7 +228,7 @@ mod tests {
         let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let m = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
         network.spring("am", a, m, 1e6, 0.0, 0.0).unwrap();
-        let felt = response(&network, a, &Moment::default());
+        let felt = response(&network, a, &SceneMoment::default());
         // In the end the mass moves with the key: what is left is the spring of its tie.
         let sum: f64 = felt.iter().sum();
         assert!((sum - 60.0).abs() < 10.0, "{sum}");

@@ -10,7 +10,7 @@ pub(super) type At = (usize, usize);
 
 /// Where a MAT is computed.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Spot {
+pub(super) enum MatLocation {
     /// MAT of an island.
     Island(At, usize),
     /// Oscillator of a bank, and where its MAT rests [m].
@@ -62,7 +62,7 @@ pub(super) fn others<'a, T>(
 }
 
 /// The MATs of units that are not the same, by name: those that move, and no port, which goes where its body has it.
-pub(super) fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)> {
+pub(super) fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, MatLocation)> {
     let mut found = Vec::new();
     for (&(at, _, island_plan), _) in others(&side.islands, islands) {
         let mut ports: Vec<usize> = island_plan
@@ -73,16 +73,19 @@ pub(super) fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(Str
         ports.sort_unstable();
         let kinds = island_plan.network.mats().kind.iter().enumerate();
         let free = kinds.filter(|(mat, kind)| kind.moves() && ports.binary_search(mat).is_err());
-        found.extend(
-            free.map(|(mat, _)| (island_plan.network.mat_name(mat), Spot::Island(at, mat))),
-        );
+        found.extend(free.map(|(mat, _)| {
+            (
+                island_plan.network.mat_name(mat),
+                MatLocation::Island(at, mat),
+            )
+        }));
     }
     for (&(at, bank), _) in others(&side.banks, banks) {
         let mats = bank.mats.iter().enumerate();
         found.extend(mats.map(|(own, &(mat, rest))| {
             (
                 side.network.mat_name(mat as usize),
-                Spot::Bank(at, own, rest),
+                MatLocation::Bank(at, own, rest),
             )
         }));
     }

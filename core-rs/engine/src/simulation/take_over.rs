@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::bodies::Room;
 use super::carry::Carry;
-use super::side::{At, Spot};
+use super::side::{At, MatLocation};
 use super::{RunningUnit, Simulation};
 use crate::plan::Plan;
 
@@ -65,16 +65,16 @@ impl Simulation {
     }
 
     /// One MAT goes on.
-    fn pass(&mut self, old: &mut Self, room: &mut Room, from: Spot, to: Spot) {
+    fn pass(&mut self, old: &mut Self, room: &mut Room, from: MatLocation, to: MatLocation) {
         let motion = match from {
-            Spot::Room(slot) => room.mats[slot],
-            Spot::Island(at, mat) => match old.playing(at) {
+            MatLocation::Room(slot) => room.mats[slot],
+            MatLocation::Island(at, mat) => match old.playing(at) {
                 RunningUnit::Island(island) => island.motion(mat),
                 RunningUnit::Bank(_) => return,
             },
-            Spot::Bank(at, there, rest) => match old.playing(at) {
+            MatLocation::Bank(at, there, rest) => match old.playing(at) {
                 RunningUnit::Bank(bank) => {
-                    if let Spot::Bank(at, here, own) = to
+                    if let MatLocation::Bank(at, here, own) = to
                         && own == rest
                         && let RunningUnit::Bank(new) = self.playing(at)
                     {
@@ -88,13 +88,13 @@ impl Simulation {
             },
         };
         match to {
-            Spot::Room(slot) => room.mats[slot] = motion,
-            Spot::Island(at, mat) => {
+            MatLocation::Room(slot) => room.mats[slot] = motion,
+            MatLocation::Island(at, mat) => {
                 if let RunningUnit::Island(island) = self.playing(at) {
                     island.set_motion(mat, motion);
                 }
             }
-            Spot::Bank(at, oscillator, rest) => {
+            MatLocation::Bank(at, oscillator, rest) => {
                 if let RunningUnit::Bank(bank) = self.playing(at) {
                     let now = motion.0 - rest;
                     bank.set_motion(oscillator, (now, now - motion.1));

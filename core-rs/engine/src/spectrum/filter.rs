@@ -21,7 +21,12 @@ const ROUNDS: usize = 100;
 
 /// The `k` smallest eigenvalues of a symmetric positive semi-definite operator outside the span of
 /// `nullspace`, rising, with their vectors; fewer where there are fewer.
-pub fn lowest_modes(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>], k: usize) -> Vec<Mode> {
+pub(crate) fn lowest_modes(
+    n: usize,
+    apply: Apply<'_>,
+    nullspace: &[Vec<f64>],
+    k: usize,
+) -> Vec<Mode> {
     let null = orthonormal(nullspace);
     let available = n - null.len().min(n);
     let k = k.min(available);

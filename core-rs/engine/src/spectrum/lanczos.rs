@@ -15,21 +15,21 @@ const KNOWN: f64 = 1e-10;
 
 /// The upper end of a spectrum.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Largest {
+pub(crate) struct Largest {
     /// The largest Ritz value: a lower bound of λmax.
-    pub theta: f64,
+    pub(crate) theta: f64,
     /// |β_k s_k|: an eigenvalue lies within this of `theta`.
-    pub residual: f64,
+    pub(crate) residual: f64,
     /// θ + |β_k|: an upper bound of λmax in practice always (Zhou & Li 2011), loose before convergence.
-    pub safe: f64,
+    pub(crate) safe: f64,
     /// Steps taken, k.
-    pub steps: usize,
+    pub(crate) steps: usize,
     /// The Ritz vector (n,), of length 1.
-    pub vector: Vec<f64>,
+    pub(crate) vector: Vec<f64>,
 }
 
 /// The largest eigenvalue of the symmetric operator `apply` on vectors of `n` >= 1 numbers.
-pub fn largest(n: usize, apply: Apply<'_>) -> Largest {
+pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
     let most = STEPS.min(n).min((KEPT / n.max(1)).max(8));
     let mut next = scattered(n, 0);
     normalise(&mut next);

@@ -21,7 +21,7 @@ const LOOK: f64 = 1.1;
 /// (the constant vector for a network without ground), and its vector.
 ///
 /// To some 1e-13 of λ. `None` where the nullspace is all there is.
-pub fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Option<Mode> {
+pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Option<Mode> {
     let null = orthonormal(nullspace);
     if null.len() >= n {
         return None;

@@ -14,7 +14,10 @@ const ROUNDS: usize = 60;
 /// the same order (n,). `matrix` is (n, n), row after row, and is used up.
 ///
 /// `None` where a number is not finite.
-pub fn whole(mut matrix: Vec<f64>, vectors: &[Vec<f64>]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+pub(crate) fn whole(
+    mut matrix: Vec<f64>,
+    vectors: &[Vec<f64>],
+) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     let n = matrix.len().isqrt();
     let mut seen = vectors.to_vec();
     let (mut diagonal, mut beside) = reduce(&mut matrix, n, &mut seen);

@@ -32,6 +32,9 @@ pub enum Source {
     Take(Placed),
     /// A real hand.
     Hand(Hand),
+    /// Impulses given by [`Simulation::strike`](crate::simulation::Simulation::strike) while it plays; the number names
+    /// the point. Without an impulse the force is 0.
+    Strikes(u32),
 }
 
 impl Drive {
@@ -41,6 +44,7 @@ impl Drive {
             Source::Constant(value) => *value,
             Source::Take(path) => path.at(n as f64 / rate).0,
             Source::Hand(hand) => hand.at(n),
+            Source::Strikes(_) => 0.0,
         }
     }
 

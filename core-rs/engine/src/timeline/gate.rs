@@ -105,24 +105,24 @@ impl Gate {
 
 /// Continuation of a gate across a change of score: the factor glides from that of the replaced version.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Lean {
+pub(crate) struct GateContinuation {
     from: f64,
     since: u64,
 }
 
-impl Lean {
+impl GateContinuation {
     /// Continuation to `gate` from another gate's factor at frame `n`; `None` where both factors are equal.
     pub(crate) fn new(gate: &Gate, from: f64, n: u64) -> Option<Self> {
         (from != gate.open(n)).then_some(Self { from, since: n })
     }
 
     /// Factor of a gate at frame `n`.
-    pub(crate) fn open(lean: Option<&Self>, gate: &Gate, n: u64) -> f64 {
+    pub(crate) fn open(continuation: Option<&Self>, gate: &Gate, n: u64) -> f64 {
         let own = gate.open(n);
-        match lean {
-            Some(lean) if n < lean.since + gate.fade => {
-                let share = gate.ramp(n, lean.since);
-                lean.from + (own - lean.from) * share
+        match continuation {
+            Some(continuation) if n < continuation.since + gate.fade => {
+                let share = gate.ramp(n, continuation.since);
+                continuation.from + (own - continuation.from) * share
             }
             _ => own,
         }
@@ -131,6 +131,17 @@ impl Lean {
 
 impl Timeline {
     /// Let a LIA act only from `start` to `stop` [s], with fades that begin on the grid and take 20 ms.
+    ///
+    /// ```
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.mas("b", 1e-3, 0.0, 0.0)?);
+    /// let link = network.spring("tie", a, b, 500.0, 0.01, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// timeline.couple(&network, link, 1.0, Some(3.0))?; // it acts from 1 s to 3 s
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// Unless the LIA is a single link without times yet, and `stop` comes after `start`.

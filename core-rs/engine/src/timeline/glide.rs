@@ -1,25 +1,31 @@
-//! Glides of M, K and Z of a MAT to the values of the network.
+//! Glides of M, K and Z of a MAT: to the values of the network, or through any number of points.
+
+use std::sync::Arc;
 
 use super::Timeline;
-use super::gate::Ramp;
 use crate::network::{Error, Network};
 
-/// A glide of the parameters of a MAT.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
+pub type Ties = [f64; 3];
+
+/// The parameters of a MAT as a function of the frame, linear between points (of what a frame takes of them).
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Glide {
     pub(crate) mat: usize,
-    /// Initial K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
-    pub(crate) from: [f64; 3],
-    /// Share of the network's values.
-    pub(crate) ramp: Ramp,
+    /// Frames on the grid, rising, and the parameters there; `None`: those of the network. Before the first point and
+    /// after the last one they stay.
+    pub(crate) points: Arc<[(u64, Option<Ties>)]>,
 }
 
 impl Glide {
     /// The same event at `oversampling` times the rate.
-    pub(super) fn faster(self, oversampling: u64) -> Self {
+    pub(super) fn faster(&self, oversampling: u64) -> Self {
+        let points = self.points.iter();
         Self {
-            ramp: self.ramp.faster(oversampling),
-            ..self
+            points: points
+                .map(|&(frame, ties)| (frame * oversampling, ties))
+                .collect(),
+            ..*self
         }
     }
 }
@@ -28,15 +34,56 @@ impl Timeline {
     /// Let a MAT have other K, Z and M up to `start`, and the network's own from `stop` on [s], evenly between (of what a
     /// frame takes of them), on the grid.
     ///
+    /// ```
+    /// use ergon_engine::network::Tie;
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let tie = Tie::Physical { k: 100.0, z: 0.1 };
+    /// let bell = network.cel("bell", 0.002, tie, 0.0, 0.0, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// // From 50 N/m at 1 s to the 100 N/m of the network at 2 s.
+    /// timeline.glide(&network, bell, [50.0, 0.1, 0.002], (1.0, 2.0))?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// Unless the MAT moves and does not glide yet, the numbers are numbers, and `stop` comes after `start`.
     pub fn glide(
         &mut self,
         network: &Network,
         mat: usize,
-        [k, z, m]: [f64; 3],
+        ties: Ties,
         (start, stop): (f64, f64),
     ) -> Result<(), Error> {
+        let points = [(start, Some(ties)), (stop, None)];
+        self.glide_along(network, mat, &points)?;
+        Ok(())
+    }
+
+    /// Let K, Z and M of a MAT go through points (instants [s], rising), evenly between them, on the grid. Points that
+    /// lie on one place of the grid are one: the last of them.
+    ///
+    /// # Errors
+    /// Unless the MAT moves and does not glide yet, and there are points that rise and are numbers.
+    pub fn path(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        points: &[(f64, Ties)],
+    ) -> Result<(), Error> {
+        let points: Vec<_> = points.iter().map(|&(at, ties)| (at, Some(ties))).collect();
+        let frames = self.glide_along(network, mat, &points)?;
+        debug_assert!(frames > 0);
+        Ok(())
+    }
+
+    fn glide_along(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        points: &[(f64, Option<Ties>)],
+    ) -> Result<usize, Error> {
         let refuse = |message: &str| {
             Err(Error::Refused {
                 module: network.mat_name(mat),
@@ -50,26 +97,36 @@ impl Timeline {
             return refuse("it glides already");
         }
         let is_good = |x: f64| x.is_finite() && x >= 0.0;
-        if !([k, z, m].into_iter().all(is_good) && m > 0.0) {
+        let is_tie = |&[k, z, m]: &Ties| [k, z, m].into_iter().all(is_good) && m > 0.0;
+        if !points
+            .iter()
+            .filter_map(|(_, ties)| ties.as_ref())
+            .all(is_tie)
+        {
             return refuse("a glide needs K and Z of 0 or more, and M above 0");
         }
-        if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
+        if points.is_empty() || !points.iter().all(|&(at, _)| at.is_finite() && at >= 0.0) {
             return refuse("a glide begins and ends at finite instants, at 0 s or later");
         }
-        let (start, stop) = (self.on_grid(start), self.on_grid(stop));
-        if stop <= start {
-            return refuse("a glide takes 64 samples at least");
+        if points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
+            return refuse("the points of a glide rise in time");
+        }
+        let is_pair = points.len() == 2 && points[1].1.is_none();
+        let mut placed: Vec<(u64, Option<Ties>)> = Vec::with_capacity(points.len());
+        for &(at, ties) in points {
+            let frame = self.on_grid(at);
+            if placed.last().is_some_and(|&(last, _)| last == frame) {
+                if is_pair {
+                    return refuse("a glide takes 64 samples at least");
+                }
+                placed.pop();
+            }
+            placed.push((frame, ties));
         }
         self.glides.push(Glide {
             mat,
-            from: [k, z, m],
-            ramp: Ramp {
-                from: 0.0,
-                to: 1.0,
-                start,
-                stop,
-            },
+            points: placed.into(),
         });
-        Ok(())
+        Ok(self.glides.len())
     }
 }

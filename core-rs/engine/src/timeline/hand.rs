@@ -57,6 +57,18 @@ impl Timeline {
     /// `positions` [m]: position at each tick, (n_ticks), as recorded or as a substitute for a hand; empty: the initial
     /// position of the MAT.
     ///
+    /// ```
+    /// use ergon_engine::timeline::HandWay;
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let key = network.mas("key", 0.4, 0.0, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// let hand = timeline.hand(&network, key, 44, HandWay::Line, &[0.0, 1e-3, 2e-3])?;
+    /// assert_eq!(hand, 0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`StrikeError`] where the MAT cannot be imposed, the tick is not of 1 to 4096 frames or differs from that of other
     /// hands, or a position is not finite.

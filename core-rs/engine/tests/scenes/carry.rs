@@ -83,7 +83,7 @@ fn network_with(is_more: bool) -> Network {
         .cel("m", 0.4, tie(60.0, 1.2), 0.0, 0.0, 0.0)
         .unwrap();
     network.part("lever", None);
-    network.every(10);
+    network.macrostep(10);
     let lever = network
         .cel("m", 0.08, tie(200.0, 0.4), 0.0, 0.0, 0.0)
         .unwrap();
@@ -140,7 +140,7 @@ fn lean(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
     let written = Written {
         t: &[start, start + 0.04, start + 0.05, start + 0.09],
         x: &[0.0, x, x, 0.2 * x],
-        way: &[
+        approaches: &[
             Approach::Path(Curve::Smooth),
             Approach::Path(Curve::Smooth),
             Approach::Throw,

@@ -69,7 +69,7 @@ fn an_extra_viscosity_adds_up() {
     ] {
         network.part(name, None);
         if let Some(every) = every {
-            network.every(every);
+            network.macrostep(every);
         }
         let first = network.n_mat();
         for i in 0..12 {

@@ -53,7 +53,7 @@ fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
     let written = Written {
         t: &t,
         x: &[0.0, 1e-3],
-        way: &[Approach::Path(Curve::Smooth); 2],
+        approaches: &[Approach::Path(Curve::Smooth); 2],
         sources: &[],
     };
     let manner = Manner {

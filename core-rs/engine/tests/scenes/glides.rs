@@ -310,7 +310,7 @@ fn a_slow_body_goes_on() {
     let network = |k: f64| {
         let mut network = Network::new();
         network.part("key", None);
-        network.every(8);
+        network.macrostep(8);
         let tie = Tie::Physical { k: 200.0, z: 0.4 };
         network.cel("m", 0.08, tie, 0.0, 2e-3, 0.0).unwrap();
         network.mas("n", 0.03, 0.0, 0.0).unwrap();
@@ -349,4 +349,56 @@ fn key() -> Timeline {
     let mut timeline = begin();
     timeline.key("key", 0);
     timeline
+}
+
+/// A path through two points is a glide, to the last bit, and goes on where there are more.
+#[test]
+fn a_path_goes_on_where_a_glide_ends() {
+    let ties = [
+        [790.0, 0.02, 0.002],
+        [1_600.0, 0.04, 0.002],
+        [300.0, 0.01, 0.003],
+    ];
+    let [k, z, m] = ties[1];
+    let mut network = Network::new();
+    network.part("bell", None);
+    let tie = Tie::Physical { k, z };
+    network.cel("m", m, tie, 0.0, 0.001, 0.0).unwrap();
+    listen_to_all(&mut network);
+    let at = |frame: u64| instant(frame);
+    let budget = Budget::default();
+    let heard = |timeline: &Timeline| {
+        let plan = plan(network.clone(), timeline, &budget);
+        let mut sound = vec![0.0; 16_000];
+        let mut simulation = Simulation::planned(plan, plain()).unwrap();
+        simulation.process(&mut sound).unwrap();
+        sound
+    };
+    let mut glide = begin();
+    glide
+        .glide(&network, 0, ties[0], (at(640), at(6_400)))
+        .unwrap();
+    let mut short = begin();
+    let points = [(at(640), ties[0]), (at(6_400), ties[1])];
+    short.path(&network, 0, &points).unwrap();
+    let mut long = begin();
+    let points = [
+        points[0],
+        points[1],
+        (at(9_600), ties[1]),
+        (at(9_664), ties[2]),
+    ];
+    long.path(&network, 0, &points).unwrap();
+    let (glide, short, longer) = (heard(&glide), heard(&short), heard(&long));
+    assert!(glide == short);
+    assert!(glide[..9_600] == longer[..9_600]);
+    assert!(glide[9_600..] != longer[9_600..]);
+    assert!(
+        long.path(&network, 0, &points).is_err(),
+        "it glides already"
+    );
+    let refused = |points: &[(f64, [f64; 3])]| begin().path(&network, 0, points).is_err();
+    assert!(refused(&[(1.0, ties[0]), (0.5, ties[1])]));
+    assert!(refused(&[]));
+    assert!(refused(&[(0.0, [1.0, 0.0, 0.0])]));
 }

@@ -58,7 +58,7 @@ impl Keyboard {
         let written = Written {
             t: &t,
             x: &x,
-            way: &way,
+            approaches: &way,
             sources: &[],
         };
         let gesture = Gesture::written(0, &written, manner)?;
@@ -241,7 +241,7 @@ fn points_that_are_none_are_refused() {
     let written = Written {
         t: &[0.0],
         x: &[0.0],
-        way: &[Approach::Throw],
+        approaches: &[Approach::Throw],
         sources: &[],
     };
     let elsewhere = Gesture::written(1, &written, OPEN).unwrap();

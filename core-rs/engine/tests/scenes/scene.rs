@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ergon_engine::chance::Chance;
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::take::{Care, Take};
+use ergon_engine::gesture::take::{Preparation, Take};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::maths;
@@ -43,7 +43,7 @@ pub(crate) fn hand() -> Take {
         .iter()
         .map(|t| 1.5e-3 * (1.0 - maths::cos(52.0 * t)))
         .collect();
-    Take::new(&t, &x, Care::default()).unwrap()
+    Take::new(&t, &x, Preparation::default()).unwrap()
 }
 
 impl Scene {
@@ -291,7 +291,7 @@ impl Scene {
         let written = Written {
             t: &t,
             x: &x,
-            way: &way,
+            approaches: &way,
             sources: &[],
         };
         let (touch, ergons) = [

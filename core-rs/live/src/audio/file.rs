@@ -24,14 +24,7 @@ pub(super) fn open(
     channels: usize,
     clock: Option<Option<u32>>,
 ) -> Result<Opened, AudioError> {
-    let failed = |error| AudioError::File {
-        path: path.to_owned(),
-        error,
-    };
-    if path.exists() {
-        return Err(failed(io::ErrorKind::AlreadyExists.into()));
-    }
-    let mut recording = Recording::begin(path, rate, channels).map_err(failed)?;
+    let mut recording = Recording::create(path, rate, channels)?;
     let block = clock.map_or(BLOCK, |block| block.unwrap_or(null::BLOCK));
     Ok(Opened {
         backend: "file",
@@ -55,7 +48,8 @@ pub(super) fn open(
     })
 }
 
-struct Recording {
+/// A WAVE file that is being written.
+pub(super) struct Recording {
     path: PathBuf,
     unfinished: PathBuf,
     to: BufWriter<File>,
@@ -67,6 +61,18 @@ struct Recording {
 }
 
 impl Recording {
+    /// A new file, under another name until it is whole.
+    pub(super) fn create(path: &Path, rate: u32, channels: usize) -> Result<Self, AudioError> {
+        let failed = |error| AudioError::File {
+            path: path.to_owned(),
+            error,
+        };
+        if path.exists() {
+            return Err(failed(io::ErrorKind::AlreadyExists.into()));
+        }
+        Self::begin(path, rate, channels).map_err(failed)
+    }
+
     fn begin(path: &Path, rate: u32, channels: usize) -> io::Result<Self> {
         let mut name = std::ffi::OsString::from(".");
         name.push(path.file_name().ok_or(io::ErrorKind::InvalidFilename)?);
@@ -113,7 +119,7 @@ impl Recording {
         })
     }
 
-    fn write(&mut self, samples: &[f32], frames: usize) -> io::Result<()> {
+    pub(super) fn write(&mut self, samples: &[f32], frames: usize) -> io::Result<()> {
         for sample in samples {
             self.to.write_all(&sample.to_le_bytes())?;
         }
@@ -134,13 +140,15 @@ impl Recording {
         Ok(())
     }
 
-    fn end(&mut self) -> io::Result<()> {
+    /// Give the whole file its name.
+    pub(super) fn end(&mut self) -> io::Result<()> {
         self.tell()?;
         self.to.get_ref().sync_all()?;
         std::fs::rename(&self.unfinished, &self.path)
     }
 
-    fn told(&self, error: &io::Error) -> String {
+    /// Why it could not be written.
+    pub(super) fn told(&self, error: &io::Error) -> String {
         let (path, unfinished) = (self.path.display(), self.unfinished.display());
         format!("{path} could not be written ({error}); the unfinished file is {unfinished}")
     }

@@ -28,6 +28,15 @@ pub enum Backend {
 }
 
 /// A backend and what is asked of it.
+///
+/// ```
+/// use ergon_live::audio::Spec;
+///
+/// let spec: Spec = "jack:system:playback_*,channels=4".parse()?;
+/// assert_eq!((spec.device.as_deref(), spec.channels), (Some("system:playback_*"), Some(4)));
+/// assert!("jackal".parse::<Spec>().is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spec {
     /// Where to.

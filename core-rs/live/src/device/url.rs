@@ -74,6 +74,15 @@ pub enum UrlError {
 impl Url {
     /// Read a device as it is written.
     ///
+    /// ```
+    /// use ergon_live::device::Url;
+    ///
+    /// let url = Url::parse("frame+udp:192.168.1.7:4000?lockstep")?;
+    /// assert!(url.lockstep && url.target == "192.168.1.7:4000");
+    /// assert!(Url::parse("nothing").is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`UrlError`] names what is not understood.
     pub fn parse(text: &str) -> Result<Self, UrlError> {

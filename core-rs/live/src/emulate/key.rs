@@ -33,6 +33,17 @@ impl Default for Key {
 }
 
 /// A device's keys and the hands on them.
+///
+/// ```
+/// use ergon_live::emulate::{Hand, Key, Keys};
+///
+/// let mut keys = Keys::new(1, Key::default(), 1000.0, vec![Hand::Resting])?;
+/// let mut force = [0.0; ergon_live::device::MAX_AXES];
+/// force[0] = 1.0; // 1 N on a key under a resting finger
+/// (0..100).for_each(|_| keys.step(&force));
+/// assert!(keys.positions()[0] > 0.0 && keys.periods() == 100);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Keys {
     rate: Rate,

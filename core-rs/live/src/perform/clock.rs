@@ -1,28 +1,28 @@
-//! When a tick begins: by the keys' clock, steered so that the ring stays as full as it is to be.
+//! The clock of the ticks: with keys it is steered so that the ring keeps its level, without keys the ring paces it.
 
 use std::time::{Duration, Instant};
 
 use crate::realtime::sleep_until;
 
-/// How far the tick may be stretched: below what a hand or an ear notices of a clock.
+/// Largest relative change of the length of a tick, which neither hand nor ear notices.
 const MOST: f64 = 5e-3;
-/// Proportional and integral gain, for a relative error of the fill: settled within seconds.
+/// Proportional and integral gain for the relative error of the ring's level; the loop settles within seconds.
 const GAINS: (f64, f64) = (4e-3, 4e-4);
-/// So many ticks late the clock is set anew: what was missed is not played faster afterwards.
+/// Lateness in ticks from which on the clock is reset: missed ticks are not caught up.
 const LOST: u32 = 10;
-/// A thread that waits for room in the ring looks again after this part of a tick.
+/// Time between two checks for room in the ring, as a part of a tick.
 const LOOK: f64 = 0.25;
 
 /// The clock of the ticks.
 #[derive(Debug)]
 pub(super) struct Clock {
-    /// Of a tick [s].
+    /// Length of a tick [s].
     period: f64,
-    /// Frames that the ring is to hold.
+    /// Level of the ring [frames].
     target: f64,
-    /// By the keys; else the ring alone says when.
+    /// Whether keys pace the ticks; otherwise the ring does.
     keys: bool,
-    /// The card has a clock of its own, which the ring's fill tells; a file takes what comes.
+    /// Whether the output has a clock, as a card has and a file has not.
     steered: bool,
     due: Option<Instant>,
     integral: f64,
@@ -31,9 +31,9 @@ pub(super) struct Clock {
 /// How a tick began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Beat {
-    /// After it was due.
+    /// Lateness of the tick.
     pub(super) late: Duration,
-    /// So late that the clock was set anew.
+    /// Whether the clock was reset.
     pub(super) lost: bool,
 }
 
@@ -49,12 +49,12 @@ impl Clock {
         }
     }
 
-    /// Whether keys say when.
+    /// Whether keys pace the ticks.
     pub(super) fn is_by_keys(&self) -> bool {
         self.keys
     }
 
-    /// Of a tick [s].
+    /// Length of a tick [s].
     pub(super) fn period(&self) -> f64 {
         self.period
     }
@@ -75,13 +75,13 @@ impl Clock {
         Beat { late, lost }
     }
 
-    /// Relative stretch of the next tick: a ring that is too full lets the keys go slower.
+    /// Relative change of the next tick's length: longer where the ring is above its level.
     fn steer(&mut self, filled: usize, playing: bool) -> f64 {
         if !self.steered {
             return 0.0;
         }
         if !playing {
-            // Until the card takes anything the ring just fills.
+            // Until the card takes frames the ring only fills.
             return -MOST;
         }
         let error = ((filled as f64 - self.target) / self.target).clamp(-1.0, 1.0);
@@ -90,7 +90,7 @@ impl Clock {
         (GAINS.0 * error + GAINS.1 * self.integral).clamp(-MOST, MOST)
     }
 
-    /// Sleep a little, for the ring is full.
+    /// Sleep a little while the ring is full.
     pub(super) fn nap(&self) {
         std::thread::sleep(Duration::from_secs_f64(LOOK * self.period));
     }
@@ -100,7 +100,7 @@ impl Clock {
 mod tests {
     use super::*;
 
-    /// A card whose clock is off by a part in a thousand takes frames out of the ring; the clock follows it.
+    /// The clock follows a card whose clock is wrong by one part in a thousand.
     #[test]
     fn the_ring_settles_at_its_target_whatever_the_card_does() {
         for drift in [-2e-3, 0.0, 1e-3, 3e-3] {
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn a_late_tick_is_told_and_a_lost_one_sets_the_clock_anew() {
-        // Ticks so long that no stall of a busy machine counts; what passed is said, not slept.
+        // Ticks so long that no stall of a busy machine matters.
         const PERIOD: f64 = 0.5;
         let mut clock = Clock::new(PERIOD, 64, true, true);
         let passed = |clock: &mut Clock, ticks: f64| {

@@ -1,4 +1,4 @@
-//! What acts on a performance from any thread: flags that the physics thread reads in every tick.
+//! Control of a performance from any thread, by flags that the physics thread reads in every tick.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -6,16 +6,16 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crate::realtime::Granted;
 use crate::{audio, stop};
 
-/// Flags that the physics thread and all others share.
+/// Flags that the physics thread shares with others.
 #[derive(Debug, Default)]
 pub(super) struct SharedFlags {
-    /// Nothing more is to be played.
+    /// Whether the performance is to end.
     pub(super) stop: AtomicBool,
-    /// Forces are zero, sound is silent.
+    /// Whether a panic is active: zero force, silent sound.
     pub(super) panic: AtomicBool,
-    /// Axes that tripped may push again; the physics thread takes the flag back.
+    /// Request to let tripped axes push again; the physics thread clears it.
     pub(super) release: AtomicBool,
-    /// The last frame is out.
+    /// Whether the last frame was computed.
     pub(super) done: AtomicBool,
     /// What the system granted the physics thread: bit 0 memory locked, bit 2 set, from bit 8 on priority + 1; 0: not known.
     granted: AtomicU64,
@@ -37,7 +37,7 @@ impl SharedFlags {
     }
 }
 
-/// What stops a performance from any thread, at once: it takes no lock and waits for nothing.
+/// Stops a performance from any thread; it takes no lock and never waits.
 #[derive(Clone)]
 pub struct Control {
     flags: Arc<SharedFlags>,
@@ -49,13 +49,13 @@ impl Control {
         Self { flags, sound }
     }
 
-    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Control::release`].
+    /// Silence within 5 ms and zero force at the next tick, until [`Control::release`].
     pub fn panic(&self) {
         self.flags.panic.store(true, Ordering::Release);
         self.sound.panic();
     }
 
-    /// Sound and force again, after a panic, after [`stop::Stop::Forces`] and after a key tripped.
+    /// Let sound and force return after a panic, after [`stop::Stop::Forces`] and after a trip.
     pub fn release(&self) {
         stop::release();
         self.flags.panic.store(false, Ordering::Release);
@@ -63,14 +63,14 @@ impl Control {
         self.sound.release();
     }
 
-    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
+    /// End the performance: zero force at once, silence within 5 ms.
     pub fn stop(&self) {
         self.flags.stop.store(true, Ordering::Release);
         self.sound.panic();
     }
 }
 
-/// Sets the flag `done` when it is dropped, also by a panic of the physics thread.
+/// Sets the flag `done` when it is dropped, also where the physics thread panics.
 pub(super) struct MarkDone(pub(super) Arc<SharedFlags>);
 
 impl Drop for MarkDone {

@@ -1,4 +1,4 @@
-//! Why a piece cannot be played, or a change not be made.
+//! Errors of performances and of changes.
 
 use std::path::PathBuf;
 
@@ -7,65 +7,65 @@ use crate::audio::AudioError;
 use crate::device::DeviceError;
 use crate::recording::RecordingError;
 
-/// Why nothing can be played.
+/// Why a performance cannot begin, or failed.
 #[derive(Debug, thiserror::Error)]
 pub enum PlayError {
-    /// The sound.
+    /// The sound output.
     #[error(transparent)]
     Audio(#[from] AudioError),
-    /// A key.
+    /// A device.
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// The recording.
     #[error("the recording cannot be written: {0}")]
     Recording(#[from] RecordingError),
-    /// A prepared part.
+    /// A frozen part.
     #[error("{}: {error}", path.display())]
     Frozen {
-        /// Its file.
+        /// The file.
         path: PathBuf,
-        /// Why it cannot be read.
+        /// The error of reading it.
         error: std::io::Error,
     },
     /// The system refused a thread.
     #[error("the system refused a thread for the physics: {0}")]
     Thread(#[source] std::io::Error),
-    /// The physics thread panicked: forces are zero, nothing sounds.
+    /// The physics thread panicked; forces are zero and the sound is silent.
     #[error("the physics thread panicked; this is a bug in ergon")]
     Failed,
-    /// More hands than are told of.
+    /// More hands than a performance can have.
     #[error("{0} real hands: at most {HANDS_MAX} are supported")]
     Hands(usize),
-    /// A scene that a key would swing up against.
+    /// A scene that is too stiff for a device to be stable.
     #[error(
         "hand {hand}: the scene is {stiffness:.0} N/m stiff there, and the device bears {limit:.0} N/m"
     )]
     Stiff {
-        /// Which hand.
+        /// The hand.
         hand: usize,
-        /// What it would meet [N/m].
+        /// Stiffness of the scene [N/m].
         stiffness: f64,
-        /// What its device bears [N/m].
+        /// Greatest stable stiffness [N/m].
         limit: f64,
     },
 }
 
-/// Why a change cannot be asked for.
+/// Why a change is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ChangeError {
-    /// Not the first frame of a tick.
+    /// Its frame is not the first of a tick.
     #[error("frame {0} is not the first of a tick: ticks have {1} frames")]
     Frame(u64, usize),
-    /// A simulation of another frame.
+    /// Its simulation is at another frame.
     #[error("the simulation starts at frame {0}, and the change is at frame {1}")]
     Begins(u64, u64),
-    /// Prepared parts fill outputs by their places.
+    /// Its outputs differ, and frozen parts fill outputs by their indices.
     #[error("the number of outputs cannot change while frozen parts play")]
     Frozen,
-    /// Another number of channels.
+    /// Its number of channels differs.
     #[error("the number of channels cannot change: the sound card was opened with {0}")]
     Channels(usize),
-    /// Too much at once.
+    /// Too many changes wait.
     #[error("too many commands wait for the physics thread")]
     Busy,
 }

@@ -1,6 +1,6 @@
-//! Prepared parts: outputs that were computed before come from files, frame by frame beside those that are simulated.
+//! Frozen parts: outputs that were computed before and come from files, beside those that are simulated.
 //!
-//! A plain thread reads ahead into a ring; the physics thread takes what belongs to its frames and waits for nothing.
+//! A plain thread reads ahead into a ring; the physics thread takes the frames that it needs and never waits.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -13,36 +13,36 @@ use std::time::Duration;
 use rtrb::chunks::ChunkError;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// Frames that are read at once.
+/// Number of frames read at once.
 const BLOCK: u64 = 4_096;
-/// Frames that are ready before they are due, 1.5 s at 44.1 kHz; the ring is memory that stays locked.
+/// Number of frames read ahead, 1.5 s at 44.1 kHz; the ring is locked memory.
 const AHEAD: usize = 1 << 16;
 const RING_MAX: usize = (64 << 20) / size_of::<f64>();
-/// How often the reader looks for room.
+/// Time between two checks of the reader for room.
 const NAP: Duration = Duration::from_millis(10);
 
 /// A file of outputs that were computed before, from the first frame of the piece on.
 #[derive(Clone, Debug)]
 pub struct Stem {
-    /// Where its frames of little-endian doubles are.
+    /// The file, with frames of little-endian doubles.
     pub path: PathBuf,
-    /// Bytes before the first of them.
+    /// Offset of the first frame [bytes].
     pub offset: u64,
-    /// How many frames there are.
+    /// Number of frames.
     pub n_frames: u64,
-    /// Which outputs of the simulation it stands for.
+    /// The outputs of the simulation that it replaces.
     pub outputs: Vec<usize>,
 }
 
-/// The physics thread's end.
+/// The end of the ring that the physics thread reads.
 pub(super) struct Frozen {
     ring: Consumer<f64>,
     outputs: Vec<usize>,
-    /// The frame that is next in the ring.
+    /// Number of the next frame in the ring.
     next: u64,
 }
 
-/// The thread that reads; dropped, it ends.
+/// The thread that reads, which ends when this is dropped.
 pub(super) struct Reader {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -79,7 +79,7 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
     let thread = std::thread::Builder::new()
         .name("ergon frozen".into())
         .spawn(move || {
-            // What cannot be read is not there when it is due: it is silent, and counted.
+            // Frames that cannot be read are missing when they are due: they are silent, and counted.
             while !asked.load(Ordering::Acquire) && matches!(files.fill(), Ok(true)) {
                 std::thread::sleep(NAP);
             }
@@ -97,11 +97,11 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
     ))
 }
 
-/// The reader's end: files side by side.
+/// The files, and the end of the ring that the reader fills.
 struct Files {
-    /// Path, file, outputs in a frame of it.
+    /// (path, file, number of outputs in a frame).
     files: Vec<(PathBuf, BufReader<File>, usize)>,
-    /// Frames to be read.
+    /// Number of frames still to be read.
     left: u64,
     bytes: Vec<u8>,
     /// A block of all files   (n_frames · width)
@@ -111,7 +111,7 @@ struct Files {
 }
 
 impl Files {
-    /// Read as long as there is room; whether there is more to come.
+    /// Read while there is room; false at the end.
     fn fill(&mut self) -> Result<bool, (PathBuf, io::Error)> {
         while self.left > 0 {
             let n = self.left.min(BLOCK) as usize;
@@ -154,14 +154,14 @@ impl Drop for Reader {
 }
 
 impl Frozen {
-    /// Whether `n` frames from frame `at` on are there, or will never be.
+    /// Whether `n` frames from frame `at` on have been read, or never will be.
     pub(super) fn is_ready(&self, at: u64, n: usize) -> bool {
         let behind = at.saturating_sub(self.next) as usize;
         self.ring.slots() >= (behind + n) * self.outputs.len() || self.ring.is_abandoned()
     }
 
-    /// Put into `frames` (n_frames, n_out) what belongs there from frame `at` on; frames that were not read in time
-    /// are left as they are, and counted.
+    /// Write the frozen outputs from frame `at` on into `frames` (n_frames, n_out). Frames that were not read in time
+    /// are left unchanged, and their number is returned.
     pub(super) fn join(&mut self, frames: &mut [f64], n_out: usize, at: u64) -> u64 {
         let width = self.outputs.len();
         let wanted = frames.len() / n_out.max(1);

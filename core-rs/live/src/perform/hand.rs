@@ -1,44 +1,45 @@
-//! A hand while it plays: the person's, or what stands in for it, and the way from one to the other.
+//! A hand while it plays: of a person or its stand-in, and the transition from one to the other.
 
 use super::guidance::{Guidance, smooth};
 
-/// A change of hands moves the key by no more than this in a tick [m].
+/// Largest motion of the key in one tick of a transition [m].
 const STEP: f64 = 5e-5;
-/// It lasts so many ticks at least, and at most.
+/// Least and greatest number of ticks of a transition.
 const TICKS: (f64, f64) = (20.0, 4_000.0);
-/// The steepest of the way from 0 to 1, where all of it is 1.
+/// Greatest slope of the smooth transition from 0 to 1 over a length of 1.
 const STEEPEST: f64 = 1.875;
 
 /// A hand of the piece.
 #[derive(Clone, Debug, Default)]
 pub struct Hand {
-    /// Where it is at each tick while nobody is there, in the key's own metres; after the last it stays.
+    /// Position at each tick while no person plays [m of the key]; the last one holds.
     pub standin: Vec<f64>,
-    /// The tick of the first of them.
+    /// Tick of the first of these positions.
     pub since: u64,
-    /// The scene sees this many times its travel, and it feels this many times the scene's force.
+    /// Factor from the travel of the key to that in the scene, and from the force of the scene to that on the key.
     pub reach: f64,
-    /// A force that leads it.
+    /// The guidance of the hand.
     pub guidance: Option<Guidance>,
-    /// The scene's force against it [N/m] in each tick after it was 1 m away for one (n_ticks,); empty: nobody looked.
+    /// Force of the scene against the key [N/m] in each tick after it was 1 m away for one tick, (n_ticks,); empty: not
+    /// computed.
     pub response: Vec<f64>,
 }
 
-/// Who moves a key, and the rest of the way from whoever did before.
+/// Who moves a key, and the rest of the transition from who moved it before.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Mover {
-    /// A person does.
+    /// Whether a person does.
     pub(super) real: bool,
-    /// Where the key is.
+    /// Position of the key [m].
     pub(super) x: f64,
-    /// What is left to go [m] of a change of hands that takes `ticks`, of which `done`.
+    /// Distance at the beginning of a transition [m] that takes `ticks`, of which `done` have passed.
     offset: f64,
     ticks: f64,
     done: f64,
 }
 
 impl Hand {
-    /// Where it stands in at a tick.
+    /// Position of the stand-in at a tick [m].
     pub(super) fn stands_at(&self, tick: u64) -> f64 {
         let at = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
         let last = self.standin.len().saturating_sub(1);
@@ -47,7 +48,7 @@ impl Hand {
 }
 
 impl Mover {
-    /// Another moves the key from now on, who is at `x`; it goes there without a jump.
+    /// Begin a transition to another mover of the key, who is at `x`.
     pub(super) fn change(&mut self, real: bool, x: f64) {
         self.real = real;
         self.offset = self.x - x;
@@ -55,7 +56,7 @@ impl Mover {
         self.done = 0.0;
     }
 
-    /// Where the key is in this tick, if whoever moves it is at `x`.
+    /// Position of the key in this tick, where its mover is at `x`.
     pub(super) fn follow(&mut self, x: f64) -> f64 {
         self.x = if self.done < self.ticks {
             self.done += 1.0;
@@ -66,7 +67,7 @@ impl Mover {
         self.x
     }
 
-    /// How far the change of hands is, 0 to 1: so much of the force a person feels.
+    /// Progress of the transition, 0 to 1: the share of the force that a person feels.
     pub(super) fn share(&self) -> f64 {
         if self.done < self.ticks {
             smooth(self.done / self.ticks)

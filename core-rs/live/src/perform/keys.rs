@@ -1,4 +1,4 @@
-//! A keyboard: a guarded device whose axes are hands of the piece, and the thread that looks for it when it is gone.
+//! A keyboard: a guarded device whose axes are hands of the piece, and the thread that opens it again when it is lost.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,17 +12,17 @@ use crate::device::calibrate::{self, Axis};
 use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
-/// A device that is gone is looked for so often.
+/// Time between two attempts to open a lost device.
 const RETRY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(50);
-/// A device that has sent no position for so long is gone, though its port may be open: datagrams never close [s].
+/// Time without a position after which a device counts as lost, though its port may be open: datagrams never close [s].
 const SILENT: f64 = 0.25;
-/// Beyond its range a key is believed by this part of it: sensors and stops are not exact.
+/// Tolerance of positions beyond the range, as a part of the range: sensors and stops are not exact.
 const OVER: f64 = 0.5;
-/// The newest position is waited for during this part of a tick at most.
+/// Longest wait for the newest position, as a part of a tick.
 const WAIT: f64 = 0.3;
 
-/// A device that is open, and the hands on it.
+/// An open device and the hands on it.
 pub struct Keyboard {
     guarded: Box<Guarded>,
     known: DeviceConfig,
@@ -30,21 +30,21 @@ pub struct Keyboard {
     axes: Vec<(usize, usize)>,
 }
 
-/// How to open it, now and again.
+/// How to open a device, and to open it again.
 #[derive(Clone, Debug)]
 pub struct DeviceConfig {
-    /// Where it is.
+    /// The address of the device.
     pub url: Url,
-    /// What was found of its axes, by their numbers.
+    /// Calibrations of axes, by their numbers.
     pub calibration: Vec<(usize, Axis)>,
-    /// The greatest force, if that is less than the device's own [N].
+    /// Greatest force [N], if less than that of the device.
     pub most: Option<f64>,
-    /// Of a tick [s].
+    /// Length of a tick [s].
     pub period: f64,
 }
 
 impl DeviceConfig {
-    /// What the board is called wherever it is plugged in, if that is certain.
+    /// A name of the board that does not depend on its port, if one is certain.
     fn identity(&self) -> Option<String> {
         let is_serial = matches!(self.url.kind, Kind::FireFader | Kind::Frame);
         is_serial
@@ -53,7 +53,7 @@ impl DeviceConfig {
     }
 }
 
-/// The physics thread's side of it.
+/// A keyboard as the physics thread uses it.
 pub struct Slot {
     guarded: Option<Box<Guarded>>,
     lockstep: bool,
@@ -64,16 +64,16 @@ pub struct Slot {
     gone: Arc<AtomicBool>,
     grave: Producer<Box<Guarded>>,
     wait: Duration,
-    /// Farther than this no key goes [m].
+    /// Range of plausible positions [m].
     range: [f64; 2],
-    /// Ticks without a new position, and how many are too many.
+    /// Number of ticks without a new position, and the number from which on the device counts as lost.
     silent: u32,
     patience: u32,
-    /// Interruptions of devices that are gone.
+    /// Interruptions of devices that were lost, which the counts go on from.
     earlier: [u64; 2],
 }
 
-/// The side that may wait: opens the device again, frees what is dead.
+/// The thread that may wait: it opens the device again and frees lost ones.
 pub(super) struct Reconnector {
     thread: Option<JoinHandle<()>>,
     stop: Arc<AtomicBool>,
@@ -83,7 +83,7 @@ impl Keyboard {
     /// Open a device; `axes`: (axis of the device, hand of the piece).
     ///
     /// # Errors
-    /// What the device's driver says.
+    /// The error of the device's driver.
     pub fn open(
         known: DeviceConfig,
         axes: Vec<(usize, usize)>,
@@ -96,7 +96,7 @@ impl Keyboard {
         Ok(Self::around(device, known, axes))
     }
 
-    /// A device that is open already; gone, it is looked for by what is known of it.
+    /// A keyboard of an open device; when it is lost, it is opened again as `known` says.
     pub(super) fn around(
         device: Box<dyn Device>,
         known: DeviceConfig,
@@ -109,17 +109,17 @@ impl Keyboard {
         }
     }
 
-    /// Its keys by themselves.
+    /// The key of the device, without hand or scene.
     pub(super) fn key(&self) -> stiffness::Key {
         self.known.key(&self.guarded)
     }
 
-    /// Device axes and hands of the piece.
+    /// Pairs of device axis and hand of the piece.
     pub(super) fn axes(&self) -> &[(usize, usize)] {
         &self.axes
     }
 
-    /// What the device is.
+    /// The properties of the device.
     pub fn spec(&self) -> &device::Spec {
         self.guarded.spec()
     }
@@ -130,7 +130,7 @@ impl Keyboard {
         commands: Arc<Mutex<Producer<Command>>>,
     ) -> (Slot, Reconnector) {
         let (gone, stop) = (Arc::default(), Arc::default());
-        // One may die while the one before is still to be freed.
+        // A device may be lost while an earlier one is still to be freed.
         let (grave, graves) = RingBuffer::new(4);
         let [low, high] = self.guarded.spec().pos_range;
         let over = OVER * (high - low).abs();
@@ -193,7 +193,7 @@ impl DeviceConfig {
 }
 
 impl Slot {
-    /// Whether its ticks come by a clock: not in lockstep, where it waits for us.
+    /// Whether the device has a clock of its own; in lockstep it waits for the host.
     pub fn is_on_the_clock(&self) -> bool {
         !self.lockstep
     }
@@ -208,7 +208,7 @@ impl Slot {
             .and_then(|guarded| guarded.tripped(axis))
     }
 
-    /// How often the board said that it had let go, and how often the host was stopped.
+    /// How often the board reported that it let go, and how often the host was stopped.
     pub(super) fn interruptions(&self) -> [u64; 2] {
         let [let_go, stalls] = self.earlier;
         self.guarded.as_ref().map_or(self.earlier, |guarded| {
@@ -217,33 +217,33 @@ impl Slot {
         })
     }
 
-    /// The force that an axis is to get [N].
+    /// Set the force of an axis [N].
     pub(super) fn force(&mut self, axis: usize, force: f64) {
         self.forces[axis] = force;
     }
 
-    /// Which part of its forces an axis gets; a device that comes back gets it in its first tick.
+    /// Set the factor of the forces of an axis; a device that returns gets it in its first tick.
     pub(super) fn scale(&mut self, axis: usize, scale: f64) {
         if let Some(guarded) = &mut self.guarded {
             guarded.scale(axis, scale);
         }
     }
 
-    /// No more forces, or forces again.
+    /// Stop the forces, or let them return.
     pub(super) fn stop(&mut self, stopped: bool) {
         if let Some(guarded) = &mut self.guarded {
             guarded.stop(stopped);
         }
     }
 
-    /// What tripped may push again.
+    /// Let axes that tripped push again.
     pub(super) fn release(&mut self) {
         if let Some(guarded) = &mut self.guarded {
             guarded.release();
         }
     }
 
-    /// Forces out. False: the device has just gone.
+    /// Send the forces; false where the device has just been lost.
     pub(super) fn send(&mut self) -> bool {
         let Some(guarded) = &mut self.guarded else {
             return true;
@@ -258,12 +258,12 @@ impl Slot {
         }
     }
 
-    /// When positions are waited for no longer, if they are asked for now.
+    /// The deadline for positions that are asked for now.
     pub(super) fn deadline(&self) -> Instant {
         Instant::now() + self.wait
     }
 
-    /// Positions in. False: the device has just gone.
+    /// Receive positions; false where the device has just been lost.
     pub(super) fn look(&mut self, deadline: Instant) -> bool {
         self.sample.fresh = false;
         let Some(guarded) = &mut self.guarded else {
@@ -273,7 +273,7 @@ impl Slot {
         self.sample.fresh = matches!(done, Ok(true));
         let [low, high] = self.range;
         for position in &mut self.sample.position {
-            // What a board says is no place for a key is none.
+            // A position that is impossible for the key is not used.
             *position = position.clamp(low, high);
         }
         self.silent = if self.sample.fresh {
@@ -291,7 +291,7 @@ impl Slot {
         (self.sample.fresh, self.sample.t_dev_us) = (false, None);
         self.earlier = self.interruptions();
         if let Some(dead) = self.guarded.take() {
-            // Freed by the seeker: closing a port takes its time.
+            // Freed by the reconnector: closing a port may take long.
             if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {
                 std::mem::forget(dead);
             }
@@ -301,7 +301,7 @@ impl Slot {
         false
     }
 
-    /// A device that was found again.
+    /// Continue with a device that was opened again.
     pub(super) fn comes_back(&mut self, guarded: Box<Guarded>) {
         self.forces = [0.0; MAX_AXES];
         self.silent = 0;
@@ -313,7 +313,7 @@ struct ReconnectLoop {
     known: DeviceConfig,
     key: stiffness::Key,
     axes: Vec<(usize, usize)>,
-    /// Of the board that was opened first.
+    /// Identity of the board that was opened first.
     identity: Option<String>,
     index: usize,
     gone: Arc<AtomicBool>,
@@ -329,7 +329,7 @@ impl ReconnectLoop {
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(LOOK);
             let is_gone = self.gone.load(Ordering::Acquire);
-            // What is dead sends its last zeros and closes its port before it is opened again.
+            // A lost device sends its last zeros and closes its port before the port is opened again.
             while let Ok(dead) = self.graves.pop() {
                 memory = Some(dead.memory());
             }
@@ -337,14 +337,14 @@ impl ReconnectLoop {
                 continue;
             }
             next = Instant::now() + RETRY;
-            // Another board at the same port has another motor, which nobody tried.
+            // Another board at the same port has another motor, whose direction is unknown.
             if self.identity.is_some() && self.known.identity() != self.identity {
                 continue;
             }
             let Ok(device) = self.known.open() else {
                 continue;
             };
-            // Another device may have taken its name: the scales of its hands are those of this key.
+            // Another device may have this name: the force scales were computed for the first one.
             let n = device.spec().dof;
             if self.axes.iter().any(|(axis, _)| *axis >= n) {
                 continue;
@@ -358,7 +358,7 @@ impl ReconnectLoop {
             }
             self.gone.store(false, Ordering::Release);
             let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
-            // Where the ring is full nobody plays any more.
+            // The ring is full only after the end of the performance.
             let _ = commands.push(Command::Keys(self.index, guarded));
         }
     }
@@ -369,7 +369,7 @@ impl Drop for Reconnector {
         self.stop.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
-            // What panicked there has freed what it held.
+            // A panic there has freed its device.
             let _ = thread.join();
         }
     }

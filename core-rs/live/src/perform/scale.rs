@@ -1,37 +1,37 @@
-//! How much of the scene's force a hand gets, tick by tick: less before a stiffer scene acts, more after it is gone.
+//! The factor of the scene's force on a hand, tick by tick: lowered before a stiffer scene acts, raised after its end.
 
 use crate::safety::unit;
 
-/// A scale begins to fall so long before it has to be lower [s].
+/// Time before a lower bound at which the scale begins to fall [s].
 pub const FALL_TIME: f64 = 0.02;
-/// From no force to all of it [s].
+/// Time of a rise from 0 to 1 [s].
 const RISE: f64 = 0.2;
 
-/// A scale from a tick on.
+/// A bound of the scale from a tick on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// Ticks after the change that brought it; then of the performance.
+    /// Its tick, counted from the change that brings it; once that is made, from the start of the performance.
     pub at: u64,
-    /// The greatest part of the force from there on, 0 to 1.
+    /// Greatest factor of the force from there on, 0 to 1.
     pub scale: f64,
 }
 
-/// The scale of a hand. It goes evenly, and is where a bound wants it when the bound begins.
+/// The scale of a hand. It changes linearly, and is at or below each bound when the bound begins.
 #[derive(Clone, Debug)]
 pub(super) struct Scale {
     now: f64,
-    /// Where it may rise to.
+    /// The value to which it may rise.
     goal: f64,
-    /// What is to come, by ticks of the performance, rising; the next of them.
+    /// Bounds by rising ticks of the performance, and the index of the next one.
     pub(super) bounds: Vec<Bound>,
     next: usize,
-    /// Ticks of a fall, and how much of a rise is done in a tick.
+    /// Number of ticks of a fall, and rise in one tick.
     fall: u64,
     by: f64,
 }
 
 impl Scale {
-    /// As it is from the start, in ticks of `period` [s].
+    /// A scale that begins at `scale`, in ticks of `period` [s].
     pub(super) fn new(scale: f64, period: f64) -> Self {
         let scale = unit(scale);
         Self {
@@ -44,7 +44,7 @@ impl Scale {
         }
     }
 
-    /// Other bounds came, by ticks after `tick`.
+    /// Begin with other bounds, whose ticks count from `tick`.
     pub(super) fn begin(&mut self, tick: u64) {
         for bound in &mut self.bounds {
             bound.at = bound.at.saturating_add(tick);
@@ -54,7 +54,7 @@ impl Scale {
 
     /// The scale in this tick; `waiting`: bounds of changes that wait, by ticks of the performance.
     pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = Bound>) -> f64 {
-        // What was allowed in the tick before may be risen to: its force is the first that goes out now.
+        // The scale rises to what the previous tick allowed, because the force of that tick is sent now.
         let goal = self.goal;
         while let Some(bound) = self.bounds.get(self.next).filter(|bound| bound.at <= tick) {
             self.goal = unit(bound.scale);

@@ -1,43 +1,43 @@
-//! What the physics thread tells: the latest state of everything, and what happened.
+//! The state and the events that the physics thread reports.
 
 use std::time::Duration;
 
 use crate::audio::CHANNELS_MAX;
 use crate::safety::Trip;
 
-/// Hands whose state is told.
+/// Greatest number of hands whose state is reported.
 pub(super) const HANDS_MAX: usize = 16;
 
-/// The latest state.
+/// The latest state of a performance.
 #[derive(Clone, Copy, Debug)]
 pub struct Status {
-    /// Frames computed.
+    /// Number of frames computed.
     pub frame: u64,
-    /// Ticks done.
+    /// Number of ticks.
     pub ticks: u64,
-    /// Ticks that began more than half a tick late, and the latest of all.
+    /// Number of ticks that began more than half a tick late.
     pub late: u64,
-    /// The latest of all ticks.
+    /// Greatest lateness of a tick.
     pub latest: Duration,
-    /// Times that the clock was set anew, for it was too late.
+    /// How often the clock was reset because it was too late.
     pub lost: u64,
-    /// Frames that found no room in the ring.
+    /// Number of frames that found no room in the ring.
     pub dropped: u64,
-    /// Frames of prepared parts that were not read in time.
+    /// Number of frames of frozen parts that were not read in time.
     pub missed: u64,
-    /// Part of a tick's time that its work took, over the last second; and the greatest of all ticks.
+    /// Computing time as a part of the tick, averaged over the last second.
     pub load: f64,
-    /// The greatest load of one tick.
+    /// Greatest load of one tick.
     pub busiest: f64,
-    /// Frames in the ring.
+    /// Number of frames in the ring.
     pub filled: usize,
-    /// Peak of each channel, falling by half within 0.3 s.
+    /// Peak of each channel, which decays by half in 0.3 s.
     pub peaks: [f32; CHANNELS_MAX],
-    /// Each hand.
+    /// State of each hand.
     pub hands: [HandStatus; HANDS_MAX],
-    /// Parts that went beyond all bounds and were muted.
+    /// Number of parts that became non-finite and were muted.
     pub muted: u32,
-    /// Parts of which frames were computed finer.
+    /// Number of parts with frames computed in finer steps.
     pub finer: u32,
 }
 
@@ -65,60 +65,64 @@ impl Default for Status {
 /// The latest state of a hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HandStatus {
-    /// Where it is, in the key's own metres.
+    /// Position of the key [m].
     pub position: f64,
-    /// What it feels [N].
+    /// Force of the scene on the key [N].
     pub force: f64,
-    /// What went to the motor, once it was safe [N].
+    /// Force sent to the motor, after the safety stages [N].
     pub sent: f64,
-    /// The part of the scene's force that it may get, 0 to 1.
+    /// Factor of the scene's force, 0 to 1.
     pub scale: f64,
-    /// A person's, not what stands in for it.
+    /// Whether a person moves the key, and not the stand-in.
     pub real: bool,
-    /// A finger is on it.
+    /// Whether a finger touches the key.
     pub touch: bool,
-    /// The motor lets forces through.
+    /// Whether the motor is enabled.
     pub enabled: bool,
-    /// Its forces are held at zero, for it tripped.
+    /// Whether its forces are held at zero after a trip.
     pub tripped: bool,
-    /// Its board says that the motor is too hot.
+    /// Whether the board reports that the motor is too hot.
     pub hot: bool,
-    /// How often its board said that it had let go.
+    /// How often the board reported that it let go.
     pub let_go: u64,
-    /// How often the host was stopped, so that its force ended.
+    /// How often its force ended because the host was stopped.
     pub stalls: u64,
 }
 
-/// Something that happened.
+/// An event of a performance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// At this frame.
+    /// The frame of the event.
     pub frame: u64,
-    /// What it was.
+    /// The kind of event.
     pub kind: EventKind,
 }
 
-/// What may happen.
+/// Kinds of events.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EventKind {
-    /// A keyboard no longer answers: what stands in for its hands plays on.
+    /// A keyboard was lost; the stand-ins of its hands continue.
     Gone(usize),
-    /// A keyboard is there again; its hands take over at the next bar.
+    /// A keyboard has returned; its hands take over at the next bar.
     Back(usize),
-    /// A hand plays instead of what stood in for it.
+    /// A person has taken over from a hand's stand-in.
     TookOver(usize),
-    /// The clock was set anew after so much time.
+    /// The clock was reset after this lateness.
     Lost(Duration),
-    /// A hand's forces tripped, and why.
+    /// The forces of a hand tripped, and why.
     Tripped(usize, Trip),
-    /// A part of the network went beyond all bounds and is silent.
+    /// A part became non-finite and is muted.
     Muted,
-    /// Links of a part have stiffened so far that frames of it are computed finer.
+    /// Links of a part stiffened so much that frames are computed in finer steps.
     Finer,
-    /// A change was done; its ticket.
+    /// A change was made; its ticket.
     Changed(u64),
-    /// A change came too late for its frame, or was to take over from what does not play, and was not done; its ticket.
+    /// A change was not made, because its frame had passed or another simulation than its `old` was playing; its ticket.
     Late(u64),
-    /// The last frame is out.
+    /// A point was struck at this frame; the ticket.
+    Struck(u64),
+    /// A point was not struck, because what plays lacks it, or too many were struck in one tick; the ticket.
+    Missed(u64),
+    /// The last frame was computed.
     Ended,
 }

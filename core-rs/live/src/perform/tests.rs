@@ -103,7 +103,7 @@ fn stage() -> Stage {
         gain: 1.0,
         limiter: Limiter::new(RATE, 2, 1.0).unwrap(),
         n_frames: None,
-        every: EVERY,
+        tick_frames: EVERY,
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
         frozen: Vec::new(),
@@ -186,7 +186,7 @@ fn changes_are_done_at_their_frames() {
             (frames[3], EventKind::Late(of_another)),
         ]
     );
-    player.links.feed.close();
+    player.connections.feed.close();
     drop(player);
     this.close(Duration::from_secs(10)).unwrap();
 
@@ -353,6 +353,61 @@ fn what_is_computed_finer_is_told_once() {
     this.close(Duration::from_secs(10)).unwrap();
 }
 
+/// Strikes that were not known act in the tick after they came; what is heard goes into a file for so many ticks.
+#[test]
+fn strikes_and_a_file_of_sound_do_not_allocate() {
+    let network = Arc::new(network());
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    timeline.open();
+    timeline.strike_point(&network, 2, 7).unwrap();
+    let plan = Plan::plain(network, &timeline, false).unwrap();
+    let stage = Stage {
+        simulation: Simulation::planned(Arc::new(plan), OPTIONS).unwrap(),
+        hands: Vec::new(),
+        ..stage()
+    };
+    let latency = stage.limiter.latency() as u64;
+    let config = PlaybackConfig {
+        audio: "null:fast".parse().unwrap(),
+        ahead: None,
+        record: None,
+    };
+    let path = std::env::temp_dir().join(format!("ergon-heard-{}.wav", std::process::id()));
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    player.begin();
+    reset_violation_count();
+    let mut ticks = |n: u64| assert_no_alloc(|| (0..n).for_each(|_| assert!(player.tick())));
+    ticks(100);
+    this.record_audio(&path).unwrap();
+    assert!(this.record_audio(&path).is_err(), "one at a time");
+    let struck = this.strike(7, 1e-3).unwrap();
+    let missed = this.strike(8, 1e-3).unwrap();
+    ticks(50);
+    assert!(this.end_audio());
+    ticks(10);
+    assert_eq!(violation_count(), 0);
+    let every = EVERY as u64;
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| (event.frame, event.kind))
+        .collect();
+    assert_eq!(
+        events,
+        [
+            (100 * every, EventKind::Struck(struck)),
+            (100 * every, EventKind::Missed(missed)),
+        ]
+    );
+    while !this.audio_recorded().unwrap().ended {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let status = this.audio_recorded().unwrap();
+    assert_eq!(status.first, Some(100 * every - latency));
+    assert_eq!((status.frames, status.missing), (50 * every, 0));
+    drop(player);
+    this.close(Duration::from_secs(10)).unwrap();
+    std::fs::remove_file(&path).unwrap();
+}
+
 /// A key is pulled out and comes back, a panic is called and taken back, the gain changes, all is recorded.
 #[test]
 fn a_tick_does_not_allocate() {
@@ -389,7 +444,7 @@ fn a_tick_does_not_allocate() {
             match tick {
                 // The key is looked for by a thread that waits; ticks here do not, until it is found.
                 2_000 => {
-                    while !player.slots[1].is_there() && player.links.commands.is_empty() {
+                    while !player.slots[1].is_there() && player.connections.commands.is_empty() {
                         std::thread::yield_now();
                     }
                 }

@@ -21,6 +21,15 @@ pub struct Axis {
 }
 
 /// What the rows are.
+///
+/// ```
+/// use ergon_live::recording::{Axis, Header};
+///
+/// let header = Header { rate: 44_100.0, frames: 44, axes: vec![Axis::default()], about: "{}".to_owned() };
+/// header.check()?;
+/// assert!((header.tick_rate() - 1002.3).abs() < 0.1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
     /// Audio rate [Hz].

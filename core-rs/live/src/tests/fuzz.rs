@@ -7,7 +7,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-use ergon_engine::gesture::take::{Care, Take};
+use ergon_engine::gesture::take::{Preparation, Take};
 use ergon_engine::law::{Constants, Law, LawText};
 
 use crate::audio::Spec;
@@ -516,11 +516,11 @@ fn take_numbers(dice: &mut Dice) {
     let x: Vec<f64> = (0..n.saturating_sub(dice.below(8) / 7))
         .map(|i| number(dice, i as f64 * 1e-4))
         .collect();
-    let care = Care {
+    let preparation = Preparation {
         trim: (dice.below(2) == 0).then(|| (number(dice, 1e-3), number(dice, 5e-3))),
         smooth: (dice.below(2) == 0).then(|| number(dice, 40.0)),
     };
-    match Take::new(&t, &x, care) {
+    match Take::new(&t, &x, preparation) {
         Ok(take) => assert!(take.duration() >= 0.0),
         Err(error) => assert!(!error.to_string().is_empty()),
     }

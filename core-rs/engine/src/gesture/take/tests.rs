@@ -12,7 +12,7 @@ fn hand() -> (Vec<f64>, Vec<f64>) {
 }
 
 fn plain(t: &[f64], x: &[f64]) -> Take {
-    Take::new(t, x, Care::default()).unwrap()
+    Take::new(t, x, Preparation::default()).unwrap()
 }
 
 #[test]
@@ -23,9 +23,9 @@ fn trim_cuts_the_path_not_the_samples() {
     let part = Take::new(
         &t,
         &x,
-        Care {
+        Preparation {
             trim,
-            ..Care::default()
+            ..Preparation::default()
         },
     )
     .unwrap();
@@ -58,9 +58,9 @@ fn smooth_as_scipy() {
     let take = Take::new(
         &t,
         &x,
-        Care {
+        Preparation {
             smooth: Some(30.0),
-            ..Care::default()
+            ..Preparation::default()
         },
     )
     .unwrap();
@@ -86,9 +86,9 @@ fn uneven_samples_are_filtered_as_the_movement_they_are() {
         Take::new(
             t,
             &x,
-            Care {
+            Preparation {
                 smooth: Some(20.0),
-                ..Care::default()
+                ..Preparation::default()
             },
         )
         .unwrap()
@@ -108,9 +108,9 @@ fn ends_do_not_sag() {
     let take = Take::new(
         &t,
         &ramp,
-        Care {
+        Preparation {
             smooth: Some(25.0),
-            ..Care::default()
+            ..Preparation::default()
         },
     )
     .unwrap();
@@ -121,9 +121,9 @@ fn ends_do_not_sag() {
     let take = Take::new(
         &t,
         &still,
-        Care {
+        Preparation {
             smooth: Some(1.0),
-            ..Care::default()
+            ..Preparation::default()
         },
     )
     .unwrap();
@@ -132,8 +132,8 @@ fn ends_do_not_sag() {
 
 #[test]
 fn refuses_with_the_sample() {
-    let refused = |t: &[f64], x: &[f64], care| Take::new(t, x, care).unwrap_err();
-    let none = Care::default();
+    let refused = |t: &[f64], x: &[f64], preparation| Take::new(t, x, preparation).unwrap_err();
+    let none = Preparation::default();
     assert_eq!(refused(&[0.0], &[0.0], none), TakeError::TooFew(1));
     assert_eq!(
         refused(&[0.0, 1.0], &[0.0], none),
@@ -153,19 +153,19 @@ fn refuses_with_the_sample() {
         TakeError::NotFinite { index: 1, .. }
     ));
     for trim in [(-0.1, 0.5), (0.5, 0.5), (0.2, 1.1), (f64::NAN, 1.0)] {
-        let care = Care {
+        let preparation = Preparation {
             trim: Some(trim),
             ..none
         };
         assert!(matches!(
-            refused(&[0.0, 1.0], &[0.0; 2], care),
+            refused(&[0.0, 1.0], &[0.0; 2], preparation),
             TakeError::Trim { .. }
         ));
     }
     let fast = refused(
         &[0.0, 0.01],
         &[0.0; 2],
-        Care {
+        Preparation {
             smooth: Some(50.0),
             ..none
         },

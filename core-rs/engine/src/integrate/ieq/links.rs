@@ -47,6 +47,9 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
     }
     for run in &mesh.others {
         let why = match &run.kind {
+            Kind::Lnl { law, .. } if law.is_shared() => Some(
+                "method ieq steps link by link, and the tension of a stretched string is one of all its links",
+            ),
             Kind::Lnl { law, .. } if !law.has_closed_energy() => {
                 Some("ieq needs a law by points or a polynomial, whose energy is known")
             }
@@ -77,7 +80,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
     linear.runs.retain(|run| match &run.kind {
         Kind::Ref => true,
         Kind::But(_) => false,
-        Kind::Lnl { law, .. } => law.hardens().is_some(),
+        Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
     Ok(top(&linear, network, 0.0, super::EXPLICIT)?.lambda)
 }

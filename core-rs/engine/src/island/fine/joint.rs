@@ -16,6 +16,8 @@ pub(super) struct Joint {
     /// Of a MAT that is stepped: its own motion, and where it rests [m].
     pub(super) cell: Option<Cell>,
     pub(super) rest: f64,
+    /// Whether what its own mesh pulls it by lasts through a frame, and bends its way.
+    pub(super) bends: bool,
     /// Weights of where it is, and of where it goes, at each instant   (n)
     pub(super) way: Vec<(f64, f64)>,
     /// Forces of this frame and of the next [N] that stand for an impulse at each instant [N·s]   (n)
@@ -69,7 +71,10 @@ pub(super) fn joint(
     let instants = basis.instants.iter();
     let (way, rest) = match &cell {
         Some(cell) => (
-            instants.clone().map(|&at| cell.way(at, rate)).collect(),
+            instants
+                .clone()
+                .map(|&at| cell.interpolation(at, rate))
+                .collect(),
             network.mats().rest[mat],
         ),
         None => (instants.clone().map(|&at| (1.0 - at, at)).collect(), 0.0),
@@ -79,6 +84,7 @@ pub(super) fn joint(
         mat,
         port,
         rest,
+        bends: cell.is_some() && !bodies.iter().any(|body| body.leaps(mat)),
         way,
         split: cell.as_ref().map(split).unwrap_or_default(),
         cell,

@@ -3,6 +3,8 @@
 //! A step is BM4's sequence of kicks by the contacts that push, with the exact linear motion of everything between them:
 //! of order 4 while no contact closes or opens within it, so a step in which one does is taken again, up to that instant.
 
+use std::f64::consts::PI;
+
 use super::basis::{At, dot};
 use super::laws::LawScript;
 use super::{Fine, Script};
@@ -15,6 +17,9 @@ use crate::state::Body;
 
 /// So many steps are tried in a frame before a step that is stable at any length takes the rest.
 const MOST: usize = 256;
+/// A contact that rests and swings faster than this takes that step at once: half the rate is as fast as is heard
+/// [rad/frame].
+const HEARD: f64 = PI;
 /// An instant is found once it moves by less than this part of a step.
 const FOUND: f64 = 1e-9;
 const TRIES: usize = 30;
@@ -114,18 +119,26 @@ impl Fine {
         body: &mut Body,
     ) {
         let start = At::new(script.basis.n(), 0.0);
+        let mut rests_fast = false;
         for index in 0..script.links.len() {
+            let rested = std::mem::take(&mut self.rests[index]);
             self.pushes[index] = false;
             let Some(own) = self.own(script, gates, index) else {
                 continue;
             };
             let now = self.look(script, &own, &start);
             let pushes = own.holds(now) > 0.0;
-            self.pushes[index] = pushes;
+            (self.pushes[index], self.rests[index]) = (pushes, pushes);
             if pushes {
                 body.link[script.links[index].first] =
                     own.side * (own.elastic(now[0]) + own.z * now[1]);
+                rests_fast |= rested && own.quickness(now, script.rate.step()) > HEARD;
             }
+        }
+        if rests_fast {
+            self.has_touched = true;
+            self.finish(script, laws, gates, 0.0);
+            return;
         }
         let (mut s, mut left) = (0.0, MOST);
         while s < 1.0 {
@@ -200,13 +213,17 @@ impl Fine {
         given.copy_from_slice(&self.given);
         *left -= 1;
         self.leap(script, forces, s, h);
-        let (mut taken, mut first) = (h, None);
-        while let Some(index) = self.turned(script, forces.1, s + taken, first) {
+        let (mut taken, mut last) = (h, None);
+        // Each is looked for once: two that turn at one instant, to rounding, would take turns for ever.
+        self.located.fill(false);
+        while let Some(index) = self.turned(script, forces.1, s + taken) {
             taken = self.locate(script, forces, (s, taken, index), left);
-            first = Some(index);
+            self.located[index] = true;
+            last = Some(index);
         }
-        if let Some(index) = first {
+        if let Some(index) = last {
             self.pushes[index] = !self.pushes[index];
+            self.rests[index] &= self.pushes[index];
         }
         if s + taken > 1.0 - FOUND * h {
             1.0
@@ -321,10 +338,10 @@ impl Fine {
         }
     }
 
-    /// A contact, but for one, that at `s` no longer pushes, or begins to.
-    fn turned(&self, script: &Script, gates: &[f64], s: f64, but: Option<usize>) -> Option<usize> {
+    /// A contact that at `s` no longer pushes, or begins to, and was not located in this step.
+    fn turned(&self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
         let at = At::new(script.basis.n(), s);
-        let others = (0..script.links.len()).filter(|&index| Some(index) != but);
+        let others = (0..script.links.len()).filter(|&index| !self.located[index]);
         others.into_iter().find(|&index| {
             self.own(script, gates, index).is_some_and(|own| {
                 let state = self.look(script, &own, &at);
@@ -417,6 +434,9 @@ impl Fine {
                 if change <= 0.0 {
                     break;
                 }
+            }
+            for (rests, force) in self.rests.iter_mut().zip(&self.forces) {
+                *rests &= *force != 0.0;
             }
         }
     }

@@ -1,5 +1,7 @@
 //! The free key: the key alone, as a gesture was written for it.
 
+pub(crate) mod leap;
+
 use std::sync::Arc;
 
 use crate::interrupt;
@@ -10,6 +12,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
+use leap::Leap;
 
 /// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
 const ROUNDS_MAX: usize = 40;
@@ -114,6 +117,8 @@ pub(crate) struct Room {
     pub(crate) coast: Motion,
     pub(crate) laws: Laws,
     pub(crate) targets: Vec<Target>,
+    /// Where the key is one affine map a frame.
+    pub(crate) leap: Option<Leap>,
 }
 
 impl FreeKey {
@@ -240,14 +245,22 @@ impl FreeKey {
             coast,
             laws,
             targets,
+            leap,
         } = room;
         coast.copy_motion(motion);
-        for k in n..to {
+        let stop = match leap {
+            Some(_) if to - n >= leap::FRAMES_MIN => n + 1,
+            _ => to,
+        };
+        for k in n..stop {
             if (k - n).is_multiple_of(LOOK) {
                 interrupt::poll();
             }
             self.forces(coast, k, laws, targets);
             self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);
+        }
+        if let Some(leap) = leap.as_mut().filter(|_| stop < to) {
+            leap.forward(self, coast, to - stop, laws, targets);
         }
         coast.body.x[self.struck]
     }

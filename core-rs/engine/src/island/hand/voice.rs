@@ -4,9 +4,10 @@ mod answer;
 mod carry;
 mod join;
 
-pub(crate) use carry::{Heir, shared};
+pub(crate) use carry::{VoiceCarry, shared};
 
 use super::framed::{FramedGesture, Leg};
+use super::free::leap::Leap;
 use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
 use crate::gesture::quintic::Knot;
@@ -50,7 +51,7 @@ pub(crate) struct Voice {
     /// The gesture that runs.
     now: Option<Running>,
     /// The key is held on its path in this frame: the ergon is known once all other forces are.
-    held: Option<Held>,
+    held: Option<TrackedFrame>,
     /// A path led it to this frame.
     is_led: bool,
     /// Number of gestures begun (also those that only join so far).
@@ -74,7 +75,7 @@ struct Running {
 
 /// A frame of a tracked key.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct TrackedFrame {
     gesture: usize,
     source: u32,
     x: f64,
@@ -141,6 +142,7 @@ impl Voice {
             coast: free.clone(),
             laws,
             targets: Vec::new(),
+            leap: Leap::new(&script.free),
         };
         Self {
             free,

@@ -1,6 +1,7 @@
 //! A body between two frames: where its ports are at instants of a frame, and what impulses at such instants do.
 
 use super::{ROOM, RunningModal, lanes};
+use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports;
 use crate::state::Body;
@@ -11,9 +12,11 @@ pub(super) struct Between {
     /// Weights of a mode's position now and at the next frame that make where it is at each instant   (n_groups, n)
     way: Vec<Vec<[Lanes; 2]>>,
     /// What an impulse at each instant moves a mode by at the next frame, and has to add at the one after, for its
-    /// motion to be exact from then on   (n_groups, n)
-    kick: Vec<Vec<[Lanes; 2]>>,
+    /// motion to be exact from then on   (n_groups, n), of complex modes for each port   (n_ports, n_groups, n)
+    kick: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
+
+const WHOLE: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
     /// Make tables for instants of a frame, 0 to 1: for continuous modes alone.
@@ -23,14 +26,19 @@ impl RunningModal {
         let square = rate.step() * rate.step();
         let n = instants.len();
         let way = |mode: usize, j: usize| {
-            modes[mode]
-                .cell
-                .map_or((0.0, 0.0), |cell| cell.way(instants[j], rate))
+            let own = plan.response(mode);
+            own.map_or((0.0, 0.0), |own| own.interpolation(instants[j], rate))
         };
-        let kick = |mode: usize, j: usize| {
-            modes[mode]
-                .cell
-                .map_or([0.0; 2], |cell| cell.split(square, instants[j], rate))
+        let kick = |port: usize, mode: usize, j: usize| {
+            let own = match &plan.answers {
+                Some(answers) => Some(answers.ports[port][mode]),
+                None => plan.response(mode),
+            };
+            own.map_or([0.0; 2], |own| own.split(square, instants[j], rate))
+        };
+        let n_tables = match &plan.answers {
+            Some(answers) => answers.ports.len(),
+            None => 1,
         };
         let table = |group: usize, j: usize, of: &dyn Fn(usize, usize) -> [f64; 2]| {
             [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
@@ -42,8 +50,14 @@ impl RunningModal {
                 .clone()
                 .map(|group| (0..n).map(|j| table(group, j, &pair)).collect())
                 .collect(),
-            kick: groups
-                .map(|group| (0..n).map(|j| table(group, j, &kick)).collect())
+            kick: (0..n_tables)
+                .map(|port| {
+                    let kick = |mode: usize, j: usize| kick(port, mode, j);
+                    let groups = groups.clone();
+                    groups
+                        .map(|group| (0..n).map(|j| table(group, j, &kick)).collect())
+                        .collect()
+                })
                 .collect(),
         });
     }
@@ -51,6 +65,10 @@ impl RunningModal {
     /// What an impulse at one port moves another by, `t` [s] later [m/N·s]; continued to before it.
     pub(crate) fn response(&self, from: usize, to: usize, t: f64) -> f64 {
         let plan = &self.script.plan;
+        if let Some(answers) = &plan.answers {
+            let terms = answers.ports[from].iter().zip(&plan.ports[to].shape);
+            return terms.map(|(answer, share)| share * answer.around(t)).sum();
+        }
         let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
         let terms = plan.modes.iter().zip(shapes);
         terms
@@ -60,16 +78,27 @@ impl RunningModal {
 
     /// Velocity that an impulse at one port gives another at once [m/s per N·s].
     pub(crate) fn jump(&self, from: usize, to: usize) -> f64 {
-        let ports = &self.script.plan.ports;
+        let plan = &self.script.plan;
+        let ports = &plan.ports;
+        if let Some(answers) = &plan.answers {
+            let terms = answers.ports[from].iter().zip(&ports[to].shape);
+            return terms.map(|(answer, share)| share * answer.jump()).sum();
+        }
         let shapes = ports[from].shape.iter().zip(&ports[to].shape);
         shapes.map(|(a, b)| a * b).sum()
     }
 
     /// The fastest motion of its modes: |λ| of e^(λt) [1/s].
     pub(crate) fn reach(&self) -> f64 {
-        let modes = self.script.plan.modes.iter();
-        let cells = modes.filter_map(|mode| mode.cell);
-        cells.map(|cell| cell.reach()).fold(0.0, f64::max)
+        let plan = &self.script.plan;
+        let all: Vec<Response> = match &plan.answers {
+            Some(answers) => answers.ports.iter().flatten().copied().collect(),
+            None => {
+                let modes = 0..plan.modes.len();
+                modes.filter_map(|mode| plan.response(mode)).collect()
+            }
+        };
+        all.iter().map(Response::reach).fold(0.0, f64::max)
     }
 
     /// Where a port goes in this frame if nothing more pushes it [m], at each instant (n).
@@ -91,10 +120,16 @@ impl RunningModal {
         self.back(&script);
         self.quiet = 0;
         let Some(between) = &self.between else { return };
-        for (group, table) in between.kick.iter().enumerate() {
+        let is_complex = script.plan.answers.is_some();
+        for (group, table) in between.kick[if is_complex { port } else { 0 }]
+            .iter()
+            .enumerate()
+        {
             let rows = &script.rows[group];
             let mut kicks = [Lanes::ZERO; 2];
-            ports::kick(impulses, table, &rows[port], &mut kicks);
+            // Answers of complex modes have their shares in them.
+            let share = if is_complex { &WHOLE } else { &rows[port] };
+            ports::kick(impulses, table, share, &mut kicks);
             ports::add(&mut self.pending[group], &kicks[1], 1.0);
             ports::add(&mut self.motions[group].now, &kicks[0], 1.0);
             for (row, shape) in rows.iter().enumerate() {

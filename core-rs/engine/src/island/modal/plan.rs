@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::cell::Cell;
+use crate::cell::{Cell, Response};
 use crate::network::Network;
 use crate::units::Rate;
 
@@ -40,6 +40,17 @@ pub(crate) struct Mode {
     pub(crate) cell: Option<Cell>,
 }
 
+/// How parts of complex modes answer: a push moves each in another phase, by where it acts.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Answers {
+    /// How many complex modes there are.
+    pub(crate) n_modes: usize,
+    /// To 1 N·s at each port   (n_ports, n_modes)
+    pub(crate) ports: Vec<Vec<Response>>,
+    /// At each point that is struck   (n_struck, n_modes)
+    pub(crate) struck: Vec<Vec<Response>>,
+}
+
 /// What a plan says of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Modal {
@@ -56,13 +67,52 @@ pub(crate) struct Modal {
     pub(crate) still: Vec<f64>,
     pub(crate) struck: Vec<Struck>,
     pub(crate) rate: Rate,
+    /// Where the modes are parts of complex ones; they are seen by their shapes.
+    pub(crate) answers: Option<Answers>,
 }
 
 impl Modal {
+    /// Whether the discrete network is the truth.
+    pub(crate) fn is_discrete(&self) -> bool {
+        self.answers.is_none() && self.modes.first().is_some_and(|mode| mode.cell.is_none())
+    }
+
+    /// What a newton of one frame at a port moves a mode by at the next frame, and at this one [m]: as if it had come from
+    /// there.
+    pub(crate) fn gain(&self, port: usize, mode: usize) -> [f64; 2] {
+        match &self.answers {
+            Some(answers) => {
+                let (own, step) = (&answers.ports[port][mode], self.rate.step());
+                [own.at(step) * step, own.at(0.0) * step]
+            }
+            None => [self.modes[mode].gain * self.ports[port].shape[mode], 0.0],
+        }
+    }
+
+    /// How a mode goes on between two frames; none where the discrete network is the truth.
+    pub(crate) fn response(&self, mode: usize) -> Option<Response> {
+        match &self.answers {
+            Some(answers) => answers.ports.first().map(|port| port[mode]),
+            None => self.modes[mode].cell.map(Response::Cell),
+        }
+    }
+
     /// Started against forces that act on its ports at frame 0 (n_mat of the island): as any MAT, each mode
     /// comes from ½·F·gain further back.
     pub(crate) fn pushed(&self, force: &[f64]) -> Self {
         let mut own = self.clone();
+        if let Some(answers) = &self.answers {
+            let step = self.rate.step();
+            for (answers, port) in answers.ports.iter().zip(&self.ports) {
+                let impulse = 0.5 * step * force[port.mat];
+                for (mode, answer) in own.modes.iter_mut().zip(answers) {
+                    // As if it had been pushed half as long from the other side.
+                    mode.now -= impulse * answer.at(0.0);
+                    mode.before -= impulse * if mode.b == 0.0 { 0.0 } else { answer.at(-step) };
+                }
+            }
+            return own;
+        }
         for port in &self.ports {
             for (mode, share) in own.modes.iter_mut().zip(&port.shape) {
                 if mode.cell.is_some() {
@@ -76,6 +126,12 @@ impl Modal {
     /// Frequency of a mode [Hz], as its recurrence turns.
     pub(crate) fn frequency(&self, mode: usize) -> f64 {
         let Mode { a, b, .. } = self.modes[mode];
+        if let Some(Response::Pair { omega, .. }) = self.response(mode) {
+            return omega / std::f64::consts::TAU;
+        }
+        if b == 0.0 {
+            return 0.0;
+        }
         let cosine = (a / (2.0 * b.sqrt())).clamp(-1.0, 1.0);
         let angle = std::f64::consts::FRAC_PI_2 - crate::maths::asin(cosine);
         match self.modes[mode].cell {
@@ -111,6 +167,8 @@ impl Modal {
             && ports(&self.ports) == ports(&other.ports)
             && self.still == other.still
             && shapes(self) == shapes(other)
+            && self.answers.as_ref().map(|own| &own.ports)
+                == other.answers.as_ref().map(|own| &own.ports)
     }
 
     /// With some of the modes only.
@@ -144,11 +202,30 @@ impl Modal {
                 })
                 .collect(),
             rate: self.rate,
+            answers: self.answers.as_ref().map(|answers| {
+                let some = |all: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
+                    let points = all.iter();
+                    points
+                        .map(|point| kept.iter().map(|&mode| point[mode]).collect())
+                        .collect()
+                };
+                Answers {
+                    n_modes: answers.n_modes,
+                    ports: some(&answers.ports),
+                    struck: some(&answers.struck),
+                }
+            }),
         }
     }
 
     /// What a newton of one frame at a port moves the port itself by the next [m].
     pub(crate) fn give(&self, port: usize) -> f64 {
+        if self.answers.is_some() {
+            let terms = self.ports[port].shape.iter().enumerate();
+            return terms
+                .map(|(mode, share)| share * self.gain(port, mode)[0])
+                .sum();
+        }
         let terms = self.modes.iter().zip(&self.ports[port].shape);
         terms.map(|(mode, share)| mode.gain * share * share).sum()
     }

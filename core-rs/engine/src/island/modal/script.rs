@@ -1,6 +1,6 @@
 //! What does not change of a body while it plays: its modes in groups, as kernels take them.
 
-use super::plan::{Modal, Mode, Port};
+use super::plan::{Modal, Mode};
 use crate::kernel::bank::{LANES, Lanes, Rates};
 
 /// What does not change while it plays.
@@ -13,6 +13,8 @@ pub(super) struct Script {
     pub(super) rows: Vec<Vec<Lanes>>,
     /// What a newton at each port does to each group   (n_groups, n_ports)
     pub(super) gains: Vec<Vec<Lanes>>,
+    /// What it does to where each group has been, of complex modes   (n_groups, n_ports), else none
+    pub(super) back_gains: Vec<Vec<Lanes>>,
     /// What a newton at each port moves each row by at the next frame   (n_rows, n_ports)
     pub(super) moves: Vec<Vec<f64>>,
     /// By rising frame.
@@ -40,25 +42,29 @@ impl Script {
         let rows: Vec<&Vec<f64>> = ports
             .chain(plan.heard.iter().map(|(_, shape)| shape))
             .collect();
-        let gain = |port: &Port, mode: usize| modes[mode].gain * port.shape[mode];
         let moves = |row: &[f64]| {
             let by = |port| {
                 (0..modes.len())
-                    .map(|mode| row[mode] * gain(port, mode))
+                    .map(|mode| row[mode] * plan.gain(port, mode)[0])
                     .sum()
             };
-            plan.ports.iter().map(by).collect()
+            (0..plan.ports.len()).map(by).collect()
         };
         let group_rows = |group| {
             rows.iter()
                 .map(|row| lanes(modes, group, |mode| row[mode]))
                 .collect()
         };
-        let group_gains = |group| {
-            let ports = plan.ports.iter();
+        let group_gains = |group, which: usize| -> Vec<Lanes> {
+            let ports = 0..plan.ports.len();
             ports
-                .map(|port| lanes(modes, group, |mode| gain(port, mode)))
+                .map(|port| lanes(modes, group, |mode| plan.gain(port, mode)[which]))
                 .collect()
+        };
+        let n_back = if plan.answers.is_some() {
+            groups.len()
+        } else {
+            0
         };
         Self {
             rates: groups
@@ -69,7 +75,8 @@ impl Script {
                 })
                 .collect(),
             rows: groups.clone().map(group_rows).collect(),
-            gains: groups.map(group_gains).collect(),
+            gains: groups.map(|group| group_gains(group, 0)).collect(),
+            back_gains: (0..n_back).map(|group| group_gains(group, 1)).collect(),
             moves: rows.iter().map(|row| moves(row)).collect(),
             blows: blows(plan),
             plan: plan.clone(),
@@ -81,6 +88,13 @@ impl Script {
         let struck = &self.plan.struck[strikes];
         let (_, alpha, impulse) = struck.blows[blow];
         let (rate, step) = (self.plan.rate, self.plan.rate.step());
+        if let Some(answers) = &self.plan.answers {
+            for (mode, answer) in answers.struck[strikes].iter().enumerate() {
+                let by = answer.split(impulse, alpha, rate)[usize::from(second)] * step * step;
+                kicks[mode / LANES].0[mode % LANES] = by;
+            }
+            return;
+        }
         for (mode, own) in self.plan.modes.iter().enumerate() {
             let impulse = impulse * struck.shape[mode];
             let by = match own.cell {
@@ -93,7 +107,7 @@ impl Script {
 }
 
 fn blows(plan: &Modal) -> Vec<Blow> {
-    let in_two = plan.modes.first().is_some_and(|mode| mode.cell.is_some());
+    let in_two = !plan.is_discrete();
     let mut blows = Vec::new();
     for (strikes, struck) in plan.struck.iter().enumerate() {
         for (blow, &(frame, _, _)) in struck.blows.iter().enumerate() {

@@ -52,7 +52,7 @@ impl Assembled {
         let sped = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
                 .network
-                .with_every(|_, every| every?.checked_mul(oversampling)),
+                .with_macrosteps(|_, every| every?.checked_mul(oversampling)),
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);
@@ -133,7 +133,7 @@ impl Assembled {
                 body.inside = BodyPlan::Modal(modal.only(&kept.modes));
                 body.left_out = kept.left_out;
                 body.kept = kept.numbers();
-                ported::loosen(&mut hub, &body.inside);
+                ported::set_free(&mut hub, &body.inside);
             }
         }
         self.island_plan.network = Arc::new(hub);

@@ -1,32 +1,20 @@
-//! An island that is one linear body, struck and heard: a bank of its modes.
-
-use std::collections::BTreeMap;
+//! An island that is one linear body, struck and heard: a bank of its modes, of the complex ones where others do not do.
 
 use crate::bank::{Oscillator, Strikes};
+use crate::cell::Response;
 use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
+use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
 use crate::plan::passes::cells::hear;
+use crate::plan::passes::complex_body;
 use crate::plan::passes::linear::NoModes;
-use crate::plan::passes::loudness::Loudness;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::truncate::{self, KeptModes};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 use crate::units::{floor_frame, frame};
-
-/// Modes are asked to be quieter by at least so much at a time [dB].
-const LEAST: f64 = 2.0;
-
-/// A body as a bank.
-pub(in crate::plan) struct Body {
-    pub(in crate::plan) bank: BankPlan,
-    /// What outputs hear of where it rests   (its n_out)
-    pub(in crate::plan) rest: Vec<f64>,
-    pub(in crate::plan) modes: usize,
-    pub(in crate::plan) kept: KeptModes,
-}
 
 /// The modes of an island, as many as this score excites and the budget asks for, or those that were decided
 /// for before.
@@ -37,7 +25,6 @@ pub(in crate::plan) fn bank(
     pinned: Option<&[Vec<u32>]>,
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
-    let (network, rate) = (&subset.network, timeline.rate);
     let is_handled = !timeline.keys.is_empty() || !timeline.drives.is_empty();
     if is_handled || !timeline.ergons.is_empty() || !timeline.glides.is_empty() {
         return Err(NoModes::Handled);
@@ -45,11 +32,37 @@ pub(in crate::plan) fn bank(
     if !timeline.gates.is_empty() {
         return Err(NoModes::Coupled);
     }
+    let discrete = subset
+        .network
+        .mats()
+        .part
+        .first()
+        .map(|&part| part as usize);
+    let is_discrete = discrete.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
+    let strikes = blows(timeline, timeline.rate, |_| true, is_discrete);
+    match normal(subset, timeline, budget, pinned, &strikes, memo) {
+        // A session takes the motion of a body from mass to mass, by normal modes alone.
+        Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow)
+            if !is_discrete && !timeline.is_open =>
+        {
+            complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, memo)
+        }
+        known => known,
+    }
+}
+
+/// By modes that damping does not couple.
+fn normal(
+    subset: &Subset,
+    timeline: &Timeline,
+    budget: &Budget,
+    pinned: Option<&[Vec<u32>]>,
+    strikes: &Blows,
+    memo: &Memo<'_>,
+) -> Result<Body, NoModes> {
+    let (network, rate) = (&subset.network, timeline.rate);
     let OutputSums { mut rows, held } = heard(network)?;
     let n_out = rows.len();
-    let discrete = network.mats().part.first().map(|&part| part as usize);
-    let is_discrete = discrete.is_some_and(|part| network.parts()[part].ca_rate.is_some());
-    let strikes = blows(timeline, rate, |_| true, is_discrete);
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
     let mut modes = memo.modes(network, &rows, rate)?;
     // What a session may bring is not known: all of them may move.
@@ -61,13 +74,21 @@ pub(in crate::plan) fn bank(
         return Err(why);
     }
     let (seen, felt) = modes.shapes.split_at(n_out);
+    let own = Normal {
+        modes: &modes,
+        seen,
+        felt,
+        strikes,
+        budget,
+        rate,
+    };
     let kept = match pinned {
         Some([kept]) => KeptModes::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
         Some(_) => return Err(NoModes::Pinned),
         None => {
             // Of what a session may bring nothing is known: nothing that can be heard is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);
-            keep(&modes, seen, felt, &strikes, allowed, budget, rate)
+            audible::keep(&own, strikes, n_out, allowed, budget, rate)
         }
     };
     let rest = (0..n_out)
@@ -80,70 +101,67 @@ pub(in crate::plan) fn bank(
             still + held[output]
         })
         .collect();
-    let bank = bank_of(
-        &modes,
-        &kept.modes,
-        [seen, felt],
-        &subset.outputs,
-        &strikes,
-        rate,
-    );
     Ok(Body {
-        bank: BankPlan { turned, ..bank },
+        bank: BankPlan {
+            turned,
+            ..own.bank(&kept.modes, &subset.outputs)
+        },
         rest,
         modes: modes.len(),
         kept,
+        kind: ModeKind::Normal,
     })
 }
 
-/// Strikes on each MAT: frame, part of a frame after it, impulse [N·s].
-type Blows = BTreeMap<u32, Vec<(u64, f64, f64)>>;
-
-/// The modes that stay: those that sums of energies tell, tested by ear.
-fn keep(
-    modes: &Modes,
-    seen: &[Vec<f64>],
-    felt: &[Vec<f64>],
-    strikes: &Blows,
-    mut allowed: Option<f64>,
-    budget: &Budget,
+/// A body by its normal modes, where they are heard and struck.
+struct Normal<'a> {
+    modes: &'a Modes,
+    /// (n_out, n_modes)
+    seen: &'a [Vec<f64>],
+    /// (n_struck, n_modes)
+    felt: &'a [Vec<f64>],
+    strikes: &'a Blows,
+    budget: &'a Budget,
     rate: Rate,
-) -> KeptModes {
-    let given: Vec<Vec<f64>> = strikes
-        .values()
-        .map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
-        .collect();
-    let mut kept = truncate::keep(modes, seen, felt, &given, allowed, budget, rate);
-    let Some(most) = allowed else {
-        return kept;
-    };
-    let bent = |mode: usize| modes.x0[mode] != modes.rest[mode] || modes.v0[mode] != 0.0;
-    let frames = strikes.values().flatten().map(|&(frame, _, _)| frame);
-    let first = frames.min().filter(|_| !(0..modes.len()).any(bent));
-    let outputs: Vec<u32> = (0..seen.len() as u32).collect();
-    let loudness = |some: &[usize]| {
-        let bank = bank_of(modes, some, [seen, felt], &outputs, strikes, rate);
-        Loudness::of(bank, outputs.len(), rate, first.unwrap_or(0))
-    };
-    let mut all = None;
-    loop {
-        let stays = |mode: &usize| kept.modes.binary_search(mode).is_ok();
-        let is_heard = |mode: &usize| modes.pitch(*mode, rate).0 <= budget.highest();
-        let fallen: Vec<usize> = (0..modes.len())
-            .filter(|mode| !stays(mode) && is_heard(mode))
-            .collect();
-        if fallen.is_empty() {
-            kept.left_out = None;
-            return kept;
-        }
-        let all = all.get_or_insert_with(|| loudness(&(0..modes.len()).collect::<Vec<_>>()));
-        let loud = loudness(&fallen).beside(all);
-        kept.left_out = Some(loud);
-        if loud <= most {
-            return kept;
-        }
-        allowed = allowed.map(|db| db - (loud - most).max(LEAST));
-        kept = truncate::keep(modes, seen, felt, &given, allowed, budget, rate);
+}
+
+impl ModalBody for Normal<'_> {
+    fn n_modes(&self) -> usize {
+        self.modes.len()
+    }
+
+    fn frequency(&self, mode: usize) -> f64 {
+        self.modes.pitch(mode, self.rate).0
+    }
+
+    fn is_moving(&self) -> bool {
+        let modes = self.modes;
+        (0..modes.len()).any(|mode| modes.x0[mode] != modes.rest[mode] || modes.v0[mode] != 0.0)
+    }
+
+    fn loudest(&self, allowed: Option<f64>) -> KeptModes {
+        let (seen, felt, given) = (self.seen, self.felt, impulses(self.strikes));
+        truncate::keep(
+            self.modes,
+            seen,
+            felt,
+            &given,
+            allowed,
+            self.budget,
+            self.rate,
+        )
+    }
+
+    fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
+        let seen_and_felt = [self.seen, self.felt];
+        bank_of(
+            self.modes,
+            some,
+            seen_and_felt,
+            outputs,
+            self.strikes,
+            self.rate,
+        )
     }
 }
 
@@ -175,10 +193,11 @@ fn bank_of(
     for (shape, blows) in felt.iter().zip(strikes.values()) {
         bank.strikes.push(Strikes {
             among: 0..some.len(),
-            cells: if modes.is_discrete {
+            responses: if modes.is_discrete {
                 Vec::new()
             } else {
-                some.iter().map(|&mode| modes.cell(mode)).collect()
+                let cells = some.iter().map(|&mode| modes.cell(mode));
+                cells.map(Response::Cell).collect()
             },
             share: some.iter().map(|&mode| shape[mode]).collect(),
             w: if modes.is_discrete {

@@ -41,7 +41,10 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             forest.join(key.struck, mat);
         }
     }
-    let (moved, heard) = (moved(network, timeline), Listened::new(network, timeline));
+    let (moved, heard) = (
+        moved(network, timeline),
+        ListenedMats::new(network, timeline),
+    );
     let mut index = vec![u32::MAX; n];
     let mut found: Vec<IslandMembers> = Vec::new();
     for (mat, &is_moved) in moved.iter().enumerate() {
@@ -98,12 +101,12 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
 }
 
 /// What outputs listen to, and hands feel.
-struct Listened {
+struct ListenedMats {
     mats: Vec<bool>,
     links: Vec<bool>,
 }
 
-impl Listened {
+impl ListenedMats {
     fn new(network: &Network, timeline: &Timeline) -> Self {
         let mut heard = Self {
             mats: vec![false; network.n_mat()],

@@ -1,6 +1,7 @@
-//! A linear body: masses and springs as matrices, and its damping where that goes with them.
+//! A linear body: masses, springs and dampers as matrices, and whether its damping goes with the others.
 
 use crate::network::{LinkKind, MatKind, Network};
+use crate::plan::passes::viscosity::Viscosity;
 use crate::units::Rate;
 
 /// Relative difference at which two dampings are one: what a score's digits and rounding leave.
@@ -36,10 +37,14 @@ pub(crate) enum NoModes {
     Pinned,
     /// A link to one of its bodies is too stiff for modes that feel it once a frame.
     Stiff,
+    /// Rounding in its eigenvalue problem would be heard.
+    Inexact,
+    /// So many points of it are touched that its complex modes cost more than stepping it.
+    Ports,
 }
 
 impl NoModes {
-    const ALL: [Self; 12] = [
+    const ALL: [Self; 14] = [
         Self::NotLinear,
         Self::Coupled,
         Self::OtherRate,
@@ -52,6 +57,8 @@ impl NoModes {
         Self::Diverges,
         Self::Pinned,
         Self::Stiff,
+        Self::Inexact,
+        Self::Ports,
     ];
 
     /// Whether a plan can have told this.
@@ -73,12 +80,16 @@ impl NoModes {
             Self::Diverges => "one of its modes grows",
             Self::Pinned => "the given plan selects other modes",
             Self::Stiff => "a link to its body is too stiff for modes that feel it once a frame",
+            Self::Inexact => "its damping is too strong for its modes to be computed exactly",
+            Self::Ports => {
+                "others touch so many of its points that modes would cost more than steps"
+            }
             Self::ForceHeard => "an output listens to a force inside it",
         }
     }
 }
 
-/// M, K and Z of a linear body; Z = α·M + β·K.
+/// M, K and Z of a linear body.
 pub(crate) struct Linear {
     /// MATs that move, by their index in the network   (n)
     pub(crate) free: Vec<usize>,
@@ -88,10 +99,22 @@ pub(crate) struct Linear {
     pub(crate) stiffness: Vec<f64>,
     /// Force on each where all are at x = 0 [N]   (n)
     pub(crate) force: Vec<f64>,
-    pub(crate) alpha: f64,
-    pub(crate) beta: f64,
+    /// α and β of Z = α·M + β·K; none where damping does not go with mass and stiffness.
+    pub(crate) proportion: Option<[f64; 2]>,
+    /// Its dampers   (as many as there are)
+    pub(crate) dampers: Vec<Damper>,
+    /// Its damping, where it is no sum of mass and stiffness and yet has their modes.
+    pub(crate) viscosity: Option<Viscosity>,
     /// The discrete network is the truth: M, K, Z are algorithmic.
     pub(crate) is_discrete: bool,
+}
+
+/// A damper between two masses, or of one against what does not move: their place among those that move.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Damper {
+    pub(crate) ends: [Option<usize>; 2],
+    /// [N·s/m]
+    pub(crate) z: f64,
 }
 
 impl Linear {
@@ -107,17 +130,24 @@ impl Linear {
         }
         let n = free.len();
         let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
-        let mut damping = Damping::default();
+        let (mut damping, mut dampers) = (Damping::default(), Vec::new());
+        let mut proportion = Ok(());
         let (mut stiffness, mut force) = (vec![0.0; n * n], vec![0.0; n]);
         let slot = |mat: usize| free.binary_search(&mat).ok();
         for run in network.runs() {
             if !matches!(run.kind, LinkKind::Ref) {
                 return Err(NoModes::NotLinear);
             }
-            damping.link(run.k, run.z)?;
+            proportion = proportion.and_then(|()| damping.link(run.k, run.z));
             for i in 0..run.len {
                 let (a, b) = (run.a + i, run.b + i);
                 let (sa, sb) = (slot(a), slot(b));
+                if run.z != 0.0 {
+                    dampers.push(Damper {
+                        ends: [sa, sb],
+                        z: run.z,
+                    });
+                }
                 for (own, sign) in [(sa, 1.0), (sb, -1.0)] {
                     let Some(own) = own else { continue };
                     stiffness[own * n + own] += run.k / (root[own] * root[own]);
@@ -142,11 +172,25 @@ impl Linear {
             };
             stiffness[own * n + own] += k / mats.m[i];
             force[own] += k * mats.rest[i];
-            damping.mass(mats.m[i], k, z)?;
+            proportion = proportion.and_then(|()| damping.mass(mats.m[i], k, z));
+            if z != 0.0 {
+                dampers.push(Damper {
+                    ends: [Some(own), None],
+                    z,
+                });
+            }
         }
+        let known = proportion.ok();
+        let viscosity = match known {
+            Some(()) => None,
+            None => {
+                Viscosity::new(network, &free, &root).filter(|own| own.shares_modes(&stiffness))
+            }
+        };
         Ok(Self {
-            alpha: damping.alpha.unwrap_or(0.0),
-            beta: damping.beta.unwrap_or(0.0),
+            proportion: known.map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),
+            dampers,
+            viscosity,
             free,
             root,
             stiffness,
@@ -180,7 +224,7 @@ struct Damping {
 }
 
 impl Damping {
-    fn link(&mut self, k: f64, z: f64) -> Result<(), NoModes> {
+    fn link(&mut self, k: f64, z: f64) -> Result<(), NotProportional> {
         if k == 0.0 && z == 0.0 {
             return Ok(());
         }
@@ -190,7 +234,7 @@ impl Damping {
     }
 
     /// After all links: a mass and its tie to the ground.
-    fn mass(&mut self, m: f64, k: f64, z: f64) -> Result<(), NoModes> {
+    fn mass(&mut self, m: f64, k: f64, z: f64) -> Result<(), NotProportional> {
         let beta = self.beta.unwrap_or(0.0);
         let left = z - beta * k;
         // What two nearly equal numbers leave of each other is no damping.
@@ -205,14 +249,17 @@ impl Damping {
     }
 }
 
-fn same(known: f64, other: f64) -> Result<(), NoModes> {
+/// Damping that goes with no multiples of mass and stiffness.
+struct NotProportional;
+
+fn same(known: f64, other: f64) -> Result<(), NotProportional> {
     if !known.is_finite() || !other.is_finite() {
         // A damper without a spring.
-        return Err(NoModes::Damping);
+        return Err(NotProportional);
     }
     if (known - other).abs() <= SAME * known.abs().max(other.abs()) {
         Ok(())
     } else {
-        Err(NoModes::Damping)
+        Err(NotProportional)
     }
 }

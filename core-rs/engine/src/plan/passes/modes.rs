@@ -3,6 +3,7 @@
 use crate::cell::{Cell, Ratios};
 use crate::network::Network;
 use crate::plan::passes::linear::{Linear, NoModes};
+use crate::plan::passes::viscosity::{PROBES, Viscosity, probe};
 use crate::spectrum::whole;
 use crate::units::Rate;
 
@@ -33,6 +34,9 @@ impl Modes {
     /// The modes of a network that is one linear body; each row is a weighted sum of positions.
     pub(crate) fn new(network: &Network, rows: &[Row], rate: Rate) -> Result<Self, NoModes> {
         let linear = Linear::new(network, rate)?;
+        if linear.proportion.is_none() && linear.viscosity.is_none() {
+            return Err(NoModes::Damping);
+        }
         let n = linear.free.len();
         let mats = network.mats();
         let slot = |mat: usize| linear.free.binary_search(&mat).ok();
@@ -58,6 +62,12 @@ impl Modes {
         seen.push(weighted(&|own, i| linear.root[own] * mats.x0[i]));
         seen.push(weighted(&|own, i| linear.root[own] * mats.v0[i]));
         seen.push(weighted(&|own, _| linear.force[own] / linear.root[own]));
+        if let Some(viscosity) = &linear.viscosity {
+            let probes: Vec<Vec<f64>> = (0..PROBES).map(|which| probe(n, which)).collect();
+            let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.times(probe)).collect();
+            seen.extend(probes);
+            seen.extend(images);
+        }
         let (lambda, mut seen) = whole(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
         let top = lambda.last().copied().unwrap_or(0.0);
         // A body that nothing holds has a mode at 0, to rounding.
@@ -71,10 +81,14 @@ impl Modes {
                 }
             })
             .collect();
-        let zeta = lambda
-            .iter()
-            .map(|lambda| linear.alpha + linear.beta * lambda)
-            .collect();
+        let zeta = match linear.proportion {
+            Some([alpha, beta]) => lambda.iter().map(|lambda| alpha + beta * lambda).collect(),
+            None => {
+                let images = seen.split_off(seen.len() - PROBES);
+                let probes = seen.split_off(seen.len() - PROBES);
+                Viscosity::of_modes(&probes, &images).ok_or(NoModes::Damping)?
+            }
+        };
         let force = seen.pop().unwrap_or_default();
         let v0 = seen.pop().unwrap_or_default();
         let x0 = seen.pop().unwrap_or_default();

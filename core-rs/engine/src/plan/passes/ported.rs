@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
+use crate::cell::Response;
 use crate::island::inside::BodyPlan;
-use crate::island::modal::{Modal, Mode, Port, Struck};
+use crate::island::modal::{Answers, Modal, Mode, Port, Struck};
 use crate::network::forest::ends;
 use crate::network::{Network, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
+use crate::plan::cost;
 use crate::plan::passes::body::{blows, heard};
+use crate::plan::passes::complex_body::{self, Part};
+use crate::plan::passes::complex_modes::Sum;
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::{self, Ways};
 use crate::plan::passes::modes::{Modes, Row};
@@ -18,6 +22,10 @@ use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::passes::wiring::{Body, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
+
+/// A body goes by complex modes where they cost so many times what stepping it costs at most: they are exact, which no
+/// stepping at as many times the rate is.
+const MOST: f64 = 2.0;
 
 /// An island cut into what is stepped and bodies.
 pub(in crate::plan) struct Cut {
@@ -60,10 +68,17 @@ pub(in crate::plan) fn cut(
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
     }
+    // What slow parts do from kick to kick is certified with normal modes alone, and a session takes the motion of a body
+    // from mass to mass by them.
+    let takes_complex = found.is_empty() && !timeline.is_open;
     if budget.takes_modes() && has_bodies {
         for body in wiring.bodies(network, false, false) {
-            match modal(network, timeline, &body, memo) {
-                Ok(modal) => found.push((body, BodyPlan::Modal(modal))),
+            let found_modes = match modal(network, timeline, &body, memo) {
+                Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
+                known => known.map(BodyPlan::Modal),
+            };
+            match found_modes {
+                Ok(modal) => found.push((body, modal)),
                 Err(reason) => why = Some(reason),
             }
         }
@@ -95,7 +110,7 @@ impl PortedBody {
         match &self.inside {
             BodyPlan::Modal(_) => self.kept.clone(),
             BodyPlan::Mesh(mesh) => mesh::numbers(mesh),
-            BodyPlan::Slow(slow) => vec![slow.flow.every],
+            BodyPlan::Slow(slow) => vec![slow.flow.macrostep],
         }
     }
 }
@@ -197,7 +212,96 @@ fn modal(
             .collect(),
         rate,
         of: Arc::new(subset.network),
+        answers: None,
     })
+}
+
+/// A body by its complex modes; ports by their index in the island.
+fn complex(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    memo: &Memo<'_>,
+) -> Result<BodyPlan, NoModes> {
+    let rate = timeline.rate;
+    let subset = network.subset(&body.mats, &body.guests, &body.links);
+    let outputs = heard(&subset.network)?;
+    let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
+    let ports: Vec<usize> = body.ports.iter().map(local).collect();
+    let is_ours = |mat| body.mats.binary_search(&mat).is_ok();
+    let strikes = blows(timeline, rate, is_ours, false);
+    let points: Vec<usize> = ports
+        .iter()
+        .copied()
+        .chain(strikes.keys().map(local))
+        .collect();
+    let rows = ports.iter().map(|&mat| vec![(mat, 1.0)]);
+    let sums: Vec<Sum> = rows.chain(outputs.rows).map(Sum::of).collect();
+    let modes = memo.complex(&subset.network, &sums, &points, rate)?;
+    let every: Vec<usize> = (0..modes.len()).collect();
+    let (n_ports, all) = (ports.len(), complex_body::parts(&modes, &every, rate));
+    let shape = |row: usize| -> Vec<f64> {
+        let parts = all.iter();
+        parts
+            .map(|own| own.sign * modes.seen[row][own.mode][own.part])
+            .collect()
+    };
+    let answers = |point: usize| -> Vec<Response> {
+        let parts = all.iter();
+        parts
+            .map(|own| complex_body::response(&modes, own, point))
+            .collect()
+    };
+    let still = modes.rest[n_ports..].iter().zip(&outputs.held);
+    let found = Modal {
+        kept: (0..all.len() as u32).collect(),
+        turned: None,
+        modes: all.iter().map(part).collect(),
+        ports: (0..n_ports)
+            .map(|row| Port {
+                mat: body.ports[row] as usize,
+                rest: modes.rest[row],
+                shape: shape(row),
+            })
+            .collect(),
+        heard: (0..)
+            .zip(&subset.outputs)
+            .map(|(row, &output): (usize, _)| (output, shape(n_ports + row)))
+            .collect(),
+        still: still.map(|(rest, held)| rest + held).collect(),
+        struck: strikes
+            .into_values()
+            .map(|blows| Struck {
+                shape: vec![1.0; all.len()],
+                blows,
+            })
+            .collect(),
+        rate,
+        of: Arc::new(subset.network),
+        answers: Some(Answers {
+            n_modes: modes.len(),
+            ports: (0..n_ports).map(answers).collect(),
+            struck: (n_ports..points.len()).map(answers).collect(),
+        }),
+    };
+    // The same masses module by module, as often as they may cost.
+    let stepped = MOST * cost::stepped_cost(&found.of, &Timeline::new(rate));
+    let found = BodyPlan::Modal(found);
+    let is_cheap = cost::body_cost(&found) <= stepped;
+    is_cheap.then_some(found).ok_or(NoModes::Ports)
+}
+
+/// A part of a complex mode as a mode that answers by itself.
+fn part(own: &Part) -> Mode {
+    let (a, b) = own.recurrence;
+    Mode {
+        a,
+        b,
+        gain: 0.0,
+        now: own.now,
+        before: own.before,
+        cell: None,
+    }
 }
 
 fn is_discrete(network: &Network, body: &Body) -> bool {
@@ -274,7 +378,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
                 0
             }
         };
-        loosen(&mut hub.network, &inside);
+        set_free(&mut hub.network, &inside);
         bodies.push(PortedBody {
             mats: body.mats.len(),
             links: body.links.len(),
@@ -310,24 +414,27 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
 }
 
 /// The ports of a body as masses that move as freely.
-pub(in crate::plan) fn loosen(hub: &mut Network, inside: &BodyPlan) {
+pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
     match inside {
         BodyPlan::Modal(modal) => {
             let step = modal.rate.step();
-            let is_discrete = modal.modes.first().is_some_and(|mode| mode.cell.is_none());
-            let unit = if is_discrete { 1.0 } else { step * step };
+            let unit = if modal.is_discrete() {
+                1.0
+            } else {
+                step * step
+            };
             for (at, port) in modal.ports.iter().enumerate() {
-                hub.loosen(port.mat, unit / modal.give(at));
+                hub.set_free(port.mat, unit / modal.give(at));
             }
         }
         BodyPlan::Mesh(mesh) => {
             for &(own, mat) in &mesh.ports {
-                hub.loosen(mat, mesh.network.mats().m[own]);
+                hub.set_free(mat, mesh.network.mats().m[own]);
             }
         }
         BodyPlan::Slow(slow) => {
             for &(own, mat) in &slow.ports {
-                hub.loosen(mat, slow.network.mats().m[slow.free[own]]);
+                hub.set_free(mat, slow.network.mats().m[slow.free[own]]);
             }
         }
     }

@@ -42,7 +42,7 @@ pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> SlowBodie
     let mut found = SlowBodies::default();
     for (part, own) in network.parts().iter().enumerate() {
         let is_here = || network.mats().part.contains(&(part as u32));
-        let Some(every) = own.every.filter(|_| is_here()) else {
+        let Some(every) = own.macrostep.filter(|_| is_here()) else {
             continue;
         };
         match held_fast(network, timeline, part) {
@@ -277,7 +277,7 @@ fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[V
         moved = frame.apply(&moved);
     }
     let mut found = Vec::new();
-    for frames in 1..=flow.every {
+    for frames in 1..=flow.macrostep {
         interrupt::poll();
         found.push(flow.missing(own, frames, &moved));
         moved = frame.apply(&moved);

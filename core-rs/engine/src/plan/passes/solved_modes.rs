@@ -1,12 +1,16 @@
 //! What a plan found out about bodies, so that the next version's need not find it out again.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use crate::network::Network;
+use crate::plan::passes::complex_modes::{ComplexModes, Sum};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
+
+/// Work of a solution for each number of modes to the third [s].
+const SOLVE: f64 = 0.5e-9;
 
 /// The modes of one body, as far as anybody asked for them.
 #[derive(Debug)]
@@ -17,11 +21,22 @@ pub(in crate::plan) struct Solved {
     modes: Modes,
 }
 
+/// The complex modes of one body, at every rate the same, or why it has none.
+struct SolvedComplex {
+    network: Network,
+    outputs: Vec<Sum>,
+    struck: Vec<usize>,
+    modes: Result<Arc<ComplexModes>, NoModes>,
+}
+
 /// What is known of bodies, and what a plan on its way finds out.
 #[derive(Default)]
 pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<Solved>],
     found: RefCell<Vec<Arc<Solved>>>,
+    complex: RefCell<Vec<SolvedComplex>>,
+    /// Work of the solutions that nobody has counted yet [s].
+    work: Cell<f64>,
 }
 
 impl<'a> Memo<'a> {
@@ -29,12 +44,19 @@ impl<'a> Memo<'a> {
         Self {
             known,
             found: RefCell::default(),
+            complex: RefCell::default(),
+            work: Cell::default(),
         }
     }
 
     /// For the next plan.
     pub(in crate::plan) fn found(self) -> Vec<Arc<Solved>> {
         self.found.into_inner()
+    }
+
+    /// Work of the solutions since this was asked last [s].
+    pub(in crate::plan) fn take_work(&self) -> f64 {
+        self.work.take()
     }
 
     /// As [`Modes::new`], to the last bit: each row is turned by itself.
@@ -44,8 +66,10 @@ impl<'a> Memo<'a> {
         rows: &[Row],
         rate: Rate,
     ) -> Result<Modes, NoModes> {
+        // Only where the discrete network is the truth have modes anything to do with a rate.
         let is_ours = |solved: &&Arc<Solved>| {
-            solved.rate.hertz() == rate.hertz() && solved.network.begins_as(network)
+            (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
+                && solved.network.is_same_from_start(network)
         };
         let at_hand = self.found.borrow().iter().find(is_ours).cloned();
         let known = at_hand.or_else(|| self.known.iter().find(is_ours).cloned());
@@ -64,6 +88,8 @@ impl<'a> Memo<'a> {
             all.extend(others.cloned());
         }
         let modes = Modes::new(network, &all, rate)?;
+        let n = modes.len() as f64;
+        self.work.set(self.work.get() + SOLVE * n * n * n);
         let places: Vec<usize> = (0..rows.len()).collect();
         let own = modes.seen_by(&places);
         self.keep(Arc::new(Solved {
@@ -75,9 +101,68 @@ impl<'a> Memo<'a> {
         Ok(own)
     }
 
+    /// As [`ComplexModes::new`], found once for all rates at which an island is tried.
+    pub(in crate::plan) fn complex(
+        &self,
+        network: &Network,
+        outputs: &[Sum],
+        struck: &[usize],
+        rate: Rate,
+    ) -> Result<Arc<ComplexModes>, NoModes> {
+        let mut all = self.complex.borrow_mut();
+        let is_ours = |own: &&SolvedComplex| {
+            own.outputs == outputs
+                && own.struck == struck
+                && own.network.is_same_from_start(network)
+        };
+        let modes = match all.iter().find(is_ours) {
+            Some(own) => own.modes.clone()?,
+            None => {
+                let modes = ComplexModes::new(network, outputs, struck, rate).map(Arc::new);
+                all.push(SolvedComplex {
+                    network: network.clone(),
+                    outputs: outputs.to_vec(),
+                    struck: struck.to_vec(),
+                    modes: modes.clone(),
+                });
+                modes?
+            }
+        };
+        match modes.unfit(rate) {
+            Some(why) => Err(why),
+            None => Ok(modes),
+        }
+    }
+
     fn keep(&self, solved: Arc<Solved>) {
         let mut found = self.found.borrow_mut();
-        found.retain(|other| !solved.network.begins_as(&other.network));
+        found.retain(|other| !solved.network.is_same_from_start(&other.network));
         found.push(solved);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_body_is_solved_once_whatever_the_rate() {
+        let mut network = Network::default();
+        let mut last = network.mas("m0", 1e-3, 0.0, 0.0).unwrap();
+        for i in 1..8 {
+            let next = network.mas(&format!("m{i}"), 1e-3, 0.0, 0.0).unwrap();
+            let name = format!("r{i}");
+            network.spring(&name, last, next, 1e3, 0.0, 0.0).unwrap();
+            last = next;
+        }
+        let memo = Memo::new(&[]);
+        let solve = |hertz: f64| {
+            let rate = Rate::new(hertz).unwrap();
+            let modes = memo.modes(&network, &[vec![(last, 1.0)]], rate);
+            (modes.unwrap().lambda, memo.take_work())
+        };
+        let (first, work) = solve(44_100.0);
+        assert!(work > 0.0);
+        assert_eq!(solve(88_200.0), (first, 0.0));
     }
 }

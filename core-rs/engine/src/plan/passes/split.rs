@@ -54,7 +54,8 @@ pub(in crate::plan) fn split(
     }
     for glide in &timeline.glides {
         for &(at, mat) in home(glide.mat as u32) {
-            own[at].timeline.glides.push(Glide { mat, ..*glide });
+            let points = glide.points.clone();
+            own[at].timeline.glides.push(Glide { mat, points });
         }
     }
     for (index, key) in timeline.keys.iter().enumerate() {
@@ -71,7 +72,7 @@ pub(in crate::plan) fn split(
                 let gesture = if same {
                     gesture.clone()
                 } else {
-                    Arc::new((**gesture).clone().on(key))
+                    Arc::new((**gesture).clone().on_key(key))
                 };
                 own.timeline.gestures.push(gesture);
                 own.gestures.push(index as u32);

@@ -7,7 +7,7 @@ use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
 
 /// Energies are those of the first moments: there high modes, which fade first, count most [s].
-const FIRST: f64 = 0.1;
+pub(in crate::plan) const FIRST: f64 = 0.1;
 
 /// The modes that stay.
 pub(in crate::plan) struct KeptModes {

@@ -3,6 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use crate::plan::choice::Choice;
+use crate::plan::passes::audible::ModeKind;
 use crate::plan::report::row::{Computed, Reason, Row};
 
 /// A hash of decisions, and of what they are about.
@@ -16,7 +17,14 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
         let what: u64 = match row.what {
             Computed::Stepped => 0,
             Computed::Oscillators => 1,
-            Computed::Modes { .. } => 2,
+            Computed::Modes {
+                kind: ModeKind::Normal,
+                ..
+            } => 2,
+            Computed::Modes {
+                kind: ModeKind::Complex,
+                ..
+            } => 7,
             Computed::Mesh(..) => 3,
             Computed::Slow(_) => 6,
             Computed::LeftOut(Reason::Unheard) => 4,

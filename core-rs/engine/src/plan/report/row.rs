@@ -4,7 +4,7 @@ use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
 use crate::plan::cost::{self, Costs};
-use crate::plan::passes::body::Body;
+use crate::plan::passes::audible::{Body, ModeKind};
 use crate::plan::passes::islands::IslandMembers;
 use crate::plan::passes::ported::PortedBody;
 use crate::plan::{BankPlan, IslandPlan};
@@ -29,6 +29,8 @@ pub enum Computed {
     Oscillators,
     /// As modes: how many there are, how many are computed, and how loud the others would be [dB].
     Modes {
+        /// Which.
+        kind: ModeKind,
         /// All of the body's.
         of: usize,
         /// Those computed.
@@ -160,13 +162,22 @@ impl Row {
     /// A body inside an island: followed frame by frame.
     pub(in crate::plan) fn ported(found: &PortedBody, timeline: &Timeline) -> Self {
         let what = match &found.inside {
-            BodyPlan::Modal(modal) => Computed::Modes {
-                of: found.of,
-                kept: modal.modes.len(),
-                left_out: found.left_out,
+            BodyPlan::Modal(modal) => match &modal.answers {
+                Some(answers) => Computed::Modes {
+                    kind: ModeKind::Complex,
+                    of: answers.n_modes,
+                    kept: answers.n_modes,
+                    left_out: None,
+                },
+                None => Computed::Modes {
+                    kind: ModeKind::Normal,
+                    of: found.of,
+                    kept: modal.modes.len(),
+                    left_out: found.left_out,
+                },
             },
             BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.way.facts().name, mesh.substeps),
-            BodyPlan::Slow(slow) => Computed::Slow(slow.flow.every),
+            BodyPlan::Slow(slow) => Computed::Slow(slow.flow.macrostep),
         };
         let ns = cost::body_cost(&found.inside);
         Self::new(found.parts.clone(), [found.mats, found.links], what).costing(
@@ -178,6 +189,7 @@ impl Row {
 
     pub(in crate::plan) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
         let what = Computed::Modes {
+            kind: body.kind,
             of: body.modes,
             kept: body.kept.modes.len(),
             left_out: body.kept.left_out,

@@ -9,8 +9,8 @@ use crate::network::Error;
 /// What a plan of at most so many modules may draw, and one of so many [s]; in between in proportion, above by
 /// the module, up to `MOST`.
 const SMALL: (usize, f64) = (100, 1.0);
-const LARGE: (usize, f64) = (1_000, 5.0);
-const MOST: f64 = 20.0;
+const LARGE: (usize, f64) = (1_000, 2.5);
+const MOST: f64 = 10.0;
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -77,6 +77,11 @@ impl Allowance {
         Ok(())
     }
 
+    /// Take work [s] that is done whatever is left: what remains for trials is less by it.
+    pub(in crate::plan) fn spend(&self, seconds: f64) {
+        self.drawn.set((self.drawn.get() + seconds).min(self.total));
+    }
+
     /// Look whether so much work [s] is left, and take none of it.
     ///
     /// # Errors
@@ -108,8 +113,10 @@ mod tests {
     fn grows_with_the_score_up_to_a_bound() {
         let seconds = |n| Allowance::new(n, 1.0).spent().1;
         let all = [1, 100, 550, 1_000, 2_000, 1_000_000].map(seconds);
-        assert_eq!(all, [1.0, 1.0, 3.0, 5.0, 10.0, 20.0]);
-        assert_eq!(Allowance::new(1, 0.125).spent(), (0.0, 0.125));
+        for (seconds, most) in all.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
+            assert!((seconds - most).abs() < 1e-12, "{seconds} of {most}");
+        }
+        assert_eq!(Allowance::new(1, 0.5).spent(), (0.0, 0.5));
     }
 
     #[test]
@@ -119,5 +126,14 @@ mod tests {
         assert!(matches!(allowance.draw(0.5), Err(Halt::Spent)));
         assert!(matches!(allowance.draw(0.1), Err(Halt::Spent)));
         assert_eq!((allowance.n_refused(), allowance.spent()), (2, (0.75, 1.0)));
+    }
+
+    #[test]
+    fn what_has_to_be_done_leaves_less_for_trials() {
+        let allowance = Allowance::new(1, 1.0);
+        allowance.spend(0.75);
+        assert!(matches!(allowance.draw(0.5), Err(Halt::Spent)));
+        allowance.spend(9.0);
+        assert_eq!(allowance.spent(), (1.0, 1.0));
     }
 }

@@ -22,6 +22,13 @@ const KICKS: usize = 2_000;
 const BEATS: f64 = 3e-5;
 /// Kicks that fall together more seldom than this are not followed [frames].
 const FRAMES_MAX: u64 = 20_000;
+/// Eigenvalues that would take more work than this are not computed: the island is followed. One that would take
+/// more to follow is not known to be stable. It is no allowance's rest: a plan that is kept decides as it did when it
+/// was made [s].
+const WORK_MAX: f64 = 0.5;
+/// Work of the eigenvalues for each number of the map to the third, and of a number and a link in a frame [s].
+const EIGENVALUES: f64 = 8e-9;
+const NUMBER: f64 = 0.4e-9;
 
 /// How much an island grows from kick to kick.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +37,8 @@ pub(in crate::plan) struct Growth {
     pub(in crate::plan) radius: f64,
     /// It was followed for a while only, or some of it was left aside.
     pub(in crate::plan) is_tried: bool,
+    /// Work that it took to find out [s].
+    pub(in crate::plan) work: f64,
 }
 
 impl Growth {
@@ -38,22 +47,37 @@ impl Growth {
     }
 }
 
-/// How much an island grows, with its contacts open or closed.
-pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Growth {
+/// How much an island grows, with its contacts open or closed; `None` where that would take long to find out.
+pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     let mut found = Growth {
         radius: 0.0,
         is_tried: false,
+        work: 0.0,
     };
     for closed in [false, true] {
         let Some(mut map) = Map::new(island_plan, closed) else {
             found.is_tried = true;
             continue;
         };
-        let (radius, is_tried) = map.radius();
+        let is_dense = map.len() <= DENSE_MAX && map.dense_work() <= WORK_MAX;
+        let work = if is_dense {
+            map.dense_work()
+        } else {
+            map.followed_work()
+        };
+        if work > WORK_MAX {
+            return None;
+        }
+        let radius = if is_dense {
+            map.radius()
+        } else {
+            map.followed()
+        };
         found.radius = found.radius.max(radius);
-        found.is_tried |= is_tried || map.is_partial;
+        found.is_tried |= !is_dense || map.is_partial;
+        found.work += work;
     }
-    found
+    Some(found)
 }
 
 /// A linear link: ends, stiffness and viscosity.
@@ -110,7 +134,7 @@ impl<'a> Map<'a> {
             _ => None,
         };
         let slow: Vec<&Slow> = bodies().filter_map(of).collect();
-        let every: Vec<u64> = slow.iter().map(|slow| slow.flow.every.into()).collect();
+        let every: Vec<u64> = slow.iter().map(|slow| slow.flow.macrostep.into()).collect();
         let frames = every.iter().copied().fold(1, together);
         let quickest = every.iter().copied().min()?;
         let is_partial = bodies().any(|inside| matches!(inside, BodyPlan::Mesh(_)));
@@ -227,12 +251,38 @@ impl<'a> Map<'a> {
         self.place();
     }
 
-    /// The largest eigenvalue a kick, and whether it is but what a while of following shows.
-    fn radius(&mut self) -> (f64, bool) {
+    /// Work of one application [s].
+    fn work(&self) -> f64 {
+        let modes = self
+            .modes
+            .iter()
+            .map(|own| own.now.len() * own.modal.ports.len());
+        // A slow body's springs are a dense product, once a kick.
+        let kicks = self.slow.iter().map(RunningSlow::n_state);
+        let dense: usize = kicks.map(|n| n * n / 2).sum();
+        let each = self.len() + 2 * self.links.len() + modes.sum::<usize>();
+        NUMBER * (self.frames as f64 * each as f64 + self.kicks * dense as f64)
+    }
+
+    /// Work of the eigenvalues [s].
+    fn dense_work(&self) -> f64 {
+        let n = self.len() as f64;
+        n * self.work() + EIGENVALUES * n * n * n
+    }
+
+    /// Work of following it for a while [s].
+    fn followed_work(&self) -> f64 {
+        self.times() as f64 * self.work()
+    }
+
+    /// Applications for which a large island is followed.
+    fn times(&self) -> usize {
+        (KICKS as f64 / self.kicks).ceil().max(4.0) as usize
+    }
+
+    /// The largest eigenvalue a kick.
+    fn radius(&mut self) -> f64 {
         let n = self.len();
-        if n > DENSE_MAX {
-            return (self.followed(), true);
-        }
         let mut matrix = DMatrix::zeros(n, n);
         let mut column = vec![0.0; n];
         let mut is_finite = true;
@@ -245,7 +295,7 @@ impl<'a> Map<'a> {
             matrix.column_mut(j).copy_from_slice(&column);
         }
         if !is_finite {
-            return (f64::INFINITY, false);
+            return f64::INFINITY;
         }
         let values = matrix.complex_eigenvalues();
         let radius = values.iter().map(|value| {
@@ -253,14 +303,14 @@ impl<'a> Map<'a> {
             (re * re + im * im).sqrt()
         });
         let largest = radius.fold(0.0, f64::max);
-        (crate::maths::pow(largest, 1.0 / self.kicks), false)
+        crate::maths::pow(largest, 1.0 / self.kicks)
     }
 
     /// How much a motion that has some of everything grows a kick: between the most energy that it has in the second
     /// quarter of a while, and in the last.
     fn followed(&mut self) -> f64 {
         self.stir();
-        let times = (KICKS as f64 / self.kicks).ceil().max(4.0) as usize;
+        let times = self.times();
         let mut quarters = [0.0_f64; 4];
         for step in 0..times {
             interrupt::poll();

@@ -42,7 +42,7 @@ pub(in crate::plan) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
     let parts = subset.network.parts().iter().enumerate();
     let is_ours = |at: usize| mats.part.contains(&(at as u32));
     parts
-        .filter(|(at, part)| part.every.is_some() && is_ours(*at))
+        .filter(|(at, part)| part.macrostep.is_some() && is_ours(*at))
         .map(|(_, part)| (part.name.clone(), why.to_owned()))
         .collect()
 }
@@ -53,7 +53,7 @@ pub(in crate::plan) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
     Subset {
         network: subset
             .network
-            .with_every(|name, every| every.filter(|_| !stays(name))),
+            .with_macrosteps(|name, every| every.filter(|_| !stays(name))),
         ..subset.clone()
     }
 }
@@ -84,12 +84,12 @@ pub(in crate::plan) fn offer(
     let keys = timeline.keys.iter().map(|key| part(key.struck));
     let names: BTreeSet<&str> = keys
         .map(|part| &network.parts()[part])
-        .filter(|part| part.every.is_none())
+        .filter(|part| part.macrostep.is_none())
         .map(|part| part.name.as_str())
         .collect();
     let may = |name: &str| names.contains(name);
     let set = |name: &str, own: Option<u32>| own.or(may(name).then_some(every));
-    let slowed = network.with_every(set);
+    let slowed = network.with_macrosteps(set);
     let found = slow(&slowed, timeline);
     let fits: BTreeSet<usize> = found
         .bodies
@@ -99,7 +99,7 @@ pub(in crate::plan) fn offer(
         .collect();
     let fits =
         |name: &str| may(name) && fits.iter().any(|&part| network.parts()[part].name == name);
-    let network = network.with_every(|name, own| own.or(fits(name).then_some(every)));
+    let network = network.with_macrosteps(|name, own| own.or(fits(name).then_some(every)));
     is_more(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()
@@ -110,19 +110,25 @@ pub(in crate::plan) fn offer(
 fn is_more(network: &Network, than: &Network) -> bool {
     let count = |network: &Network| {
         let parts = network.parts().iter();
-        parts.filter(|part| part.every.is_some()).count()
+        parts.filter(|part| part.macrostep.is_some()).count()
     };
     count(network) > count(than)
 }
 
 /// How much an island with slow parts grows from kick to kick; `None`: it has none. Where it does grow, why they
 /// cannot be slow.
-pub(in crate::plan) fn certify(island: &Assembled) -> Result<Option<Growth>, String> {
+pub(in crate::plan) fn certify(
+    island: &Assembled,
+    allowance: &Allowance,
+) -> Result<Option<Growth>, String> {
     let bodies = &island.island_plan.bodies;
     if !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
         return Ok(None);
     }
-    let growth = macrostep::growth(&island.island_plan);
+    let Some(growth) = macrostep::growth(&island.island_plan) else {
+        return Err("whether its kicks let the island grow would take long to find out".to_owned());
+    };
+    allowance.spend(growth.work);
     if growth.is_stable() {
         return Ok(Some(growth));
     }
@@ -149,7 +155,7 @@ pub(in crate::plan) fn error(
     let how = (oversampling, Ways::As(&ways));
     let slow = Assembled::new(subset, own, budget, how, None, memo)?;
     let single = Subset {
-        network: subset.network.with_every(|_, every| every.map(|_| 1)),
+        network: subset.network.with_macrosteps(|_, every| every.map(|_| 1)),
         ..subset.clone()
     };
     let Ok(single) = Assembled::new(&single, own, budget, how, None, memo) else {

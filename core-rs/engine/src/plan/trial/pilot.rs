@@ -117,7 +117,20 @@ pub(in crate::plan) fn pilot(
         }
         None => None,
     };
+    let how = (search.once, n_frames);
     let Some(start) = start else {
+        if found.take.is_lost
+            && let Some((island, take)) = safe(assemble, how, allowance)?
+        {
+            let island = match take {
+                Some(take) => fewer(&island, (search.once, &take), n_frames, budget, allowance)?,
+                None => island,
+            };
+            return Ok(Piloted {
+                island,
+                error: None,
+            });
+        }
         let error = told(found.error, found.parting.as_ref());
         let island = fewer(
             &island,
@@ -130,26 +143,22 @@ pub(in crate::plan) fn pilot(
     };
     let mut best = search.climb(start, budget)?;
     if best.take.is_lost
-        && let Ok(island) = assemble((1, Ways::Safe))
+        && let Some((island, take)) = safe(assemble, how, allowance)?
     {
-        let contact_substeps = search.once;
-        let take = play(&island.island_plan, contact_substeps, n_frames, allowance);
-        let Some(take) = unless_spent(take)? else {
+        let Some(take) = take else {
             return Ok(Piloted {
                 island,
                 error: None,
             });
         };
-        if !take.is_lost {
-            best = Standing {
-                island,
-                contact_substeps,
-                take,
-                own: f64::NAN,
-                parting: None,
-                ..best
-            };
-        }
+        best = Standing {
+            island,
+            contact_substeps: search.once,
+            take,
+            own: f64::NAN,
+            parting: None,
+            ..best
+        };
     }
     // What is lost, or by what cannot be lost, was held against nothing.
     let own = Some(best.own).filter(|own| own.is_finite());
@@ -167,6 +176,21 @@ pub(in crate::plan) fn pilot(
         )?,
         error,
     })
+}
+
+/// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.
+fn safe(
+    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    (contact_substeps, n_frames): (usize, usize),
+    allowance: &Allowance,
+) -> Result<Option<(Assembled, Option<Take>)>, Error> {
+    let Ok(island) = assemble((1, Ways::Safe)) else {
+        return Ok(None);
+    };
+    let take = play(&island.island_plan, contact_substeps, n_frames, allowance);
+    let take = unless_spent(take)?;
+    let is_lost = take.as_ref().is_some_and(|take| take.is_lost);
+    Ok((!is_lost).then_some((island, take)))
 }
 
 /// An island at the lowest rate at which it is stable.
@@ -192,6 +216,18 @@ struct Contacts {
     take: Take,
     /// Where it is chaotic: then the error is that of the time until takes part.
     parting: Option<Parting>,
+}
+
+impl Contacts {
+    /// Nothing is known but that a part of the island goes beyond all bounds.
+    fn lost(contact_substeps: usize, take: Take) -> Self {
+        Self {
+            contact_substeps,
+            error: None,
+            take,
+            parting: None,
+        }
+    }
 }
 
 fn contacts(
@@ -231,6 +267,9 @@ fn contacts(
                     take,
                     parting,
                 });
+            }
+            (Err(Halt::Spent), None) if take.is_lost => {
+                return Ok(Contacts::lost(contact_substeps, take));
             }
             (Err(halt), _) => return Err(halt),
         };

@@ -87,6 +87,13 @@ fn keep(
     allowed: Option<f64>,
     budget: &Budget,
 ) -> KeptModes {
+    // The two parts of a complex mode stand and fall together, and take less than a pilot that tells which may.
+    if body.answers.is_some() {
+        return KeptModes {
+            modes: (0..body.modes.len()).collect(),
+            left_out: None,
+        };
+    }
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();

@@ -99,7 +99,8 @@ struct Meter<'a> {
 
 impl<'a> Meter<'a> {
     fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
-        let frame = work(island_plan);
+        let rows: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
+        let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * rows;
         let heard = HEARD * island_plan.network.outputs().len() as f64;
         Self {
             allowance,

@@ -1,7 +1,7 @@
-//! What is to change at a frame: another version of what plays, of who hears it, of how loud it is.
+//! Changes at a frame: another simulation, mixer, gain, stand-ins, guidance or bounds of forces.
 //!
-//! A change is made where time does not count and comes to the physics thread as a box; what it replaces goes back in the
-//! same box, to be freed where it came from.
+//! A change is prepared in an ordinary thread and sent to the physics thread in a box; what it replaces goes back in the
+//! same box, and is freed in the ordinary thread.
 
 use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Carry, Simulation};
@@ -11,15 +11,15 @@ use crate::perform::guidance::GuidanceStep;
 use crate::perform::scale::Bound;
 use crate::perform::status::EventKind;
 
-/// Changes that may wait at once.
+/// Most changes that may wait.
 pub(in crate::perform) const SCHEDULED_MAX: usize = 64;
 
-/// What is to change; what is not said stays.
+/// A change; fields that are `None` or empty change nothing.
 #[derive(Default)]
 pub struct Change {
-    /// Another simulation, at the frame of the change, and what it takes over from the one that plays.
+    /// Another simulation, at the frame of the change, and the state that it takes over.
     pub simulation: Option<(Simulation, Carry)>,
-    /// Another mixer, of as many channels.
+    /// Another mixer, with the same number of channels.
     pub mixer: Option<Mixer>,
     /// Gains of groups of routes.
     pub gains: Vec<(usize, f64)>,
@@ -27,28 +27,28 @@ pub struct Change {
     pub gain: Option<f64>,
     /// Frames at which bars begin, rising.
     pub bars: Option<Vec<u64>>,
-    /// Where hands stand in at each tick from that of the change on, hand by hand, where a guide leads it; without any it
-    /// stays as it is.
+    /// For each hand its stand-in positions at each tick from the change on [m]; an empty list keeps the old
+    /// ones.
     pub standins: Option<Vec<Vec<f64>>>,
     /// Steps of each hand's loose guidance; a hand without steps keeps its factors.
     pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
-    /// How much of the scene's force each hand may get when; a hand without bounds gets as much as before.
+    /// Bounds of the force on each hand; a hand without bounds keeps its scale.
     pub bounds: Option<Vec<Vec<Bound>>>,
     /// See [`Simulation::damp`].
     pub damp: Option<Option<f64>>,
 }
 
-/// A change on its way.
+/// A change that waits for its frame.
 pub(crate) struct ScheduledChange {
     pub(in crate::perform) at: u64,
     pub(in crate::perform) ticket: u64,
     pub(in crate::perform) change: Change,
-    /// Room for what the new simulation is heard by   (every · n_out)
+    /// Buffer for the outputs of the new simulation   (tick_frames · n_out)
     pub(in crate::perform) heard: Vec<f64>,
 }
 
 impl Player {
-    /// A change came: it waits for its frame, behind those of the same frame.
+    /// Let a change wait for its frame, after earlier changes of the same frame.
     pub(super) fn wait_for(&mut self, due: Box<ScheduledChange>) {
         if self.waiting.len() == SCHEDULED_MAX {
             self.tell(EventKind::Late(due.ticket));
@@ -59,7 +59,7 @@ impl Player {
         self.waiting.insert(at, due);
     }
 
-    /// Do what is due at the first frame of this tick; what was due before it comes too late and is left.
+    /// Make the changes that are due at the first frame of this tick; changes of earlier frames are late, and not made.
     pub(super) fn changes(&mut self) {
         while self.waiting.first().is_some_and(|due| due.at <= self.frame) {
             let mut due = self.waiting.remove(0);
@@ -75,8 +75,8 @@ impl Player {
         }
     }
 
-    /// False where the simulation is of another frame, takes over from another than plays, or has other outputs than are
-    /// mixed: nothing is changed then.
+    /// Make a change; false, with nothing changed, where the simulation is at another frame, takes over from another
+    /// simulation than plays, or has other outputs than the mixer.
     fn change(&mut self, due: &mut ScheduledChange) -> bool {
         let ScheduledChange { change, heard, .. } = due;
         let stage = &mut self.stage;
@@ -93,7 +93,7 @@ impl Player {
                 return false;
             }
             std::mem::swap(simulation, &mut stage.simulation);
-            std::mem::swap(heard, &mut self.heard);
+            std::mem::swap(heard, &mut self.outputs);
         }
         if let Some(mixer) = &mut change.mixer {
             let outputs = change.simulation.as_ref().map(|(_, carry)| carry.outputs());
@@ -149,17 +149,17 @@ impl Player {
         true
     }
 
-    /// What each hand's force is scaled by in this tick, with an eye to the changes that wait.
+    /// Advance the force scale of each hand, with regard to the bounds of changes that wait.
     pub(super) fn scale(&mut self) {
-        let every = self.stage.every as u64;
+        let tick_frames = self.stage.tick_frames as u64;
         for (hand, scale) in self.scales.iter_mut().enumerate() {
-            let Some((slot, axis)) = self.of[hand] else {
+            let Some((slot, axis)) = self.axis_of[hand] else {
                 continue;
             };
             let waiting = self.waiting.iter().flat_map(|due| {
                 let bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
                 bounds.flatten().map(|bound| Bound {
-                    at: bound.at.saturating_add(due.at / every),
+                    at: bound.at.saturating_add(due.at / tick_frames),
                     ..*bound
                 })
             });
@@ -168,9 +168,9 @@ impl Player {
         }
     }
 
-    /// To be freed elsewhere; where nobody takes it back it is not freed at all.
+    /// Send a box back to be freed; where there is no room it is leaked, not freed here.
     fn give_back(&mut self, due: Box<ScheduledChange>) {
-        if let Err(rtrb::PushError::Full(due)) = self.links.garbage.push(due) {
+        if let Err(rtrb::PushError::Full(due)) = self.connections.garbage.push(due) {
             std::mem::forget(due);
         }
     }

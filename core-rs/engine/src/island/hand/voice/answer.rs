@@ -1,6 +1,6 @@
 //! From what is asked of a key to the ergon that does it.
 
-use super::{Ask, Held, Scene, Voice, VoiceScript};
+use super::{Ask, Scene, TrackedFrame, Voice, VoiceScript};
 use crate::gesture::report::Report;
 use crate::gesture::script::{Ergons, Touch};
 use crate::island::record::{Record, Stream};
@@ -57,7 +57,7 @@ impl Voice {
                 x: *x,
                 previous: 0.0,
             });
-            self.held = Some(Held {
+            self.held = Some(TrackedFrame {
                 gesture: index,
                 source,
                 x: *x,

@@ -7,7 +7,7 @@ use crate::island::hand::framed::FramedGesture;
 
 /// What one voice passes on to another.
 #[derive(Clone, Debug)]
-pub(crate) struct Heir {
+pub(crate) struct VoiceCarry {
     /// Which voice of the island before, and of this one.
     pub(crate) from: usize,
     pub(crate) to: usize,
@@ -17,7 +17,7 @@ pub(crate) struct Heir {
     pub(crate) gestures: Vec<(usize, usize)>,
 }
 
-impl Heir {
+impl VoiceCarry {
     /// Here, a gesture of there.
     fn gesture(&self, there: usize) -> Option<usize> {
         let at = self.gestures.binary_search_by_key(&there, |pair| pair.0);
@@ -66,7 +66,7 @@ impl Voice {
         script: &VoiceScript,
         old: &mut Self,
         then: &VoiceScript,
-        heir: &Heir,
+        heir: &VoiceCarry,
     ) {
         match &heir.mats {
             None => std::mem::swap(&mut self.free, &mut old.free),

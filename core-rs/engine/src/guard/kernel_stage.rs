@@ -1,4 +1,4 @@
-//! What the kernels of an island step, gone through finer.
+//! An island as the guard steps it, by the kernels.
 
 use super::{Motion, Stage};
 use crate::kernel;
@@ -7,7 +7,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 use crate::state::Body;
 
-pub(crate) struct Scene<'a, 'b> {
+pub(crate) struct KernelStage<'a, 'b> {
     pub(crate) scheme: &'a Scheme,
     pub(crate) gates: &'a [f64],
     pub(crate) body: &'a mut Body,
@@ -15,9 +15,9 @@ pub(crate) struct Scene<'a, 'b> {
     pub(crate) team: &'a mut ThreadTeam<'b>,
 }
 
-impl Stage for Scene<'_, '_> {
-    fn pull(&mut self) {
-        // The ledger still asks for what came from outside in this frame.
+impl Stage for KernelStage<'_, '_> {
+    fn links(&mut self) {
+        // The ledger still needs the outside forces of this frame.
         let outside = std::mem::take(&mut self.body.outside);
         kernel::links(self.scheme, self.gates, self.body, self.laws, self.team);
         self.body.outside = outside;

@@ -1,19 +1,19 @@
-//! What a hand can reach of a scene, with all its contacts closed: as stiff as the hand can meet it.
+//! The part of a scene that a hand can move, linearised at the greatest stiffness that the hand can meet.
 
 use super::{Contact, LinkKind, MatKind, Network, Run};
 use crate::network::forest::{Forest, ends};
 
-/// Contacts and laws that harden are looked at this deep [m] at least.
-pub const DEEP: f64 = 1e-3;
-/// Places between at which a law's slope is looked at.
+/// Contacts and hardening laws are linearised for penetrations up to this depth [m].
+pub const PRESS_DEPTH: f64 = 1e-3;
+/// Number of places on either side of rest at which the slope of a law is evaluated.
 const PLACES: i32 = 16;
 
-/// A scene at one moment, as far as it differs from what its network says.
+/// How a scene differs from its network at one moment.
 #[derive(Clone, Debug, Default)]
-pub struct Moment {
+pub struct SceneMoment {
     /// MATs that other hands hold.
     pub held: Vec<usize>,
-    /// Links that do not act.
+    /// Links that are switched off.
     pub without: Vec<usize>,
     /// K, Z and M of MATs that glide.
     pub ties: Vec<(usize, [f64; 3])>,
@@ -21,23 +21,29 @@ pub struct Moment {
     pub factors: Vec<(usize, f64)>,
 }
 
-/// The part of a scene that a hand can move, pressed: linear and at rest.
+/// The part of a scene that a hand can move: linear, at rest, with all contacts closed.
 #[derive(Clone, Debug)]
-pub struct Met {
-    /// What moves, and the points that hold it.
+pub struct ReachableScene {
+    /// The MATs that move, and the fixed points that they are linked to.
     pub network: Network,
     /// The MAT that the hand moves.
     pub mat: usize,
-    /// Other hands that feel it, through whatever lies between.
+    /// Number of other hands that are linked to it.
     pub others: usize,
 }
 
 impl Network {
-    /// What a hand on `mat` can reach at a moment, at rest, with every contact closed and every law a spring as stiff as
-    /// it gets within `deep` [m]. It is linear: what it does to a small push it does to any.
+    /// The part of the network that a hand on `mat` can move at a moment, with every contact closed and every law
+    /// replaced by the stiffest spring that it is within `depth` [m].
     ///
-    /// `rate` [Hz]: a magic contact is as stiff as its steps are short.
-    pub fn met(&self, mat: usize, moment: &Moment, deep: f64, rate: f64) -> Met {
+    /// `rate` [Hz] sets the stiffness of magic contacts, which depends on the length of a step.
+    pub fn reachable_scene(
+        &self,
+        mat: usize,
+        moment: &SceneMoment,
+        depth: f64,
+        rate: f64,
+    ) -> ReachableScene {
         let is_off = |link: usize| moment.without.contains(&link);
         let is_held = |other: usize| other != mat && moment.held.contains(&other);
         let goes = |other: usize| other == mat || self.mats.kind[other].moves();
@@ -78,9 +84,9 @@ impl Network {
                 found.network.mats.kind[mat] = MatKind::Sol;
             }
         }
-        // A MAT is found where the hand is: it is among its own.
+        // The hand's own MAT is always among them.
         let hand = local(mat).unwrap_or_default();
-        found.network.press(deep, rate, hand);
+        found.network.linearise(depth, rate, hand);
         for run in &mut found.network.runs {
             let whole = found.links[run.first] as usize;
             let factors = moment.factors.iter().filter(|(link, _)| *link == whole);
@@ -88,18 +94,18 @@ impl Network {
                 (run.k, run.z) = (run.k * factor, run.z * factor);
             }
         }
-        Met {
+        ReachableScene {
             network: found.network,
             mat: hand,
             others,
         }
     }
 
-    fn press(&mut self, deep: f64, rate: f64, hand: usize) {
+    fn linearise(&mut self, depth: f64, rate: f64, hand: usize) {
         let Self {
             mats, runs, parts, ..
         } = self;
-        let give = |mat: usize| {
+        let inverse_mass = |mat: usize| {
             let is_free = mat != hand && mats.kind[mat].moves();
             if is_free { 1.0 / mats.m[mat] } else { 0.0 }
         };
@@ -108,7 +114,12 @@ impl Network {
                 .get(run.part)
                 .is_some_and(|part| part.ca_rate.is_some());
             let per_mass = if is_ca { 1.0 } else { rate * rate };
-            let (k, z) = stiffest(run, deep, give(run.a) + give(run.b), per_mass);
+            let (k, z) = stiffest(
+                run,
+                depth,
+                inverse_mass(run.a) + inverse_mass(run.b),
+                per_mass,
+            );
             (run.kind, run.k, run.z, run.rest) = (LinkKind::Ref, k, z, 0.0);
         }
         for values in [&mut mats.rest, &mut mats.x0, &mut mats.v0] {
@@ -116,7 +127,7 @@ impl Network {
         }
     }
 
-    /// Every number that a simulation of it goes by, as bytes: the same bytes, the same motion.
+    /// All numbers that determine the motion, as bytes: networks with equal bytes move equally.
     pub fn numbers(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(32 * self.n_mat() + 48 * self.runs.len());
         let mut put = |number: u64| bytes.extend(number.to_le_bytes());
@@ -145,20 +156,27 @@ impl Network {
     }
 }
 
-fn stiffest(run: &Run, deep: f64, give: f64, per_mass: f64) -> (f64, f64) {
+/// The greatest stiffness [N/m] of a run within `depth` [m], and its damping [N·s/m].
+///
+/// `compliance` is the sum of 1/M of both ends [1/kg]; `per_mass` converts the algorithmic K of a magic contact.
+fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64) {
     match &run.kind {
         LinkKind::Ref => (run.k, run.z),
         LinkKind::But(but) if but.contact == Contact::Magic => {
-            let mass = if give > 0.0 { 1.0 / give } else { 0.0 };
+            let mass = if compliance > 0.0 {
+                1.0 / compliance
+            } else {
+                0.0
+            };
             let (k, z) = but.exact_restitution();
             (k * mass * per_mass, z * mass * per_mass.sqrt())
         }
         LinkKind::But(but) => {
-            let slope = but.exponent * crate::maths::pow(deep, but.exponent - 1.0);
+            let slope = but.exponent * crate::maths::pow(depth, but.exponent - 1.0);
             (run.k * slope, run.z)
         }
         LinkKind::Lnl(law) => {
-            let places = (-PLACES..=PLACES).map(|i| deep * f64::from(i) / f64::from(PLACES));
+            let places = (-PLACES..=PLACES).map(|i| depth * f64::from(i) / f64::from(PLACES));
             let slopes = places
                 .clone()
                 .map(|d| law.slope(d))
@@ -166,7 +184,7 @@ fn stiffest(run: &Run, deep: f64, give: f64, per_mass: f64) -> (f64, f64) {
             let drags = places
                 .map(|d| law.damping_slope(d))
                 .filter(|z| z.is_finite());
-            // A law that gives way, or gives energy, is no spring at all.
+            // A negative slope, which gives way or gives energy, counts as no spring.
             (slopes.fold(0.0, f64::max), drags.fold(0.0, f64::max))
         }
     }

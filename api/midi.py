@@ -1,0 +1,87 @@
+"""MIDI ports as options ask for them, and what a session does with each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+from ergon.common.report import Report
+
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.live.midi_ports import InputPort
+    from ergon.live.midi_sender import TimedSender
+    from ergon.live.osc_out import HearingClock
+    from ergon.repl.session.midi_clock import ClockIn
+    from ergon.repl.session.session import Session
+
+    from .options import SessionOptions
+
+    Port = TypeVar("Port", InputPort, TimedSender)
+
+
+@dataclass(frozen=True, slots=True)
+class MidiPorts:
+    """Open ports: of notes and controllers, of the clock that is followed, of the clock told."""
+
+    inputs: Sequence[InputPort]
+    clock_from: InputPort | None
+    clock_to: TimedSender | None
+
+
+def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
+    """Open the ports that are asked for. Raises OptionError, and then none is open."""
+    from ergon.live.midi_ports import MidiError, SystemInput
+    from ergon.live.midi_sender import TimedSender
+
+    opened: list[InputPort | TimedSender] = []
+
+    def port(option: str, name: str, make: Callable[[str], Port]) -> Port:
+        try:
+            found = make(name)
+        except MidiError as error:
+            for one in opened:
+                one.close()
+            raise OptionError(option, str(error), value=name) from None
+        opened.append(found)
+        return found
+
+    inputs = [port("midi", name, SystemInput) for name in options.midi]
+    clock_from = options.midi_clock_from and port(
+        "midi_clock_from", options.midi_clock_from, SystemInput
+    )
+    clock_to = options.midi_clock_to and port("midi_clock_to", options.midi_clock_to, TimedSender)
+    for one in inputs:
+        report.say(f"MIDI is heard from {one.name}")
+    if clock_from:
+        report.say(f"the MIDI clock of {clock_from.name} is followed")
+    if clock_to:
+        report.say(f"MIDI clock goes to {clock_to.name}")
+    return MidiPorts(inputs, clock_from or None, clock_to or None)
+
+
+def attach_midi(session: Session, performance: _core.Performance, ports: MidiPorts) -> None:
+    """Let a session play with what its ports bring, until it ends."""
+    from ergon.live.osc_out import HearingClock
+    from ergon.repl.session.midi_clock import ClockIn, ClockOut
+
+    for port in ports.inputs:
+        session.attach(port)
+        port.listen(session.midi.receive)
+    if ports.clock_to is not None:
+        session.attach(ClockOut(session.commits, performance, ports.clock_to))
+    if ports.clock_from is not None:
+        ear = HearingClock(session.commits.rate, 0)
+        clock = ClockIn(session, ear.when, ports.clock_from)
+        session.attach(clock, partial(_followed, ear, clock, performance))
+
+
+def _followed(
+    ear: HearingClock, clock: ClockIn, performance: _core.Performance, now: float
+) -> None:
+    ear.look(performance.status(), now)
+    clock.turn(now)

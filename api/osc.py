@@ -1,0 +1,32 @@
+"""OSC as options ask for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    from ergon.live.osc import Osc
+
+
+def osc_of(heard: str | None, told: str | None, report: Report) -> Osc | None:
+    """OSC as asked, its sockets open; None where nothing is asked. Raises OptionError."""
+    if heard is None and told is None:
+        return None
+    from ergon.live.datagrams import PythonOscMissingError
+    from ergon.live.osc import Osc, OscError, place
+
+    try:
+        here = None if heard is None else place(heard)
+        there = None if told is None else place(told)
+        osc = Osc(here, there)
+    except (PythonOscMissingError, OscError) as error:
+        raise OptionError("osc" if heard is not None else "osc_to", str(error)) from None
+    if osc.place is not None:
+        host, port = osc.place
+        report.event("osc", host=host, port=port)
+        report.say(f"OSC is heard at {host}:{port}")
+    return osc

@@ -1,0 +1,61 @@
+"""A score played to its end without being heard: what its keys, masses and contacts do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+from ergon.notation.text.errors import Diagnostic, quote
+
+from . import score as scores
+from .check import stage_as_checked
+
+if TYPE_CHECKING:
+    from ergon.rendering.follow import GestureFidelity
+    from ergon.rendering.swings import Closing, Swing
+    from ergon.scores.reading.piece import Piece
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """How closely keys followed gestures, how far masses swung, and which contacts closed.
+
+    Frames are at `rate` [Hz]; so many contacts and points as `left_out` were not measured.
+    """
+
+    followed: list[GestureFidelity]
+    swings: list[Swing]
+    contacts: list[Closing]
+    rate: float
+    left_out: int
+
+
+def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated:
+    """Play a piece to its end; `report` hears of its progress under the name of `task`."""
+    from ergon.rendering.follow import followed
+    from ergon.rendering.swings import swings
+    from ergon.scores.staging.probes import probed
+
+    report = report or Report()
+    points = probed(piece)
+    stage = stage_as_checked(points.piece, report)
+    with report.progress(task, stage.n_frames, stage.rate) as progress:
+        moved, closed = swings(stage, points, progress.at)
+    return Simulated(followed(stage), moved, closed, stage.rate, points.left_out)
+
+
+def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
+    """W320 for each contact that did not close."""
+    found = []
+    for one in done.contacts:
+        if one.times:
+            continue
+        contact, nearest = one.contact, scores.where(piece, one.deepest_at / done.rate)
+        message = (
+            f"contact {quote(contact.name)} never closes: {contact.a.name} comes within "
+            f"{-1e3 * one.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
+        )
+        help = "make the gap smaller by more than that, or the movement larger"
+        found.append(Diagnostic("W320", message, contact.module.place, None, help))
+    return found

@@ -1,0 +1,165 @@
+//! Tuples with named fields, which are Python's named tuples: results, and structured arguments.
+
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::IntoPyDict;
+
+/// The class of a named tuple.
+struct Class {
+    name: &'static str,
+    doc: &'static str,
+    fields: &'static [&'static str],
+    made: PyOnceLock<Py<PyAny>>,
+}
+
+impl Class {
+    const fn new(name: &'static str, doc: &'static str, fields: &'static [&'static str]) -> Self {
+        Self {
+            name,
+            doc,
+            fields,
+            made: PyOnceLock::new(),
+        }
+    }
+
+    fn get<'py>(&self, py: Python<'py>) -> PyResult<&Bound<'py, PyAny>> {
+        let made = self.made.get_or_try_init(py, || {
+            let module = [("module", "ergon._core")].into_py_dict(py)?;
+            let make = py.import("collections")?.getattr("namedtuple")?;
+            let class = make.call((self.name, self.fields.to_vec()), Some(&module))?;
+            class.setattr("__doc__", self.doc.trim())?;
+            Ok::<_, PyErr>(class.unbind())
+        })?;
+        Ok(made.bind(py))
+    }
+}
+
+/// Declares results: structs of the core that Python sees as named tuples.
+macro_rules! results {
+    ($($(#[doc = $doc:literal])+ $name:ident { $($field:ident: $type:ty),+ $(,)? })+) => {
+        $(
+            $(#[doc = $doc])+
+            #[derive(Clone)]
+            pub(crate) struct $name { $(pub(crate) $field: $type),+ }
+
+            impl $name {
+                fn class() -> &'static Class {
+                    static CLASS: Class =
+                        Class::new(stringify!($name), concat!($($doc),+), &[$(stringify!($field)),+]);
+                    &CLASS
+                }
+            }
+
+            impl<'py> IntoPyObject<'py> for $name {
+                type Target = PyAny;
+                type Output = Bound<'py, PyAny>;
+                type Error = PyErr;
+
+                fn into_pyobject(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                    Self::class().get(py)?.call1(($(self.$field,)+))
+                }
+            }
+        )+
+
+        fn result_classes() -> Vec<&'static Class> {
+            vec![$($name::class()),+]
+        }
+    };
+}
+
+results! {
+    /// An operation of a law and its operands: 0 is d, 1 is v, 2 + i is row i.
+    LawRow { operation: &'static str, a: i32, b: i32, c: i32 }
+    /// A function of the core that native code of a law calls.
+    LawFunction { name: &'static str, address: usize }
+    /// A law that links of a network have: its rows, and how many links have it.
+    LawUse { rows: Vec<LawRow>, alone: usize, in_runs: usize }
+    /// A mode of a part: damped frequency [Hz] and decay [s].
+    Mode { f: f64, t60: f64 }
+    /// Position [m], velocity [m/s] and acceleration [m/s²] of a path at one instant.
+    PathPoint { x: f64, v: f64, a: f64 }
+    /// A place on the bench [m].
+    Place { x: f64, y: f64 }
+    /// The lowest and the highest of some positions.
+    Range { low: f64, high: f64 }
+    /// How many modes of a body are computed.
+    ModeCount { computed: usize, total: usize }
+    /// The decisions of a plan on one island.
+    IslandChoice {
+        modules: usize,
+        oversampling: u32,
+        contact_substeps: usize,
+        bodies: Vec<Vec<u32>>,
+    }
+    /// A part with its own rate that is computed at every frame, and why.
+    FullRatePart { name: String, why: String }
+    /// Work of a plan's trials, by the table of costs [s].
+    TrialWork { done: f64, allowed: f64 }
+    /// A part that became non-finite and was muted.
+    MutedPart { name: String, frame: u64 }
+    /// A part with frames that were computed in several steps.
+    FinerPart { name: String, frames: u64, steps: u32 }
+    /// The player and the key of an axis of a recording.
+    RecordedAxis { player: String, key: String }
+    /// An event of a recording: a line of JSON.
+    RecordedEvent { tick: u64, line: String }
+    /// An event of a performance.
+    PerformanceEvent { frame: u64, what: &'static str, number: f64 }
+    /// An event of a performance's sound output.
+    SoundEvent { time: f64, sentence: String }
+    /// A frame at which the silence of a panic begins or ends.
+    SilenceEdge { frame: u64, begins: bool }
+}
+
+/// Arguments that are read as plain tuples.
+static ARGUMENTS: [Class; 8] = [
+    Class::new(
+        "AxisCalibration",
+        "What is known of an axis of a device.",
+        &["number", "sign", "zero", "gain", "range", "force_max"],
+    ),
+    Class::new(
+        "LiveHand",
+        "A hand of a performance.",
+        &["standin", "reach", "guidance", "response"],
+    ),
+    Class::new(
+        "GuidanceSpring",
+        "The spring and damper that lead a hand.",
+        &["K", "Z", "follows_steps"],
+    ),
+    Class::new(
+        "LiveBoard",
+        "A device of a performance.",
+        &["url", "axes", "force_max", "calibration"],
+    ),
+    Class::new(
+        "RecordTarget",
+        "Where a performance records its hands.",
+        &["path", "axes", "about"],
+    ),
+    Class::new(
+        "FrozenStem",
+        "A frozen part of a performance.",
+        &["path", "offset", "n_frames", "outputs"],
+    ),
+    Class::new(
+        "MatValues",
+        "K, Z and M of a MAT at one moment.",
+        &["mat", "K", "Z", "M"],
+    ),
+    Class::new(
+        "ModuleRange",
+        "A range of modules in an output, and its weight.",
+        &["first", "n", "weight"],
+    ),
+];
+
+/// Add all classes to the module.
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let results = result_classes().into_iter();
+    for class in results.chain(&ARGUMENTS) {
+        module.add(class.name, class.get(module.py())?)?;
+    }
+    Ok(())
+}

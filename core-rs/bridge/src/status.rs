@@ -1,0 +1,152 @@
+//! The state and the events of a performance, as Python sees them.
+
+use ergon_live::perform::{self, EventKind};
+use ergon_live::safety::Trip;
+use pyo3::prelude::*;
+
+use crate::named::PerformanceEvent;
+
+fn tripped(why: Trip) -> &'static str {
+    match why {
+        Trip::NotFinite => "tripped: not finite",
+        Trip::Speed => "tripped: speed",
+        Trip::WrongWay => "tripped: wrong way",
+        Trip::AtStop => "tripped: at stop",
+        Trip::Frozen => "tripped: frozen",
+    }
+}
+
+pub(crate) fn named_event(event: perform::Event) -> PerformanceEvent {
+    let (what, number) = match event.kind {
+        EventKind::Gone(board) => ("gone", board as f64),
+        EventKind::Back(board) => ("back", board as f64),
+        EventKind::TookOver(hand) => ("took over", hand as f64),
+        EventKind::Lost(late) => ("lost", late.as_secs_f64()),
+        EventKind::Tripped(hand, why) => (tripped(why), hand as f64),
+        EventKind::Muted => ("muted", 0.0),
+        EventKind::Finer => ("finer", 0.0),
+        EventKind::Changed(ticket) => ("changed", ticket as f64),
+        EventKind::Late(ticket) => ("late", ticket as f64),
+        EventKind::Struck(ticket) => ("struck", ticket as f64),
+        EventKind::Missed(ticket) => ("missed", ticket as f64),
+        EventKind::Ended => ("ended", 0.0),
+    };
+    PerformanceEvent {
+        frame: event.frame,
+        what,
+        number,
+    }
+}
+
+/// The state of a performance.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct Status {
+    frame: u64,
+    ticks: u64,
+    late: u64,
+    latest: f64,
+    lost: u64,
+    dropped: u64,
+    missed: u64,
+    load: f64,
+    busiest: f64,
+    filled: usize,
+    underruns: u64,
+    xruns: u64,
+    played: u64,
+    alive: bool,
+    done: bool,
+    panicked: bool,
+    sounding: Option<f64>,
+    latency: f64,
+    paced: bool,
+    peaks: Vec<f32>,
+    hands: Vec<HandStatus>,
+}
+
+impl Status {
+    pub(crate) fn of(own: &mut perform::Performance) -> Self {
+        let status = own.status();
+        let sound = own.output().shared();
+        let info = own.output().info();
+        let (_, latency) = sound.timing();
+        Self {
+            frame: status.frame,
+            ticks: status.ticks,
+            late: status.late,
+            latest: status.latest.as_secs_f64(),
+            lost: status.lost,
+            dropped: status.dropped,
+            missed: status.missed,
+            load: status.load,
+            busiest: status.busiest,
+            filled: status.filled,
+            underruns: sound.underruns(),
+            xruns: sound.xruns(),
+            played: sound.played(),
+            alive: sound.alive(),
+            done: own.is_done(),
+            panicked: sound.panicked(),
+            sounding: sound.sounding().map(|since| since.as_secs_f64()),
+            latency: f64::from(latency) / f64::from(info.rate.max(1)),
+            paced: info.paced,
+            peaks: status.peaks.to_vec(),
+            hands: status.hands.iter().map(HandStatus::of).collect(),
+        }
+    }
+}
+
+/// The state of a hand.
+#[pyclass(frozen, get_all, from_py_object, module = "ergon._core")]
+#[derive(Clone)]
+pub(crate) struct HandStatus {
+    position: f64,
+    force: f64,
+    sent: f64,
+    scale: f64,
+    real: bool,
+    touch: bool,
+    enabled: bool,
+    tripped: bool,
+    hot: bool,
+    let_go: u64,
+    stalls: u64,
+}
+
+impl HandStatus {
+    fn of(hand: &perform::HandStatus) -> Self {
+        Self {
+            position: hand.position,
+            force: hand.force,
+            sent: hand.sent,
+            scale: hand.scale,
+            real: hand.real,
+            touch: hand.touch,
+            enabled: hand.enabled,
+            tripped: hand.tripped,
+            hot: hand.hot,
+            let_go: hand.let_go,
+            stalls: hand.stalls,
+        }
+    }
+}
+
+/// How much of the scene's force a real hand may get.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct HandLimit {
+    hand: usize,
+    scale: f64,
+    stiffness: f64,
+    limit: f64,
+}
+
+impl HandLimit {
+    pub(crate) fn of(limit: &perform::HandLimit) -> Self {
+        Self {
+            hand: limit.hand,
+            scale: limit.scale,
+            stiffness: limit.stiffness,
+            limit: limit.limit,
+        }
+    }
+}

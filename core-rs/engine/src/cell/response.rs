@@ -1,0 +1,151 @@
+//! What one coordinate of a linear body does after an impulse, as displacements at two samples: from then on its
+//! recurrence x[n+1] = a·x[n] − b·x[n−1] runs through the samples of its continuous motion.
+
+use super::{Cell, Ratios, STEEP};
+use crate::maths::{cos, exp, sin, sqrt};
+use crate::units::Rate;
+
+/// A decay of so much a step is computed from the poles: κ and ζ would round b.
+const STRONG: f64 = 0.5;
+
+/// How a coordinate goes on after an impulse of 1 N·s at t = 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Response {
+    /// As a mass of 1 on a spring and a damper.
+    Cell(Cell),
+    /// As the real part of gain·e^st, s = −decay + iω.
+    Pair {
+        decay: f64,
+        omega: f64,
+        gain: [f64; 2],
+    },
+    /// As gain·e^(−decay·t).
+    Real { decay: f64, gain: f64 },
+    /// As gain·t: nothing holds it.
+    Free { gain: f64 },
+}
+
+impl Response {
+    /// The forces [N] on a mass of 1 at samples n and n+1 that stand for an impulse [N·s] at (n + α)T, 0 <= α < 1.
+    pub(crate) fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
+        let step = rate.step();
+        let unit = impulse / (step * step);
+        let (rest, past) = ((1.0 - alpha) * step, alpha * step);
+        match *self {
+            Self::Cell(cell) => cell.split(impulse, alpha, rate),
+            Self::Pair {
+                decay,
+                omega,
+                gain: [re, im],
+            } => {
+                let first = re * cos(omega * rest) - im * sin(omega * rest);
+                let back = re * cos(omega * past) + im * sin(omega * past);
+                // −b times where it would have been at sample n.
+                [
+                    unit * exp(-decay * rest) * first,
+                    -unit * exp(-decay * (rest + step)) * back,
+                ]
+            }
+            Self::Real { decay, gain } => [unit * gain * exp(-decay * rest), 0.0],
+            Self::Free { gain } => [unit * gain * rest, unit * gain * past],
+        }
+    }
+}
+
+impl Response {
+    /// Displacement per impulse [m/N·s], `t` [s] >= 0 after it.
+    pub(crate) fn at(&self, t: f64) -> f64 {
+        match *self {
+            Self::Cell(cell) => cell.response(t),
+            Self::Pair {
+                decay,
+                omega,
+                gain: [re, im],
+            } => exp(-decay * t) * (re * cos(omega * t) - im * sin(omega * t)),
+            Self::Real { decay, gain } => gain * exp(-decay * t),
+            Self::Free { gain } => gain * t,
+        }
+    }
+
+    /// The same function continued to before the impulse: `t` [s] of any sign. What fades by more than e^-STEEP over
+    /// `t` is continued as if it faded both ways, for there it would explode.
+    pub(crate) fn around(&self, t: f64) -> f64 {
+        let fades = |decay: f64| {
+            let is_steep = -decay * t > STEEP;
+            exp(-decay * if is_steep { -t } else { t })
+        };
+        match *self {
+            Self::Cell(cell) => cell.answer_around(t),
+            Self::Pair {
+                decay,
+                omega,
+                gain: [re, im],
+            } => fades(decay) * (re * cos(omega * t) - im * sin(omega * t)),
+            Self::Real { decay, gain } => gain * fades(decay),
+            Self::Free { gain } => gain * t,
+        }
+    }
+
+    /// Velocity [m/s] per impulse [N·s], at once.
+    pub(crate) fn jump(&self) -> f64 {
+        match *self {
+            Self::Cell(cell) => cell.jump(),
+            Self::Pair {
+                decay,
+                omega,
+                gain: [re, im],
+            } => -decay * re - omega * im,
+            Self::Real { decay, gain } => -decay * gain,
+            Self::Free { gain } => gain,
+        }
+    }
+
+    /// The fastest of its motions: |λ| of e^(λt) [1/s].
+    pub(crate) fn reach(&self) -> f64 {
+        match *self {
+            Self::Cell(cell) => cell.reach(),
+            Self::Pair { decay, omega, .. } => sqrt(decay * decay + omega * omega),
+            Self::Real { decay, .. } => decay,
+            Self::Free { .. } => 0.0,
+        }
+    }
+
+    /// Its largest displacement per impulse [m/N·s], where it has one of its own.
+    pub(crate) fn size(&self) -> Option<f64> {
+        match *self {
+            Self::Cell(_) => None,
+            Self::Pair { gain: [re, im], .. } => Some(sqrt(re * re + im * im)),
+            Self::Real { gain, .. } => Some(gain.abs()),
+            // It grows for ever.
+            Self::Free { .. } => Some(0.0),
+        }
+    }
+
+    /// Weights of where it is and of where it is one sample later that make where it is `part` of the way between.
+    pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
+        let step = rate.step();
+        match *self {
+            Self::Cell(cell) => cell.interpolation(part, rate),
+            Self::Pair { decay, omega, .. } => {
+                let whole = sin(omega * step);
+                let (rest, past) = ((1.0 - part) * step, part * step);
+                (
+                    exp(-decay * past) * sin(omega * rest) / whole,
+                    exp(decay * rest) * sin(omega * past) / whole,
+                )
+            }
+            Self::Real { decay, .. } => (exp(-decay * part * step), 0.0),
+            Self::Free { .. } => (1.0 - part, part),
+        }
+    }
+}
+
+/// a and b of the recurrence of −decay ± iω.
+pub(crate) fn recurrence(decay: f64, omega: f64, rate: Rate) -> (f64, f64) {
+    let (s, theta) = (decay * rate.step(), omega * rate.step());
+    if s > STRONG {
+        return (2.0 * exp(-s) * cos(theta), exp(-2.0 * s));
+    }
+    let Ratios { kappa, zeta } = Ratios::of_poles(s, theta);
+    (2.0 - kappa - zeta, 1.0 - zeta)
+}

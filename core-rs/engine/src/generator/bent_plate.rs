@@ -1,0 +1,239 @@
+//! PLATE with `bending`: a thin plate after Kirchhoff, as masses and links that resist curvature.
+//!
+//! The energy of a plate is ½·D·∫ (w_xx + w_yy)² - 2·(1 - ν)·(w_xx·w_yy - w_xy²). Where nothing holds the rim it is
+//! taken at every mass: the curvature is that of the parabola through the masses around it by least squares, and the
+//! area is the mass's own. Each such square form of differences is a set of links between these masses, some of them
+//! negative; together they are passive, for each form is. With a rim held at rest but free to turn, on straight
+//! edges, the second part is nothing and the first is the square of the membrane's matrix.
+
+use std::f64::consts::{PI, TAU};
+
+use super::fit::least_squares;
+use super::plate::{Rim, Shape, plate};
+use super::sparse::Sparse;
+use super::{GeneratorError, Topology, count};
+use crate::interrupt;
+use crate::maths::{cos, sin, sqrt};
+
+/// Most rings: the lowest mode lies r⁴ below the highest, and is found by iteration.
+const MAX_RADIUS: usize = 60;
+/// Fewer have no curvature worth the name.
+const MIN_RADIUS: usize = 3;
+/// Masses within so many spacings count as neighbours, whose links harden.
+const NEIGHBOUR: f64 = 1.3;
+/// Masses within so many spacings make the first patch of a parabola, which grows until it has enough.
+const PATCH: f64 = 1.35;
+/// Coefficients of a parabola: w, w_x, w_y, w_xx, w_yy, w_xy.
+const UNKNOWNS: usize = 6;
+
+/// A plate of `radius` rings round its centre that resists bending, of Poisson's ratio `poisson`.
+///
+/// # Errors
+/// Numbers out of range.
+pub fn bent_plate(
+    shape: Shape,
+    radius: usize,
+    rim: Rim,
+    poisson: f64,
+) -> Result<Topology, GeneratorError> {
+    let (least, most) = match shape {
+        Shape::Rectangle { across, up } => {
+            let what = "`sides` of a plate that bends";
+            for side in [across, up] {
+                count(what, side, 2 * MIN_RADIUS + 1, 2 * MAX_RADIUS + 1)?;
+            }
+            (0, usize::MAX)
+        }
+        _ => (MIN_RADIUS, MAX_RADIUS),
+    };
+    count("`radius` of a plate that bends", radius, least, most)?;
+    if !(0.0..=0.5).contains(&poisson) {
+        return Err(GeneratorError::Range {
+            what: "`poisson`",
+            range: "from 0 to 0.5",
+            got: poisson,
+        });
+    }
+    match (shape, rim) {
+        (Shape::Disc, _) => Ok(curved(disc(radius, rim), poisson)),
+        (_, Rim::Fixed) => held(plate(shape, radius, rim)?),
+        (_, Rim::Free) => {
+            let flat = plate(shape, radius, rim)?;
+            Ok(curved(Sites::of(&flat), poisson))
+        }
+    }
+}
+
+/// A rim at rest that may turn, on straight edges: the membrane's matrix, squared.
+fn held(membrane: Topology) -> Result<Topology, GeneratorError> {
+    let lowest = membrane.lowest()?;
+    let matrix = Sparse::of(&membrane);
+    let places = Sites::of(&membrane);
+    let runs = matrix
+        .times(&matrix)
+        .links(membrane.n_mat, |a, b| places.are_neighbours(a, b));
+    Ok(Topology {
+        runs,
+        lowest_lambda: Some(lowest * lowest),
+        ..membrane
+    })
+}
+
+/// Where masses lie, and how much of the plate each stands for.
+struct Sites {
+    /// Masses, then fixed points [spacings]   (n_mat + n_fixed,)
+    places: Vec<[f64; 2]>,
+    n_mat: usize,
+    /// Area [spacings²]   (n_mat + n_fixed,)
+    areas: Vec<f64>,
+    /// On the bench, in metres   (n_mat + n_fixed,)
+    positions: Vec<[f64; 2]>,
+    centre: usize,
+}
+
+impl Sites {
+    /// Those of a mesh whose links are all one spacing long; its outermost masses lie on the edge.
+    fn of(mesh: &Topology) -> Self {
+        let run = &mesh.runs[0];
+        let spacing = distance(mesh.positions[run.a], mesh.positions[run.b]);
+        let places: Vec<[f64; 2]> = mesh
+            .positions
+            .iter()
+            .map(|place| place.map(|at| at / spacing))
+            .collect();
+        let mut degree = vec![0_usize; places.len()];
+        for run in &mesh.runs {
+            for i in 0..run.len {
+                degree[run.a + i] += 1;
+                degree[run.b + i] += 1;
+            }
+        }
+        let whole = degree.iter().copied().max().unwrap_or(0);
+        // Between two neighbours in turn lies a triangle or a quarter of a square; an edge has one fewer than links.
+        let area = |links: &usize| match *links {
+            links if links == whole => 1.0,
+            links => links.saturating_sub(1) as f64 / whole as f64,
+        };
+        Self {
+            areas: degree.iter().map(area).collect(),
+            places,
+            n_mat: mesh.n_mat,
+            positions: mesh.positions.clone(),
+            centre: mesh.centre,
+        }
+    }
+
+    fn are_neighbours(&self, a: usize, b: usize) -> bool {
+        distance(self.places[a], self.places[b]) <= NEIGHBOUR
+    }
+}
+
+/// Rings of 6, 12, 18 … masses round the middle, the outermost on the edge.
+fn disc(radius: usize, rim: Rim) -> Sites {
+    let mut places = vec![[0.0, 0.0]];
+    let mut areas = vec![PI / 4.0];
+    for ring in 1..=radius {
+        let (members, far) = (6 * ring, ring as f64);
+        let out = if ring == radius { far } else { far + 0.5 };
+        let area = PI * (out * out - (far - 0.5) * (far - 0.5)) / members as f64;
+        for i in 0..members {
+            let angle = TAU * i as f64 / members as f64;
+            places.push([far * cos(angle), far * sin(angle)]);
+            areas.push(area);
+        }
+    }
+    let held = match rim {
+        Rim::Free => 0,
+        Rim::Fixed => 6 * radius,
+    };
+    let width = 2.0 * radius as f64;
+    Sites {
+        n_mat: places.len() - held,
+        positions: places
+            .iter()
+            .map(|place| place.map(|at| at / width))
+            .collect(),
+        places,
+        areas,
+        centre: 0,
+    }
+}
+
+/// The links of all curvatures.
+fn curved(sites: Sites, poisson: f64) -> Topology {
+    let n = sites.places.len();
+    let mut matrix = Sparse::zero(sites.n_mat);
+    for middle in 0..n {
+        if middle.is_multiple_of(64) {
+            interrupt::poll();
+        }
+        let patch = patch(&sites, middle);
+        let [xx, yy, xy] = curvatures(&sites, middle, &patch);
+        let area = sites.areas[middle];
+        for (i, &a) in patch.iter().enumerate() {
+            for (j, &b) in patch.iter().enumerate() {
+                if a < sites.n_mat && b < sites.n_mat {
+                    let spherical = xx[i] * xx[j] + yy[i] * yy[j];
+                    let saddle = xx[i] * yy[j] + yy[i] * xx[j];
+                    let twist = 2.0 * (1.0 - poisson) * xy[i] * xy[j];
+                    matrix.add(a, b, area * (spherical + poisson * saddle + twist));
+                }
+            }
+        }
+    }
+    let runs = matrix.links(sites.n_mat, |a, b| sites.are_neighbours(a, b));
+    let shares = &sites.areas[..sites.n_mat];
+    let mean = shares.iter().sum::<f64>() / sites.n_mat as f64;
+    Topology {
+        centre: sites.centre,
+        shares: shares.iter().map(|area| area / mean).collect(),
+        tilts: n == sites.n_mat,
+        ..Topology::new(sites.n_mat, runs, sites.positions)
+    }
+}
+
+/// Enough masses around one for a parabola.
+fn patch(sites: &Sites, middle: usize) -> Vec<usize> {
+    let mut reach = PATCH;
+    loop {
+        let near = |other: &usize| distance(sites.places[*other], sites.places[middle]) < reach;
+        let found: Vec<usize> = (0..sites.places.len()).filter(near).collect();
+        if found.len() > UNKNOWNS {
+            return found;
+        }
+        reach *= 1.1;
+    }
+}
+
+/// w_xx, w_yy and w_xy at a mass as sums over its patch, by weighted least squares.
+fn curvatures(sites: &Sites, middle: usize, patch: &[usize]) -> [Vec<f64>; 3] {
+    let [x0, y0] = sites.places[middle];
+    let from = |mass: &usize| [sites.places[*mass][0] - x0, sites.places[*mass][1] - y0];
+    let weight = |[x, y]: [f64; 2]| 1.0 / (0.3 + x * x + y * y);
+    let terms: [fn([f64; 2]) -> f64; UNKNOWNS] = [
+        |_| 1.0,
+        |[x, _]| x,
+        |[_, y]| y,
+        |[x, _]| 0.5 * x * x,
+        |[_, y]| 0.5 * y * y,
+        |[x, y]| x * y,
+    ];
+    let columns = terms.map(|term| {
+        let row = |mass| weight(from(mass)) * term(from(mass));
+        patch.iter().map(row).collect::<Vec<f64>>()
+    });
+    let mut found = [(); 3].map(|()| vec![0.0; patch.len()]);
+    for (i, mass) in patch.iter().enumerate() {
+        let mut unit = vec![0.0; patch.len()];
+        unit[i] = weight(from(mass));
+        let coefficients = least_squares(&columns, &unit);
+        for (sum, coefficient) in found.iter_mut().zip(&coefficients[3..]) {
+            sum[i] = *coefficient;
+        }
+    }
+    found
+}
+
+fn distance([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
+    sqrt((ax - bx) * (ax - bx) + (ay - by) * (ay - by))
+}

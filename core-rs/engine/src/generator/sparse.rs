@@ -1,0 +1,113 @@
+//! Symmetric matrices with few entries in a row, and the links that they stand for.
+
+use std::collections::BTreeMap;
+
+use super::{LinkRun, Topology};
+use crate::interrupt;
+
+/// A symmetric matrix by rows: column → entry.
+#[derive(Clone, Debug)]
+pub(super) struct Sparse(pub(super) Vec<BTreeMap<usize, f64>>);
+
+/// Rows between two looks at whether there is to be an end.
+const LOOK: usize = 256;
+/// Entries so much smaller than the largest are what rounding leaves.
+const ROUNDING: f64 = 1e-14;
+
+impl Sparse {
+    pub(super) fn zero(n: usize) -> Self {
+        Self(vec![BTreeMap::new(); n])
+    }
+
+    /// The stiffness matrix of a body's springs.
+    pub(super) fn of(topology: &Topology) -> Self {
+        let n = topology.n_mat;
+        let mut matrix = Self::zero(n);
+        for run in &topology.runs {
+            for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
+                for (own, other) in [(a, b), (b, a)] {
+                    if own < n {
+                        matrix.add(own, own, run.factor);
+                        if other < n {
+                            matrix.add(own, other, -run.factor);
+                        }
+                    }
+                }
+            }
+        }
+        matrix
+    }
+
+    pub(super) fn add(&mut self, row: usize, column: usize, value: f64) {
+        *self.0[row].entry(column).or_insert(0.0) += value;
+    }
+
+    pub(super) fn times(&self, other: &Self) -> Self {
+        let mut product = Self::zero(self.0.len());
+        for (i, (row, sum)) in self.0.iter().zip(&mut product.0).enumerate() {
+            if i.is_multiple_of(LOOK) {
+                interrupt::poll();
+            }
+            for (inner, value) in row {
+                for (column, other) in &other.0[*inner] {
+                    *sum.entry(*column).or_insert(0.0) += value * other;
+                }
+            }
+        }
+        product
+    }
+
+    pub(super) fn add_times(&mut self, factor: f64, other: &Self) {
+        for (own, row) in self.0.iter_mut().zip(&other.0) {
+            for (column, value) in row {
+                *own.entry(*column).or_insert(0.0) += factor * value;
+            }
+        }
+    }
+
+    /// Links that have this matrix: between masses by its entries, and to the fixed point `ground` by what a row has
+    /// left over. `hardens` says of two masses whether their link does.
+    pub(super) fn links(
+        &self,
+        ground: usize,
+        hardens: impl Fn(usize, usize) -> bool,
+    ) -> Vec<LinkRun> {
+        let largest = self.0.iter().flat_map(BTreeMap::values);
+        let least = ROUNDING * largest.fold(0.0, |most: f64, value| most.max(value.abs()));
+        let mut links = Vec::new();
+        for (i, row) in self.0.iter().enumerate() {
+            for (j, value) in row.range(i + 1..) {
+                if value.abs() > least {
+                    links.push((j - i, i, *j, -value));
+                }
+            }
+            let size: f64 = row.values().map(|value| value.abs()).sum();
+            let left: f64 = row.values().sum();
+            if left.abs() > 1e-11 * size {
+                links.push((usize::MAX, ground, i, left));
+            }
+        }
+        links.sort_by_key(|(apart, a, b, _)| (*apart, *a, *b));
+        let mut runs: Vec<LinkRun> = Vec::new();
+        for (apart, a, b, factor) in links {
+            let hardens = apart != usize::MAX && hardens(a, b);
+            match runs.last_mut() {
+                Some(run)
+                    if (run.a + run.len, run.b + run.len) == (a, b)
+                        && (run.factor - factor).abs() <= ROUNDING * factor.abs()
+                        && run.hardens == hardens =>
+                {
+                    run.len += 1;
+                }
+                _ => runs.push(LinkRun {
+                    a,
+                    b,
+                    len: 1,
+                    factor,
+                    hardens,
+                }),
+            }
+        }
+        runs
+    }
+}

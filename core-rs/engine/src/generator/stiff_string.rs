@@ -1,0 +1,203 @@
+//! STRING with `inharmonicity`: a row of masses that resists bending, its partials where a stiff string has them.
+//!
+//! On a row of masses with the matrix L of plain springs, every polynomial p(L) has the modes of the row, and the
+//! stiffness p(u) where L has u = 4·sin²(θ/2). So the coefficients of p are fitted to the stiffness that each of the
+//! first partials has to have: bending and the dispersion of the lattice in one. L² is the square of the curvature, a
+//! link of −1 between neighbours but one and of 4 between neighbours; p(u) > 0 for every mode makes the whole passive,
+//! though some links are negative.
+
+use std::f64::consts::PI;
+
+use super::fit::{least_squares, polynomial};
+use super::string::{Ends, Row, string};
+use super::{GeneratorError, Links, Topology, count};
+use crate::maths::{log, sin};
+
+/// How many partials are in tune.
+const PARTIALS: usize = 20;
+/// Neighbours on either side that links reach, at most.
+const REACH_MAX: usize = 8;
+/// More neighbours are taken until the partials are so near [cents].
+const NEAR: f64 = 0.25;
+/// Beyond this a string is refused [cents].
+const FAR: f64 = 1.0;
+/// Most masses: the sums of large links of either sign leave the lowest mode to rounding.
+const MAX_BENT: usize = 5_000;
+
+/// `masses` MATs in a row with partials f₁·n·√((1 + B·n²)/(1 + B)), B the `inharmonicity`.
+///
+/// With the left end alone held n counts 1, 3, 5 ….
+///
+/// # Errors
+/// Numbers out of range, or too few masses for the first 20 partials within 1 cent.
+pub fn stiff_string(
+    masses: usize,
+    ends: Ends,
+    inharmonicity: f64,
+) -> Result<Topology, GeneratorError> {
+    let what = "`masses` of a string with inharmonicity";
+    count(what, masses, 1, MAX_BENT)?;
+    if !(0.0..=0.1).contains(&inharmonicity) {
+        return Err(GeneratorError::Range {
+            what: "`inharmonicity`",
+            range: "from 0 to 0.1",
+            got: inharmonicity,
+        });
+    }
+    let partials = |masses: usize| Partials::new(masses, ends, inharmonicity);
+    let Some(coefficients) = partials(masses).fitted() else {
+        let enough = (masses + 1..=MAX_BENT)
+            .step_by(1 + masses / 8)
+            .find(|masses| partials(*masses).fitted().is_some());
+        return Err(GeneratorError::FewMasses {
+            masses,
+            enough: enough.unwrap_or(MAX_BENT),
+        });
+    };
+    let row = Row::new(masses, ends);
+    let lowest = polynomial(&coefficients, partials(masses).u[0]);
+    let symbol = stencil(&coefficients);
+    let mut links = Links::new();
+    for apart in 1..symbol.len() {
+        for i in 0..masses.saturating_sub(apart) {
+            let entry = entry(&symbol, i, i + apart, masses, ends);
+            links.join_bent(i, i + apart, -entry, apart == 1);
+        }
+    }
+    // What a row of the matrix has left over is a link to a fixed end.
+    if row.n_fixed() > 0 {
+        let reach = symbol.len() - 1;
+        let near_an_end = |i: &usize| *i < reach || *i + reach >= masses;
+        for i in (0..masses).filter(near_an_end) {
+            let sum: f64 = (i.saturating_sub(reach)..masses.min(i + reach + 1))
+                .map(|j| entry(&symbol, i, j, masses, ends))
+                .sum();
+            let to_right = ends == Ends::Fixed && 2 * i >= masses;
+            let (end, outermost) = match to_right {
+                true => (masses + 1, i + 1 == masses),
+                false => (masses, i == 0),
+            };
+            let is_rounding = sum.abs() <= 1e-13 * symbol[0];
+            if !is_rounding {
+                links.join_bent(end, i, sum, outermost);
+            }
+        }
+    }
+    Ok(Topology {
+        lowest_lambda: Some(lowest),
+        plain: Some((Box::new(string(masses, ends, 0.0)?), coefficients)),
+        ..Topology::new(masses, links.runs, row.positions)
+    })
+}
+
+/// Where the modes of a row lie, and what stiffness the first of them have to have.
+struct Partials {
+    /// L of every mode, rising   (n_modes)
+    u: Vec<f64>,
+    /// The stiffness of each partial over the first one's   (n_partials)
+    wanted: Vec<f64>,
+}
+
+impl Partials {
+    fn new(masses: usize, ends: Ends, b: f64) -> Self {
+        let wide = masses as f64;
+        let (step, modes) = match ends {
+            Ends::Fixed => (PI / (wide + 1.0), masses),
+            Ends::Free => (PI / wide, masses - 1),
+            Ends::Left => (PI / (2.0 * wide + 1.0), masses),
+        };
+        let number = |i: usize| match ends {
+            Ends::Left => 2.0 * i as f64 + 1.0,
+            _ => i as f64 + 1.0,
+        };
+        let square = |angle: f64| 4.0 * sin(0.5 * angle) * sin(0.5 * angle);
+        let u = (0..modes).map(|i| square(number(i) * step)).collect();
+        let wanted = |n: f64| n * n * (1.0 + b * n * n) / (1.0 + b);
+        let wanted = (0..PARTIALS.min(modes)).map(number).map(wanted).collect();
+        Self { u, wanted }
+    }
+
+    /// Coefficients of p, from L¹ on, that bring the partials where they belong; `None` where none do.
+    fn fitted(&self) -> Option<Vec<f64>> {
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for reach in 2..=REACH_MAX.min(self.u.len()) {
+            let coefficients = self.with_reach(reach);
+            let all: Vec<f64> = self
+                .u
+                .iter()
+                .map(|u| polynomial(&coefficients, *u))
+                .collect();
+            let rises = all[0] > 0.0 && all.windows(2).all(|pair| pair[0] < pair[1]);
+            let error = self.error(&all);
+            if rises && best.as_ref().is_none_or(|(least, _)| error < *least) {
+                best = Some((error, coefficients));
+            }
+            if best.as_ref().is_some_and(|(error, _)| *error <= NEAR) {
+                break;
+            }
+        }
+        best.filter(|(error, _)| *error <= FAR)
+            .map(|(_, coefficients)| coefficients)
+    }
+
+    fn with_reach(&self, reach: usize) -> Vec<f64> {
+        let n = self.wanted.len();
+        let most = self.u[n.saturating_sub(1)];
+        // Each partial counts by its relative error; powers of u over the largest one, so that none is tiny.
+        let scaled: Vec<f64> = self.u[..n].iter().map(|u| u / most).collect();
+        let mut power = vec![1.0; n];
+        let columns: Vec<Vec<f64>> = (0..reach)
+            .map(|_| {
+                power.iter_mut().zip(&scaled).for_each(|(p, u)| *p *= u);
+                power.iter().zip(&self.wanted).map(|(p, w)| p / w).collect()
+            })
+            .collect();
+        let mut scale = 1.0;
+        let weights = least_squares(&columns, &vec![1.0; n]);
+        weights
+            .into_iter()
+            .map(|weight| {
+                scale /= most;
+                weight * scale
+            })
+            .collect()
+    }
+
+    /// The largest error of a partial against the first one [cents].
+    fn error(&self, all: &[f64]) -> f64 {
+        let cents = |(own, wanted): (&f64, &f64)| 600.0 / log(2.0) * log(own / all[0] / wanted);
+        let errors = all.iter().zip(&self.wanted).map(cents);
+        errors.map(f64::abs).fold(0.0, f64::max)
+    }
+}
+
+/// What p(L) has beside its diagonal on a row without ends: a_0, a_1 …, with L^j = Σ (-1)^d·C(2j, j + d).
+fn stencil(coefficients: &[f64]) -> Vec<f64> {
+    let mut symbol = vec![0.0; coefficients.len() + 1];
+    for (j, c) in coefficients.iter().enumerate() {
+        let j = j + 1;
+        // C(2j, j + d), from the middle outwards.
+        let mut binomial = (1..=j).fold(1.0, |b, i| b * (j + i) as f64 / i as f64);
+        for (d, a) in symbol.iter_mut().enumerate().take(j + 1) {
+            *a += if d % 2 == 0 {
+                c * binomial
+            } else {
+                -c * binomial
+            };
+            binomial *= (j - d) as f64 / (j + d + 1) as f64;
+        }
+    }
+    symbol
+}
+
+/// An entry of p(L) on a row: that of the endless row, and of what each end mirrors.
+fn entry(symbol: &[f64], i: usize, j: usize, masses: usize, ends: Ends) -> f64 {
+    let at = |apart: usize| symbol.get(apart).copied().unwrap_or(0.0);
+    let right = 2 * masses - 1 - i - j;
+    let mirrored = match ends {
+        Ends::Fixed => -at(i + j + 2) - at(right + 1),
+        Ends::Free => at(i + j + 1) + at(right),
+        Ends::Left => -at(i + j + 2) + at(right),
+    };
+    at(i.abs_diff(j)) + mirrored
+}

@@ -1,0 +1,96 @@
+//! Which modes of a body are computed: those that sums of energies tell, tested by ear.
+
+use std::collections::BTreeMap;
+
+use crate::plan::BankPlan;
+use crate::plan::budget::Budget;
+use crate::plan::passes::loudness::Loudness;
+use crate::plan::passes::truncate::KeptModes;
+use crate::units::Rate;
+
+/// Modes are asked to be quieter by at least so much at a time [dB].
+const LEAST: f64 = 2.0;
+
+/// Which modes of a linear body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModeKind {
+    /// Those that it has without damping, which damping does not couple.
+    Normal,
+    /// Those that it has with its damping, each a pole or a pair: the complex ones.
+    Complex,
+}
+
+/// A body as a bank.
+pub(in crate::plan) struct Body {
+    pub(in crate::plan) bank: BankPlan,
+    /// What outputs hear of where it rests   (its n_out)
+    pub(in crate::plan) rest: Vec<f64>,
+    pub(in crate::plan) modes: usize,
+    pub(in crate::plan) kept: KeptModes,
+    pub(in crate::plan) kind: ModeKind,
+}
+
+/// Strikes on each MAT: frame, part of a frame after it, impulse [N·s].
+pub(in crate::plan) type Blows = BTreeMap<u32, Vec<(u64, f64, f64)>>;
+
+/// A body by its modes.
+pub(in crate::plan) trait ModalBody {
+    fn n_modes(&self) -> usize;
+    /// Of a mode [Hz].
+    fn frequency(&self, mode: usize) -> f64;
+    /// Whether anything moves or is bent at t = 0.
+    fn is_moving(&self) -> bool;
+    /// The loudest modes, the others together below what is `allowed` [dB].
+    fn loudest(&self, allowed: Option<f64>) -> KeptModes;
+    /// Some of the modes, heard by outputs.
+    fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan;
+}
+
+/// The modes that stay.
+pub(in crate::plan) fn keep(
+    body: &impl ModalBody,
+    strikes: &Blows,
+    n_out: usize,
+    mut allowed: Option<f64>,
+    budget: &Budget,
+    rate: Rate,
+) -> KeptModes {
+    let mut kept = body.loudest(allowed);
+    let Some(most) = allowed else {
+        return kept;
+    };
+    let frames = strikes.values().flatten().map(|&(frame, _, _)| frame);
+    let first = frames.min().filter(|_| !body.is_moving());
+    let outputs: Vec<u32> = (0..n_out as u32).collect();
+    let loudness = |some: &[usize]| {
+        let bank = body.bank(some, &outputs);
+        Loudness::of(bank, outputs.len(), rate, first.unwrap_or(0))
+    };
+    let mut all = None;
+    loop {
+        let stays = |mode: &usize| kept.modes.binary_search(mode).is_ok();
+        let is_heard = |mode: &usize| body.frequency(*mode) <= budget.highest();
+        let fallen: Vec<usize> = (0..body.n_modes())
+            .filter(|mode| !stays(mode) && is_heard(mode))
+            .collect();
+        if fallen.is_empty() {
+            kept.left_out = None;
+            return kept;
+        }
+        let all = all.get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
+        let loud = loudness(&fallen).beside(all);
+        kept.left_out = Some(loud);
+        if loud <= most {
+            return kept;
+        }
+        allowed = allowed.map(|db| db - (loud - most).max(LEAST));
+        kept = body.loudest(allowed);
+    }
+}
+
+/// Impulses at each struck point [N·s].
+pub(in crate::plan) fn impulses(strikes: &Blows) -> Vec<Vec<f64>> {
+    let all = strikes.values();
+    all.map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
+        .collect()
+}

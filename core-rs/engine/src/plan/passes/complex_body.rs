@@ -1,0 +1,287 @@
+//! An island that is one linear body, as a bank of its complex modes.
+
+use crate::bank::{Oscillator, Strikes};
+use crate::cell::{Response, recurrence};
+use crate::kernel::bank::LANES;
+use crate::maths::{cos, exp, expm1, sin};
+use crate::network::{Network, Subset, Term};
+use crate::plan::BankPlan;
+use crate::plan::budget::Budget;
+use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
+use crate::plan::passes::cells::hear;
+use crate::plan::passes::complex_modes::{ComplexModes, Pole, Sum};
+use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::truncate::{self, FIRST, KeptModes};
+use crate::units::Rate;
+
+/// Modes are left out where the others then cost so many times what all cost at most: all of them are exact.
+const WORTH: f64 = 0.5;
+
+/// The complex modes of an island, as many as this score excites and the budget asks for, or those that were decided
+/// for before.
+pub(in crate::plan) fn bank(
+    subset: &Subset,
+    rate: Rate,
+    budget: &Budget,
+    pinned: Option<&[Vec<u32>]>,
+    strikes: &Blows,
+    memo: &Memo<'_>,
+) -> Result<Body, NoModes> {
+    let network = &subset.network;
+    let (sums, held) = heard(network);
+    let struck: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
+    let modes = memo.complex(network, &sums, &struck, rate)?;
+    let own = Complex {
+        modes: &modes,
+        strikes,
+        budget,
+        rate,
+    };
+    let kept = match pinned {
+        Some([kept]) => KeptModes::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
+        Some(_) => return Err(NoModes::Pinned),
+        None => {
+            let allowed = budget.left_out();
+            let kept = audible::keep(&own, strikes, sums.len(), allowed, budget, rate);
+            own.filled(kept)
+        }
+    };
+    Ok(Body {
+        bank: own.bank(&kept.modes, &subset.outputs),
+        rest: modes.rest.iter().zip(held).map(|(a, b)| a + b).collect(),
+        modes: modes.len(),
+        kept,
+        kind: ModeKind::Complex,
+    })
+}
+
+/// What each output sums of positions and velocities, and what it hears of points that never move and of links that are
+/// not slack.
+fn heard(network: &Network) -> (Vec<Sum>, Vec<f64>) {
+    let mats = network.mats();
+    let (mut sums, mut held) = (Vec::new(), Vec::new());
+    for output in network.outputs() {
+        let (mut sum, mut still) = (Sum::default(), 0.0);
+        for term in &output.terms {
+            match *term {
+                Term::Position { first, len, weight } => {
+                    sum.positions
+                        .extend((first..first + len).map(|i| (i, weight)));
+                }
+                Term::Ground { first, len, weight } => {
+                    for i in first..first + len {
+                        sum.positions.push((i, weight * mats.k[i]));
+                        still -= weight * mats.k[i] * mats.rest[i];
+                    }
+                }
+                Term::Force { first, len, weight } => {
+                    for run in network.runs() {
+                        let links = run.first.max(first)..(run.first + run.len).min(first + len);
+                        for link in links {
+                            let (a, b) = (run.a + link - run.first, run.b + link - run.first);
+                            for (end, sign) in [(a, weight), (b, -weight)] {
+                                sum.positions.push((end, sign * run.k));
+                                sum.velocities.push((end, sign * run.z));
+                            }
+                            still += weight * run.k * run.rest;
+                        }
+                    }
+                }
+            }
+        }
+        for &(mat, weight) in &sum.positions {
+            if !mats.kind[mat].moves() {
+                still += weight * mats.x0[mat];
+            }
+        }
+        sums.push(sum);
+        held.push(still);
+    }
+    (sums, held)
+}
+
+/// A body by its complex modes, where they are heard and struck.
+struct Complex<'a> {
+    modes: &'a ComplexModes,
+    strikes: &'a Blows,
+    budget: &'a Budget,
+    rate: Rate,
+}
+
+/// A real number of a mode that goes on by a recurrence of its own: the real or the imaginary part.
+pub(in crate::plan) struct Part {
+    pub(in crate::plan) mode: usize,
+    /// Which part it is, of the mode and of what an output sees of it.
+    pub(in crate::plan) part: usize,
+    /// Of what is seen of it.
+    pub(in crate::plan) sign: f64,
+    /// a and b of x[n+1] = a·x[n] − b·x[n−1]
+    pub(in crate::plan) recurrence: (f64, f64),
+    /// x[0] and x[−1]
+    pub(in crate::plan) now: f64,
+    pub(in crate::plan) before: f64,
+}
+
+/// The parts of a mode.
+fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
+    let [x, y] = modes.start[mode];
+    let step = rate.step();
+    let one = |recurrence, [now, before]: [f64; 2], part, sign| Part {
+        mode,
+        part,
+        sign,
+        recurrence,
+        now,
+        before,
+    };
+    match modes.poles[mode] {
+        Pole::Pair { decay, omega } => {
+            let (a, b) = recurrence(decay, omega, rate);
+            let theta = omega * step;
+            let (c, s) = (cos(theta), sin(theta));
+            // Where b is 0 there is no frame before.
+            let grown = if b == 0.0 { 0.0 } else { exp(decay * step) };
+            let re = [x, grown * (c * x + s * y)];
+            let im = [y, grown * (c * y - s * x)];
+            vec![one((a, b), re, 0, 1.0), one((a, b), im, 1, -1.0)]
+        }
+        Pole::Real { decay } => {
+            // The recurrence asks for no frame before; a port, how it came.
+            let s = decay * step;
+            let grown = if s < 1.0 { exp(s) } else { 1.0 + s };
+            vec![one((exp(-s), 0.0), [x, grown * x], 0, 1.0)]
+        }
+        Pole::Free => vec![
+            one((2.0, 1.0), [x, x - y * step], 0, 1.0),
+            one((1.0, 0.0), [y, 0.0], 1, 1.0),
+        ],
+    }
+}
+
+/// The parts of some modes that an output sees.
+pub(in crate::plan) fn parts(modes: &ComplexModes, some: &[usize], rate: Rate) -> Vec<Part> {
+    let all = some.iter().flat_map(|&mode| parts_of(modes, mode, rate));
+    let is_seen = |own: &Part| modes.seen.iter().any(|row| row[own.mode][own.part] != 0.0);
+    all.filter(is_seen).collect()
+}
+
+/// How a part goes on after an impulse at a point.
+pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) -> Response {
+    let gain = modes.felt[point][own.mode];
+    match modes.poles[own.mode] {
+        // Im z = Re(−i·z).
+        Pole::Pair { decay, omega } => Response::Pair {
+            decay,
+            omega,
+            gain: if own.part == 0 {
+                gain
+            } else {
+                [gain[1], -gain[0]]
+            },
+        },
+        Pole::Real { decay } => Response::Real {
+            decay,
+            gain: gain[0],
+        },
+        Pole::Free if own.part == 0 => Response::Free { gain: gain[1] },
+        Pole::Free => Response::Real {
+            decay: 0.0,
+            gain: gain[1],
+        },
+    }
+}
+
+impl Complex<'_> {
+    /// All modes, but where those that were kept cost less by enough.
+    fn filled(&self, kept: KeptModes) -> KeptModes {
+        let all: Vec<usize> = (0..self.modes.len()).collect();
+        let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
+        // A group of lanes costs the same, full or not.
+        if cost(&all) > LANES as f64 && cost(&kept.modes) <= WORTH * cost(&all) {
+            return kept;
+        }
+        KeptModes {
+            modes: all,
+            left_out: None,
+        }
+    }
+}
+
+impl ModalBody for Complex<'_> {
+    fn n_modes(&self) -> usize {
+        self.modes.len()
+    }
+
+    fn frequency(&self, mode: usize) -> f64 {
+        self.modes.pitch(mode).0
+    }
+
+    fn is_moving(&self) -> bool {
+        self.modes.start.iter().flatten().any(|x| *x != 0.0)
+    }
+
+    fn loudest(&self, allowed: Option<f64>) -> KeptModes {
+        let modes = self.modes;
+        let given = impulses(self.strikes);
+        let square = |[re, im]: [f64; 2]| re * re + im * im;
+        let energy = |mode: usize| {
+            let blows = modes
+                .felt
+                .iter()
+                .zip(&given)
+                .flat_map(|(felt, given)| given.iter().map(|p| p * p * square(felt[mode])));
+            let (_, decay) = modes.pitch(mode);
+            // ∫ e^(−2σt) over the first moments.
+            let time = if decay * FIRST > 1e-9 {
+                -expm1(-2.0 * decay * FIRST) / (2.0 * decay)
+            } else {
+                FIRST
+            };
+            (square(modes.start[mode]) + blows.sum::<f64>()) * time
+        };
+        let own: Vec<f64> = (0..modes.len()).map(energy).collect();
+        let size = |row: &Vec<[f64; 2]>| row.iter().map(|&c| square(c).sqrt()).collect();
+        let rows: Vec<Vec<f64>> = modes.seen.iter().map(size).collect();
+        let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
+        let frequency = |mode: usize| modes.pitch(mode).0;
+        let mut kept = truncate::choose(&[own], &rows, allowed, self.budget, frequency);
+        // What goes away for ever has no loudness.
+        let is_free = |mode: &usize| modes.poles[*mode] == Pole::Free;
+        kept.modes.extend((0..modes.len()).filter(is_free));
+        kept.modes.sort_unstable();
+        kept.modes.dedup();
+        kept
+    }
+
+    fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
+        let modes = self.modes;
+        let mut bank = BankPlan::default();
+        let all = parts(modes, some, self.rate);
+        for own in &all {
+            let mut heard = Vec::new();
+            for (row, &output) in modes.seen.iter().zip(outputs) {
+                hear(&mut heard, output, own.sign * row[own.mode][own.part]);
+            }
+            let (a, b) = own.recurrence;
+            bank.oscillators.push(Oscillator {
+                a,
+                b,
+                now: own.now,
+                before: own.before,
+                heard,
+                blows: Vec::new(),
+            });
+        }
+        for (point, blows) in self.strikes.values().enumerate() {
+            bank.strikes.push(Strikes {
+                among: 0..all.len(),
+                responses: all.iter().map(|own| response(modes, own, point)).collect(),
+                share: vec![1.0; all.len()],
+                w: self.rate.step() * self.rate.step(),
+                blows: blows.clone(),
+            });
+        }
+        bank
+    }
+}

@@ -1,0 +1,354 @@
+//! The complex modes of a linear body: whatever its damping, each is one pole and its residues.
+//!
+//! In the coordinates of the undamped modes, p = ω·q and v = q̇, the body is ṗ = ω·v, v̇ = −ω·p − C·v + f. Its state has the
+//! length √(2·energy), which nothing but damping changes; so what is played instead, A + E for A, is off by no more
+//! than t·‖E‖ of the energy's root after t seconds. E is computed.
+
+mod blocks;
+mod decoupled;
+
+use std::ops::Range;
+
+use crate::network::Network;
+use crate::plan::passes::linear::{Damper, Linear, NoModes};
+use crate::plan::passes::modes::{ANGLE_MIN, Row};
+use crate::spectrum::whole;
+use crate::units::Rate;
+
+/// Most undamped modes that damping may couple: an eigenvalue problem of 256 states takes 0.06 s, one of 512 half a second.
+const COUPLED_MAX: usize = 256;
+/// Most masses of a body with dampers of its own: coupling of all its modes is looked for.
+const DAMPED_MAX: usize = 300;
+/// Coupling below this, relative to the strongest damping, is rounding.
+const ROUNDING: f64 = 1e-15;
+/// Most of ‖E‖ [1/s]: after a second the motion is off by −120 dB.
+const ERROR_MAX: f64 = 1e-6;
+/// Frequencies that differ by less are one [rad/s], and all coupling below this together is none [1/s].
+const NOTHING: f64 = 1e-8;
+
+/// A complex number: real and imaginary part.
+pub(in crate::plan) type Complex = [f64; 2];
+
+/// How a mode goes on by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::plan) enum Pole {
+    /// −decay ± iω [1/s, rad/s].
+    Pair { decay: f64, omega: f64 },
+    /// −decay [1/s].
+    Real { decay: f64 },
+    /// 0 twice: a body that nothing holds goes on evenly. Its number is position + i·velocity.
+    Free,
+}
+
+/// What an output sums of a body.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(in crate::plan) struct Sum {
+    pub(in crate::plan) positions: Row,
+    pub(in crate::plan) velocities: Row,
+}
+
+impl Sum {
+    /// Of positions alone.
+    pub(in crate::plan) fn of(positions: Row) -> Self {
+        Self {
+            positions,
+            velocities: Row::new(),
+        }
+    }
+}
+
+/// The modes of a body.
+#[derive(Debug, Default)]
+pub(in crate::plan) struct ComplexModes {
+    /// (n_modes)
+    pub(in crate::plan) poles: Vec<Pole>,
+    /// Where each mode is at t = 0   (n_modes)
+    pub(in crate::plan) start: Vec<Complex>,
+    /// What each output sees: the real part of the product   (n_out, n_modes); of a free mode both parts by themselves.
+    pub(in crate::plan) seen: Vec<Vec<Complex>>,
+    /// What 1 N·s at each struck point adds to each mode   (n_struck, n_modes)
+    pub(in crate::plan) felt: Vec<Vec<Complex>>,
+    /// What each output hears where the body rests   (n_out)
+    pub(in crate::plan) rest: Vec<f64>,
+}
+
+/// One row for each undamped mode of what acts on them and is seen of them.
+struct Coordinates {
+    /// ω² [1/s²], rising; 0 where nothing holds the body   (n)
+    lambda: Vec<f64>,
+    /// (n_out, n)
+    positions: Vec<Vec<f64>>,
+    velocities: Vec<Vec<f64>>,
+    /// (n_struck, n)
+    struck: Vec<Vec<f64>>,
+    /// At t = 0, and where they rest   (n)
+    x0: Vec<f64>,
+    v0: Vec<f64>,
+    rest: Vec<f64>,
+    damping: Damping,
+}
+
+/// C.
+enum Damping {
+    /// Its diagonal alone   (n)
+    Decoupled(Vec<f64>),
+    /// (n, n)
+    Coupled(Vec<f64>),
+}
+
+impl ComplexModes {
+    /// The modes of a network that is one linear body, heard by `outputs` and struck at some MATs.
+    pub(in crate::plan) fn new(
+        network: &Network,
+        outputs: &[Sum],
+        struck: &[usize],
+        rate: Rate,
+    ) -> Result<Self, NoModes> {
+        let coordinates = Coordinates::new(network, outputs, struck, rate)?;
+        let mut modes = Self {
+            seen: vec![Vec::new(); outputs.len()],
+            felt: vec![Vec::new(); struck.len()],
+            rest: coordinates.rests(),
+            ..Self::default()
+        };
+        match &coordinates.damping {
+            Damping::Decoupled(damping) => {
+                for (mode, &c) in damping.iter().enumerate() {
+                    decoupled::add(&mut modes, &coordinates, mode, c)?;
+                }
+            }
+            Damping::Coupled(damping) => {
+                let n = coordinates.lambda.len();
+                for block in blocks::all(damping, n) {
+                    match block[..] {
+                        [mode] => {
+                            let own = damping[mode * n + mode];
+                            decoupled::add(&mut modes, &coordinates, mode, own)?;
+                        }
+                        _ => blocks::add(&mut modes, &coordinates, damping, &block)?,
+                    }
+                }
+            }
+        }
+        modes.sort();
+        Ok(modes)
+    }
+
+    pub(in crate::plan) fn len(&self) -> usize {
+        self.poles.len()
+    }
+
+    /// Damped frequency [Hz] and decay rate [1/s] of a mode.
+    pub(in crate::plan) fn pitch(&self, mode: usize) -> (f64, f64) {
+        match self.poles[mode] {
+            Pole::Pair { decay, omega } => (omega / std::f64::consts::TAU, decay),
+            Pole::Real { decay } => (0.0, decay),
+            Pole::Free => (0.0, 0.0),
+        }
+    }
+
+    /// By frequency, then by decay.
+    fn sort(&mut self) {
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by(|&i, &j| {
+            let ((f, decay), (other_f, other_decay)) = (self.pitch(i), self.pitch(j));
+            f.total_cmp(&other_f).then(decay.total_cmp(&other_decay))
+        });
+        fn sorted<T: Copy>(all: &[T], order: &[usize]) -> Vec<T> {
+            order.iter().map(|&mode| all[mode]).collect()
+        }
+        self.poles = sorted(&self.poles, &order);
+        self.start = sorted(&self.start, &order);
+        for row in self.seen.iter_mut().chain(&mut self.felt) {
+            *row = sorted(row, &order);
+        }
+    }
+
+    /// Whether a mode is too slow for its recurrence.
+    pub(in crate::plan) fn unfit(&self, rate: Rate) -> Option<NoModes> {
+        let is_slow = |pole: &Pole| match *pole {
+            Pole::Pair { decay, omega } => {
+                (decay * decay + omega * omega).sqrt() * rate.step() < ANGLE_MIN
+            }
+            Pole::Real { .. } | Pole::Free => false,
+        };
+        self.poles.iter().any(is_slow).then_some(NoModes::Slow)
+    }
+
+    /// A mode more: what each output sees of it, and what 1 N·s at each struck point adds to it.
+    fn add(
+        &mut self,
+        (pole, start): (Pole, Complex),
+        seen: impl Fn(usize) -> Complex,
+        felt: impl Fn(usize) -> Complex,
+    ) {
+        self.poles.push(pole);
+        self.start.push(start);
+        for (output, row) in self.seen.iter_mut().enumerate() {
+            row.push(seen(output));
+        }
+        for (point, row) in self.felt.iter_mut().enumerate() {
+            row.push(felt(point));
+        }
+    }
+}
+
+impl Coordinates {
+    fn new(
+        network: &Network,
+        outputs: &[Sum],
+        struck: &[usize],
+        rate: Rate,
+    ) -> Result<Self, NoModes> {
+        let linear = Linear::new(network, rate)?;
+        let n = linear.free.len();
+        // Where the discrete network is the truth it is stepped as it is.
+        let is_damped = linear.proportion.is_none();
+        if linear.is_discrete {
+            return Err(if is_damped {
+                NoModes::Damping
+            } else {
+                NoModes::ForceHeard
+            });
+        }
+        if is_damped && n > DAMPED_MAX {
+            return Err(NoModes::Large);
+        }
+        let mats = network.mats();
+        let slot = |mat: usize| linear.free.binary_search(&mat).ok();
+        let row = |row: &Row| {
+            let mut sum = vec![0.0; n];
+            for &(mat, weight) in row {
+                if let Some(own) = slot(mat) {
+                    sum[own] += weight / linear.root[own];
+                }
+            }
+            sum
+        };
+        let mut rows: Vec<Vec<f64>> = outputs.iter().map(|sum| row(&sum.positions)).collect();
+        rows.extend(outputs.iter().map(|sum| row(&sum.velocities)));
+        rows.extend(struck.iter().map(|&mat| row(&vec![(mat, 1.0)])));
+        let weighted = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            let all = linear.free.iter().enumerate();
+            all.map(|(own, &mat)| of(own, mat)).collect()
+        };
+        rows.push(weighted(&|own, mat| linear.root[own] * mats.x0[mat]));
+        rows.push(weighted(&|own, mat| linear.root[own] * mats.v0[mat]));
+        rows.push(weighted(&|own, _| linear.force[own] / linear.root[own]));
+        let n_first = rows.len();
+        if is_damped {
+            rows.extend(
+                linear
+                    .dampers
+                    .iter()
+                    .map(|damper| across(damper, &linear.root)),
+            );
+        }
+        let (mut lambda, mut rows) = whole(linear.stiffness, &rows).ok_or(NoModes::NotFinite)?;
+        let top = lambda.last().copied().unwrap_or(0.0);
+        let least = 1e-13 * top * n as f64;
+        if lambda.first().is_some_and(|lowest| *lowest < -least) {
+            return Err(NoModes::Diverges);
+        }
+        let loose = lambda.iter_mut().filter(|lambda| **lambda <= least);
+        loose.for_each(|lambda| *lambda = 0.0);
+        let damping = match linear.proportion {
+            Some([alpha, beta]) => {
+                Damping::Decoupled(lambda.iter().map(|lambda| alpha + beta * lambda).collect())
+            }
+            None => {
+                let signs: Vec<f64> = linear.dampers.iter().map(|own| own.z.signum()).collect();
+                for alike in alike(&lambda) {
+                    turn(&mut rows, n_first, alike, &signs).ok_or(NoModes::NotFinite)?;
+                }
+                Damping::Coupled(coupling(&rows[n_first..], &signs, n))
+            }
+        };
+        rows.truncate(n_first);
+        let force = rows.pop().unwrap_or_default();
+        let v0 = rows.pop().unwrap_or_default();
+        let x0 = rows.pop().unwrap_or_default();
+        let struck = rows.split_off(2 * outputs.len());
+        let velocities = rows.split_off(outputs.len());
+        let rests = |(force, lambda): (f64, &f64)| if *lambda > 0.0 { force / lambda } else { 0.0 };
+        let rest = force.into_iter().zip(&lambda).map(rests).collect();
+        Ok(Self {
+            lambda,
+            positions: rows,
+            velocities,
+            struck,
+            x0,
+            v0,
+            rest,
+            damping,
+        })
+    }
+
+    fn rests(&self) -> Vec<f64> {
+        let rest = |row: &Vec<f64>| row.iter().zip(&self.rest).map(|(a, b)| a * b).sum();
+        self.positions.iter().map(rest).collect()
+    }
+}
+
+/// What a damper sees, times the root of its |Z|: C is the sum of the squares.
+fn across(damper: &Damper, root: &[f64]) -> Vec<f64> {
+    let mut row = vec![0.0; root.len()];
+    for (end, sign) in damper.ends.iter().zip([1.0, -1.0]) {
+        if let Some(own) = *end {
+            row[own] += sign * damper.z.abs().sqrt() / root[own];
+        }
+    }
+    row
+}
+
+/// Undamped modes of one frequency, those that no spring holds first: any turn among them gives modes as good.
+fn alike(lambda: &[f64]) -> Vec<Range<usize>> {
+    let mut found = Vec::new();
+    let mut first = 0;
+    while first < lambda.len() {
+        let low = lambda[first];
+        let is_same = |high: &&f64| **high - low <= 2.0 * NOTHING * high.sqrt();
+        let n = lambda[first..].iter().take_while(is_same).count().max(1);
+        if n > 1 || low == 0.0 {
+            found.push(first..first + n);
+        }
+        first += n;
+    }
+    found
+}
+
+/// Turn modes of one frequency so that no damper couples them with each other: equal poles are then apart. Those that no
+/// damper feels are felt by none to the last bit.
+fn turn(rows: &mut [Vec<f64>], n_first: usize, modes: Range<usize>, signs: &[f64]) -> Option<()> {
+    let part = |row: &Vec<f64>| row[modes.clone()].to_vec();
+    let all: Vec<Vec<f64>> = rows.iter().map(part).collect();
+    let dampers = rows[n_first..].iter().flatten();
+    let largest = dampers.fold(0.0_f64, |most, x| most.max(x.abs()));
+    let (values, turned) = whole(coupling(&all[n_first..], signs, modes.len()), &all)?;
+    for (row, turned) in rows.iter_mut().zip(turned) {
+        row[modes.clone()].copy_from_slice(&turned);
+    }
+    let n = rows.first().map_or(0, Vec::len) as f64;
+    for (mode, value) in modes.zip(values) {
+        // Dampers that are all positive take nothing from each other.
+        let is_nothing = value.abs() <= 1e-15 * n * largest * largest;
+        if is_nothing && signs.iter().all(|sign| *sign > 0.0) {
+            rows[n_first..].iter_mut().for_each(|row| row[mode] = 0.0);
+        }
+    }
+    Some(())
+}
+
+/// Σ sign·row·rowᵀ   (n, n)
+fn coupling(rows: &[Vec<f64>], signs: &[f64], n: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; n * n];
+    for (row, sign) in rows.iter().zip(signs) {
+        crate::interrupt::poll();
+        for (i, by) in row.iter().enumerate().filter(|(_, by)| **by != 0.0) {
+            let into = &mut sum[i * n..(i + 1) * n];
+            let by = sign * by;
+            into.iter_mut().zip(row).for_each(|(sum, x)| *sum += by * x);
+        }
+    }
+    sum
+}

@@ -1,0 +1,285 @@
+//! Undamped modes that damping couples: the eigenvalue problem of their state.
+
+use super::{COUPLED_MAX, Complex, ComplexModes, Coordinates, ERROR_MAX, NOTHING, Pole, ROUNDING};
+use crate::plan::passes::linear::NoModes;
+use crate::spectrum::{General, general, inverse};
+
+/// Sets of undamped modes that `damping` (n, n) couples, each rising.
+pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
+    let most = damping.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let least = (ROUNDING * most).max(NOTHING / n as f64);
+    let (mut is_known, mut found) = (vec![false; n], Vec::new());
+    for first in 0..n {
+        if is_known[first] {
+            continue;
+        }
+        is_known[first] = true;
+        let mut block = vec![first];
+        let mut at = 0;
+        while at < block.len() {
+            let row = &damping[block[at] * n..(block[at] + 1) * n];
+            for (other, coupling) in row.iter().enumerate() {
+                if !is_known[other] && coupling.abs() > least {
+                    is_known[other] = true;
+                    block.push(other);
+                }
+            }
+            at += 1;
+        }
+        block.sort_unstable();
+        found.push(block);
+    }
+    found
+}
+
+/// The state of a block: p of its modes that a spring holds, then v of all.
+struct State<'a> {
+    block: &'a [usize],
+    /// How many of them no spring holds: the first ones.
+    n_rigid: usize,
+    omega: Vec<f64>,
+}
+
+impl State<'_> {
+    fn len(&self) -> usize {
+        self.n_held() + self.block.len()
+    }
+
+    fn n_held(&self) -> usize {
+        self.block.len() - self.n_rigid
+    }
+
+    /// A of ẏ = A·y   (len, len)
+    fn matrix(&self, damping: &[f64], n: usize) -> Vec<f64> {
+        let (size, held) = (self.len(), self.n_held());
+        let mut matrix = vec![0.0; size * size];
+        for (i, &own) in self.block.iter().enumerate() {
+            for (j, &other) in self.block.iter().enumerate() {
+                matrix[(held + i) * size + held + j] = -damping[own * n + other];
+            }
+            if i >= self.n_rigid {
+                let (p, v) = (i - self.n_rigid, held + i);
+                matrix[p * size + v] = self.omega[i];
+                matrix[v * size + p] = -self.omega[i];
+            }
+        }
+        matrix
+    }
+
+    /// The sum Σ row·x over an eigenvector y: of positions, of those that no spring holds as integrals of their
+    /// velocities.
+    fn positions(&self, row: &[f64], y: &impl Fn(usize) -> Complex, s: Complex) -> Complex {
+        let (mut held, mut rigid) = ([0.0; 2], [0.0; 2]);
+        for (i, &mode) in self.block.iter().enumerate() {
+            if i < self.n_rigid {
+                rigid = more(rigid, row[mode], y(self.n_held() + i));
+            } else {
+                held = more(held, row[mode] / self.omega[i], y(i - self.n_rigid));
+            }
+        }
+        if self.n_rigid == 0 {
+            return held;
+        }
+        more(held, 1.0, over(rigid, s))
+    }
+
+    fn velocities(&self, row: &[f64], y: &impl Fn(usize) -> Complex) -> Complex {
+        let all = self.block.iter().enumerate();
+        all.fold([0.0; 2], |sum, (i, &mode)| {
+            more(sum, row[mode], y(self.n_held() + i))
+        })
+    }
+}
+
+/// Add the modes of a block.
+pub(super) fn add(
+    modes: &mut ComplexModes,
+    coordinates: &Coordinates,
+    damping: &[f64],
+    block: &[usize],
+) -> Result<(), NoModes> {
+    if block.len() > COUPLED_MAX {
+        return Err(NoModes::Large);
+    }
+    let n_rigid = block
+        .iter()
+        .filter(|&&mode| coordinates.lambda[mode] == 0.0)
+        .count();
+    let state = State {
+        block,
+        n_rigid,
+        omega: block
+            .iter()
+            .map(|&mode| coordinates.lambda[mode].sqrt())
+            .collect(),
+    };
+    let size = state.len();
+    let matrix = state.matrix(damping, coordinates.lambda.len());
+    let found = general(matrix.clone()).ok_or(NoModes::NotFinite)?;
+    let vectors = columns(&found);
+    let left = inverse(vectors.clone()).ok_or(NoModes::Inexact)?;
+    if error(&matrix, &found, [&vectors, &left]) > ERROR_MAX {
+        return Err(NoModes::Inexact);
+    }
+    // What the body is at t = 0, and what an impulse adds: through the inverse.
+    let through = |row: usize, state: &dyn Fn(usize) -> f64| -> f64 {
+        let own = &left[row * size..(row + 1) * size];
+        own.iter().enumerate().map(|(i, by)| by * state(i)).sum()
+    };
+    let held = state.n_held();
+    let begins = |at: usize| {
+        if at < held {
+            let mode = block[n_rigid + at];
+            state.omega[n_rigid + at] * (coordinates.x0[mode] - coordinates.rest[mode])
+        } else {
+            coordinates.v0[block[at - held]]
+        }
+    };
+    let hit = |point: usize| {
+        move |at: usize| {
+            if at < held {
+                0.0
+            } else {
+                coordinates.struck[point][block[at - held]]
+            }
+        }
+    };
+    // What rigid modes have moved on the whole when all else has died away.
+    let n_points = coordinates.struck.len();
+    let mut went = vec![vec![0.0; n_points + 1]; n_rigid];
+    for (k, &(re, im)) in found.values.iter().enumerate() {
+        if im < 0.0 {
+            continue;
+        }
+        if re > ERROR_MAX {
+            return Err(NoModes::Diverges);
+        }
+        let decay = (-re).max(0.0);
+        let is_pair = im > 0.0;
+        let y = |at: usize| {
+            let own = vectors[at * size + k];
+            [
+                own,
+                if is_pair {
+                    -vectors[at * size + k + 1]
+                } else {
+                    0.0
+                },
+            ]
+        };
+        let part = |state: &dyn Fn(usize) -> f64| {
+            [
+                through(k, state),
+                if is_pair { through(k + 1, state) } else { 0.0 },
+            ]
+        };
+        let s = [re, im];
+        let start = part(&begins);
+        let felt: Vec<Complex> = (0..n_points).map(|point| part(&hit(point))).collect();
+        for (i, went) in went.iter_mut().enumerate() {
+            let share = over(y(held + i), s);
+            for (went, by) in went.iter_mut().zip(felt.iter().chain([&start])) {
+                *went -= share[0] * by[0] - share[1] * by[1];
+            }
+        }
+        let pole = if is_pair {
+            Pole::Pair { decay, omega: im }
+        } else {
+            Pole::Real { decay }
+        };
+        let seen = |output: usize| {
+            let positions = state.positions(&coordinates.positions[output], &y, s);
+            more(
+                positions,
+                1.0,
+                state.velocities(&coordinates.velocities[output], &y),
+            )
+        };
+        modes.add((pole, start), seen, |point| felt[point]);
+    }
+    for (i, went) in went.iter().enumerate() {
+        let mode = block[i];
+        modes.add(
+            (
+                Pole::Real { decay: 0.0 },
+                [coordinates.x0[mode] + went[n_points], 0.0],
+            ),
+            |output| [coordinates.positions[output][mode], 0.0],
+            |point| [went[point], 0.0],
+        );
+    }
+    Ok(())
+}
+
+/// Eigenvectors as the columns of a real matrix: of a pair the real part and minus the imaginary part   (n, n). With them
+/// y = V·(Re z, Im z).
+fn columns(found: &General) -> Vec<f64> {
+    let n = found.values.len();
+    let mut columns = vec![0.0; n * n];
+    let mut k = 0;
+    while k < n {
+        let width = if found.values[k].1 == 0.0 { 1 } else { 2 };
+        let own = &found.vectors[k * n..(k + width) * n];
+        let length = own.iter().map(|x| x * x).sum::<f64>().sqrt();
+        for (at, x) in own.iter().enumerate() {
+            let (column, row) = (k + at / n, at % n);
+            columns[row * n + column] = if column == k { x / length } else { -x / length };
+        }
+        k += width;
+    }
+    columns
+}
+
+/// ‖E‖: A + E has the computed eigenvalues and eigenvectors exactly, E = (V·B − A·V)·V⁻¹.
+fn error(matrix: &[f64], found: &General, [vectors, left]: [&[f64]; 2]) -> f64 {
+    let n = found.values.len();
+    let mut off = vec![0.0; n * n];
+    for row in 0..n {
+        let into = &mut off[row * n..(row + 1) * n];
+        let own = &vectors[row * n..(row + 1) * n];
+        for (k, &(re, im)) in found.values.iter().enumerate() {
+            // B turns (Re z, Im z): [re −im; im re].
+            let other = if im > 0.0 {
+                own[k + 1] * im
+            } else if im < 0.0 {
+                own[k - 1] * im
+            } else {
+                0.0
+            };
+            into[k] = own[k] * re + other;
+        }
+        multiply(&matrix[row * n..(row + 1) * n], vectors, -1.0, into);
+    }
+    let mut square = 0.0;
+    let mut row_of = vec![0.0; n];
+    for row in off.chunks_exact(n) {
+        row_of.fill(0.0);
+        multiply(row, left, 1.0, &mut row_of);
+        square += row_of.iter().map(|x| x * x).sum::<f64>();
+    }
+    square.sqrt()
+}
+
+/// into += factor·row·table.
+fn multiply(row: &[f64], table: &[f64], factor: f64, into: &mut [f64]) {
+    for (by, table) in row.iter().zip(table.chunks_exact(into.len())) {
+        if *by != 0.0 {
+            let by = factor * by;
+            into.iter_mut()
+                .zip(table)
+                .for_each(|(sum, x)| *sum += by * x);
+        }
+    }
+}
+
+fn more(sum: Complex, by: f64, x: Complex) -> Complex {
+    [sum[0] + by * x[0], sum[1] + by * x[1]]
+}
+
+fn over(x: Complex, by: Complex) -> Complex {
+    let square = by[0] * by[0] + by[1] * by[1];
+    [
+        (x[0] * by[0] + x[1] * by[1]) / square,
+        (x[1] * by[0] - x[0] * by[1]) / square,
+    ]
+}

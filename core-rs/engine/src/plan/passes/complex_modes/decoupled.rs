@@ -1,0 +1,68 @@
+//! An undamped mode that damping couples with no other: its poles are the roots of s² + c·s + ω².
+
+use super::{ComplexModes, Coordinates, ERROR_MAX, NOTHING, Pole};
+use crate::plan::passes::linear::NoModes;
+
+/// Two roots that are this near, relative to their sum, are taken as a pair that hardly swings: apart, their residues
+/// would cancel each other.
+const CRITICAL: f64 = 1e-7;
+
+/// Add the modes that undamped mode `at` with damping `c` [1/s] has.
+pub(super) fn add(
+    modes: &mut ComplexModes,
+    coordinates: &Coordinates,
+    at: usize,
+    c: f64,
+) -> Result<(), NoModes> {
+    if c < -ERROR_MAX {
+        return Err(NoModes::Diverges);
+    }
+    let c = c.max(0.0);
+    let lambda = coordinates.lambda[at];
+    let position = |output: usize| coordinates.positions[output][at];
+    let velocity = |output: usize| coordinates.velocities[output][at];
+    let struck = |point: usize| coordinates.struck[point][at];
+    let (x, v) = (
+        coordinates.x0[at] - coordinates.rest[at],
+        coordinates.v0[at],
+    );
+    if lambda == 0.0 && c <= NOTHING {
+        modes.add(
+            (Pole::Free, [x, v]),
+            |output| [position(output), velocity(output)],
+            |point| [0.0, struck(point)],
+        );
+        return Ok(());
+    }
+    let decay = 0.5 * c;
+    let square = lambda - decay * decay;
+    let least = CRITICAL * decay;
+    if square > -least * least {
+        // x = Re z with ż = s·z, so v = Re s·z.
+        let omega = square.max(least * least).sqrt();
+        modes.add(
+            (Pole::Pair { decay, omega }, [x, -(v + decay * x) / omega]),
+            |output| {
+                let (x, v) = (position(output), velocity(output));
+                [x - decay * v, omega * v]
+            },
+            |point| [0.0, -struck(point) / omega],
+        );
+        return Ok(());
+    }
+    let fast = decay + (-square).sqrt();
+    // Not the difference of two near numbers.
+    let slow = lambda / fast;
+    let gap = fast - slow;
+    for (own, other, sign) in [(slow, fast, 1.0), (fast, slow, -1.0)] {
+        modes.add(
+            (
+                Pole::Real { decay: own },
+                [sign * (v + other * x) / gap, 0.0],
+            ),
+            |output| [position(output) - own * velocity(output), 0.0],
+            |point| [sign * struck(point) / gap, 0.0],
+        );
+    }
+    Ok(())
+}

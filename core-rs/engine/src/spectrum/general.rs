@@ -1,0 +1,37 @@
+//! All eigenvalues and eigenvectors of a dense matrix that need not be symmetric: Householder's reduction to Hessenberg
+//! form, Francis' double-shift QR to real Schur form, back-substitution (Golub & Van Loan 7.4-7.6; Peters & Wilkinson
+//! 1970). Sums, products and square roots alone, in a fixed order.
+
+mod hessenberg;
+mod inverse;
+mod schur;
+#[cfg(test)]
+mod tests;
+mod triangular;
+
+pub(crate) use inverse::inverse;
+
+/// Eigenvalues and eigenvectors of a real matrix.
+#[derive(Clone, Debug)]
+pub(crate) struct General {
+    /// Eigenvalues: real and imaginary part; conjugate pairs lie together, the positive imaginary part first   (n)
+    pub values: Vec<(f64, f64)>,
+    /// An eigenvector in each row; of a pair its real part, then its imaginary part   (n, n)
+    pub vectors: Vec<f64>,
+}
+
+/// The eigenvalues and eigenvectors of `matrix` (n, n), row after row.
+///
+/// `None` where a number is not finite or QR does not converge.
+pub(crate) fn general(mut matrix: Vec<f64>) -> Option<General> {
+    let n = matrix.len().isqrt();
+    if !matrix.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    // Row j of `turned` is column j of the product of all reflections.
+    let mut turned = hessenberg::reduce(&mut matrix, n);
+    let values = schur::iterate(&mut matrix, n, &mut turned)?;
+    let vectors = triangular::vectors(&matrix, n, &values, &turned);
+    let is_finite = vectors.iter().all(|x| x.is_finite());
+    is_finite.then_some(General { values, vectors })
+}

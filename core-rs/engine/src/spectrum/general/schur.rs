@@ -1,0 +1,168 @@
+//! A Hessenberg matrix to real Schur form by Francis' double-shift QR.
+
+use crate::interrupt;
+use crate::maths::{copysign, sqrt};
+
+/// Rounds of QR for one eigenvalue or pair; two to four are the rule.
+const ROUNDS: usize = 60;
+
+/// Bring `h` (n, n) to real Schur form, `turned` (n, n) along; returns the eigenvalues, `None` where that does not
+/// converge.
+pub(super) fn iterate(h: &mut [f64], n: usize, turned: &mut [f64]) -> Option<Vec<(f64, f64)>> {
+    let mut values = vec![(0.0, 0.0); n];
+    let size: f64 = h.iter().map(|x| x.abs()).sum();
+    let (mut end, mut round) = (n, 0);
+    while end > 0 {
+        interrupt::poll();
+        let last = end - 1;
+        let first = split(h, n, last, size);
+        if first == last {
+            values[last] = (h[last * n + last], 0.0);
+            (end, round) = (last, 0);
+        } else if first + 1 == last {
+            [values[first], values[last]] = pair(h, n, first, turned);
+            (end, round) = (first, 0);
+        } else {
+            if round == ROUNDS {
+                return None;
+            }
+            round += 1;
+            sweep(h, n, [first, last], round, turned);
+        }
+    }
+    Some(values)
+}
+
+/// The first row of the last block that hangs together, up to row `last`.
+fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
+    for l in (1..=last).rev() {
+        let beside = h[(l - 1) * n + l - 1].abs() + h[l * n + l].abs();
+        let scale = if beside == 0.0 { size } else { beside };
+        if h[l * n + l - 1].abs() <= f64::EPSILON * scale {
+            h[l * n + l - 1] = 0.0;
+            return l;
+        }
+    }
+    0
+}
+
+/// The eigenvalues of the block at rows k and k + 1, which is made triangular where they are real.
+fn pair(h: &mut [f64], n: usize, k: usize, turned: &mut [f64]) -> [(f64, f64); 2] {
+    let at = |i: usize, j: usize| (k + i) * n + k + j;
+    let (a, b, c, d) = (h[at(0, 0)], h[at(0, 1)], h[at(1, 0)], h[at(1, 1)]);
+    let p = 0.5 * (a - d);
+    let square = p * p + b * c;
+    let root = sqrt(square.abs());
+    if square < 0.0 {
+        let middle = 0.5 * (a + d);
+        return [(middle, root), (middle, -root)];
+    }
+    let far = p + copysign(root, p);
+    let one = d + far;
+    let other = if far == 0.0 { one } else { d - b * c / far };
+    // The eigenvector of `one` becomes the first direction.
+    let length = sqrt(far * far + c * c);
+    let (cosine, sine) = (far / length, c / length);
+    rotate(h, n, k, turned, [cosine, sine]);
+    h[at(1, 0)] = 0.0;
+    [(one, 0.0), (other, 0.0)]
+}
+
+fn rotate(h: &mut [f64], n: usize, k: usize, turned: &mut [f64], [c, s]: [f64; 2]) {
+    let rows = |table: &mut [f64], from: usize| {
+        let (low, high) = table[k * n..(k + 2) * n].split_at_mut(n);
+        for (x, y) in low[from..].iter_mut().zip(&mut high[from..]) {
+            (*x, *y) = (c * *x + s * *y, c * *y - s * *x);
+        }
+    };
+    rows(h, k);
+    rows(turned, 0);
+    for row in h.chunks_exact_mut(n).take(k + 2) {
+        let (x, y) = (row[k], row[k + 1]);
+        (row[k], row[k + 1]) = (c * x + s * y, c * y - s * x);
+    }
+}
+
+/// One double step on the block of rows `first` to `last`.
+fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turned: &mut [f64]) {
+    let at = |i: usize, j: usize| i * n + j;
+    // The sum and product of the two shifts: eigenvalues of the last corner, but for a round that is stuck.
+    let (sum, product) = if round.is_multiple_of(10) {
+        let size = h[at(last, last - 1)].abs() + h[at(last - 1, last - 2)].abs();
+        (1.5 * size, size * size)
+    } else {
+        let (a, b) = (h[at(last - 1, last - 1)], h[at(last - 1, last)]);
+        let (c, d) = (h[at(last, last - 1)], h[at(last, last)]);
+        (a + d, a * d - b * c)
+    };
+    let mut start = first;
+    let mut column = [0.0; 3];
+    // Two small subdiagonals one after the other part the block as well.
+    for m in (first..=last - 2).rev() {
+        let (a, b, c) = (h[at(m, m)], h[at(m, m + 1)], h[at(m + 1, m)]);
+        let (d, e) = (h[at(m + 1, m + 1)], h[at(m + 2, m + 1)]);
+        column = [a * (a - sum) + product + b * c, c * (a + d - sum), c * e];
+        let scale: f64 = column.iter().map(|x| x.abs()).sum();
+        if scale > 0.0 {
+            column.iter_mut().for_each(|x| *x /= scale);
+        }
+        start = m;
+        if m == first {
+            break;
+        }
+        let left = h[at(m, m - 1)].abs() * (column[1].abs() + column[2].abs());
+        let beside = h[at(m - 1, m - 1)].abs() + a.abs() + d.abs();
+        if left <= f64::EPSILON * column[0].abs() * beside {
+            break;
+        }
+    }
+    for k in start..last {
+        let n_rows = 3.min(last + 1 - k);
+        if k > start {
+            for (i, x) in column.iter_mut().enumerate() {
+                *x = if i < n_rows { h[at(k + i, k - 1)] } else { 0.0 };
+            }
+        }
+        let length = sqrt(column.iter().map(|x| x * x).sum());
+        if length == 0.0 {
+            continue;
+        }
+        let length = copysign(length, column[0]);
+        if k > start {
+            h[at(k, k - 1)] = -length;
+            (1..n_rows).for_each(|i| h[at(k + i, k - 1)] = 0.0);
+        } else if start > first {
+            h[at(k, k - 1)] = -h[at(k, k - 1)];
+        }
+        // I − v wᵀ with v₀ = 1.
+        let head = column[0] + length;
+        let v = [1.0, column[1] / head, column[2] / head];
+        let w = [head / length, column[1] / length, column[2] / length];
+        reflect_rows(h, n, k, [v, w], k);
+        reflect_rows(turned, n, k, [v, w], 0);
+        let down = (last + 1).min(k + 4);
+        for row in h.chunks_exact_mut(n).take(down) {
+            let own = &mut row[k..k + n_rows];
+            let along: f64 = own.iter().zip(&v).map(|(x, v)| x * v).sum();
+            own.iter_mut().zip(&w).for_each(|(x, w)| *x -= along * w);
+        }
+    }
+
+    fn reflect_rows(table: &mut [f64], n: usize, k: usize, [v, w]: [[f64; 3]; 2], from: usize) {
+        let (low, rest) = table[k * n..].split_at_mut(n);
+        let (middle, rest) = rest.split_at_mut(n);
+        let (low, middle) = (&mut low[from..], &mut middle[from..]);
+        if w[2] == 0.0 {
+            for (x, y) in low.iter_mut().zip(middle) {
+                let along = w[0] * *x + w[1] * *y;
+                (*x, *y) = (*x - along, *y - along * v[1]);
+            }
+            return;
+        }
+        let high = &mut rest[from..n];
+        for ((x, y), z) in low.iter_mut().zip(middle).zip(high) {
+            let along = w[0] * *x + w[1] * *y + w[2] * *z;
+            (*x, *y, *z) = (*x - along, *y - along * v[1], *z - along * v[2]);
+        }
+    }
+}

@@ -1,0 +1,124 @@
+use super::{General, general, inverse};
+use crate::chance::Chance;
+
+/// ‖A·V − V·B‖ over ‖A‖, and the sum of the eigenvalues over that of the diagonal.
+fn residual(matrix: &[f64], found: &General) -> f64 {
+    let n = found.values.len();
+    let apply = |x: &[f64]| -> Vec<f64> {
+        let rows = matrix.chunks_exact(n);
+        rows.map(|row| row.iter().zip(x).map(|(a, b)| a * b).sum())
+            .collect()
+    };
+    let size = matrix.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let mut worst = 0.0_f64;
+    let mut k = 0;
+    while k < n {
+        let (re, im) = found.values[k];
+        let width = if im == 0.0 { 1 } else { 2 };
+        let x = &found.vectors[k * n..(k + 1) * n];
+        let zero = vec![0.0; n];
+        let y = if width == 2 {
+            assert_eq!(found.values[k + 1], (re, -im));
+            &found.vectors[(k + 1) * n..(k + 2) * n]
+        } else {
+            &zero
+        };
+        let length = x.iter().chain(y).map(|x| x * x).sum::<f64>().sqrt();
+        let (ax, ay) = (apply(x), apply(y));
+        for i in 0..n {
+            let off = (ax[i] - re * x[i] + im * y[i]).abs() + (ay[i] - im * x[i] - re * y[i]).abs();
+            worst = worst.max(off / (length * size));
+        }
+        k += width;
+    }
+    worst
+}
+
+fn drawn(n: usize, seed: u64) -> Vec<f64> {
+    let mut chance = Chance::new(i128::from(seed), "matrix", "", 0, 0);
+    (0..n * n).map(|_| chance.uniform(-1.0, 1.0)).collect()
+}
+
+#[test]
+fn eigenvectors_of_any_matrix_are_turned_by_their_eigenvalues_alone() {
+    for n in 1..40 {
+        for seed in 0..8 {
+            let matrix = drawn(n, seed * 100 + n as u64);
+            let found = general(matrix.clone()).unwrap();
+            assert!(residual(&matrix, &found) < 1e-13 * n as f64, "{n} {seed}");
+            let sum: f64 = found.values.iter().map(|value| value.0).sum();
+            let trace: f64 = (0..n).map(|i| matrix[i * n + i]).sum();
+            assert!((sum - trace).abs() < 1e-12 * n as f64, "{n} {seed}");
+        }
+    }
+}
+
+#[test]
+fn roots_of_a_polynomial_are_the_eigenvalues_of_its_companion() {
+    // (x − 1)(x − 2)(x + 3)(x² + 2x + 5), multiplied out from the last factor.
+    let mut matrix = vec![0.0; 25];
+    for i in 0..4 {
+        matrix[(i + 1) * 5 + i] = 1.0;
+    }
+    let polynomial = [-1.0, -2.0, 3.0]
+        .iter()
+        .fold(vec![5.0, 2.0, 1.0], |low, by| {
+            let mut more = vec![0.0; low.len() + 1];
+            for (i, c) in low.iter().enumerate() {
+                more[i + 1] += c;
+                more[i] += c * by;
+            }
+            more
+        });
+    for (i, c) in polynomial[..5].iter().enumerate() {
+        matrix[i * 5 + 4] = -c;
+    }
+    let mut found = general(matrix).unwrap().values;
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let wanted = [
+        (-3.0, 0.0),
+        (-1.0, -2.0),
+        (-1.0, 2.0),
+        (1.0, 0.0),
+        (2.0, 0.0),
+    ];
+    for (own, wanted) in found.iter().zip(wanted) {
+        assert!(
+            (own.0 - wanted.0).abs() + (own.1 - wanted.1).abs() < 1e-12,
+            "{found:?}"
+        );
+    }
+}
+
+#[test]
+fn equal_eigenvalues_have_eigenvectors_of_their_own() {
+    // Twice the same rotation, coupled by nothing, seen from turned axes.
+    let mut matrix = vec![0.0; 16];
+    for (i, j, x) in [(0, 2, 3.0), (2, 0, -3.0), (1, 3, 3.0), (3, 1, -3.0)] {
+        matrix[i * 4 + j] = x;
+    }
+    let found = general(matrix.clone()).unwrap();
+    assert!(residual(&matrix, &found) < 1e-14);
+    assert!(inverse(found.vectors.clone()).is_some());
+}
+
+#[test]
+fn a_matrix_times_its_inverse_is_one() {
+    for n in [1, 2, 7, 30] {
+        let matrix = drawn(n, n as u64);
+        let found = inverse(matrix.clone()).unwrap();
+        for i in 0..n {
+            for j in 0..n {
+                let sum: f64 = (0..n).map(|k| matrix[i * n + k] * found[k * n + j]).sum();
+                assert!((sum - f64::from(u8::from(i == j))).abs() < 1e-10, "{n}");
+            }
+        }
+    }
+    assert_eq!(inverse(vec![1.0, 2.0, 2.0, 4.0]), None);
+}
+
+#[test]
+fn what_is_not_finite_has_none() {
+    assert!(general(vec![1.0, f64::NAN, 0.0, 1.0]).is_none());
+    assert!(general(Vec::new()).is_some());
+}

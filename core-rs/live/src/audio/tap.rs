@@ -1,0 +1,268 @@
+//! What is computed for the loudspeakers, written to a WAVE file beside them, whatever the back end is.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::AudioError;
+use super::file::Recording;
+
+/// A disk that does not answer for so long costs frames [s].
+const ROOM: usize = 8;
+const NAP: Duration = Duration::from_millis(5);
+const NOT_BEGUN: u64 = u64::MAX;
+
+/// What both ends of a tap know.
+#[derive(Debug)]
+struct Shared {
+    /// The first frame of the file.
+    first: AtomicU64,
+    /// Frames that found no room: there is silence in the file instead.
+    missing: AtomicU64,
+    /// Frames in the file.
+    written: AtomicU64,
+    ended: AtomicBool,
+    /// Nobody pushes any more.
+    closing: AtomicBool,
+    error: Mutex<Option<String>>,
+}
+
+impl Shared {
+    fn is_over(&self, from: &Consumer<f32>) -> bool {
+        from.is_abandoned() || self.closing.load(Ordering::Acquire)
+    }
+}
+
+/// The end of a tap on the physics thread: it neither allocates nor waits. Dropped, it ends the file.
+#[derive(Debug)]
+pub(crate) struct Tap {
+    to: Producer<f32>,
+    shared: Arc<Shared>,
+    channels: usize,
+    /// Samples of silence that stand for frames without room.
+    owed: usize,
+}
+
+/// The end of a tap for all others.
+#[derive(Debug)]
+pub struct TapHandle {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// How a tap goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TapStatus {
+    /// The first frame of the file; `None`: not begun.
+    pub first: Option<u64>,
+    /// Frames in the file so far.
+    pub frames: u64,
+    /// Frames of them that the disk was too slow for: silence.
+    pub missing: u64,
+    /// Whether the file is closed.
+    pub ended: bool,
+    /// Why it could not be written.
+    pub error: Option<String>,
+}
+
+/// Open a tap into a new file.
+///
+/// # Errors
+/// [`AudioError::File`] where the file exists or cannot be made.
+pub(crate) fn open(
+    path: &Path,
+    rate: u32,
+    channels: usize,
+) -> Result<(Tap, TapHandle), AudioError> {
+    let mut recording = Recording::create(path, rate, channels)?;
+    let (to, mut from) = RingBuffer::new(ROOM * rate as usize * channels);
+    let shared = Arc::new(Shared {
+        first: AtomicU64::new(NOT_BEGUN),
+        missing: AtomicU64::new(0),
+        written: AtomicU64::new(0),
+        ended: AtomicBool::new(false),
+        closing: AtomicBool::new(false),
+        error: Mutex::new(None),
+    });
+    let tap = Tap {
+        to,
+        shared: shared.clone(),
+        channels,
+        owed: 0,
+    };
+    let own = shared.clone();
+    let thread = std::thread::Builder::new()
+        .name("ergon recording of sound".into())
+        .spawn(move || {
+            let run = pump(&mut recording, &mut from, channels, &own);
+            if let Err(error) = run.and_then(|()| recording.end()) {
+                *own.error.lock().unwrap_or_else(PoisonError::into_inner) =
+                    Some(recording.told(&error));
+                // The physics thread frees nothing: its end goes first.
+                while !own.is_over(&from) {
+                    std::thread::sleep(NAP);
+                }
+            }
+            own.ended.store(true, Ordering::Release);
+        })
+        .map_err(|error| AudioError::Broken(error.to_string()))?;
+    let handle = TapHandle {
+        shared,
+        thread: Some(thread),
+    };
+    Ok((tap, handle))
+}
+
+fn pump(
+    recording: &mut Recording,
+    from: &mut Consumer<f32>,
+    channels: usize,
+    shared: &Shared,
+) -> std::io::Result<()> {
+    loop {
+        // In this order: what was pushed before the end is written.
+        let last = shared.is_over(from);
+        let n = from.slots() / channels * channels;
+        if n == 0 {
+            if last {
+                return Ok(());
+            }
+            std::thread::sleep(NAP);
+            continue;
+        }
+        let Ok(chunk) = from.read_chunk(n) else {
+            continue;
+        };
+        let (a, b) = chunk.as_slices();
+        recording.write(a, a.len() / channels)?;
+        recording.write(b, b.len() / channels)?;
+        chunk.commit_all();
+        shared
+            .written
+            .fetch_add((n / channels) as u64, Ordering::Relaxed);
+    }
+}
+
+impl Tap {
+    /// Write frames, of which the first is frame `at` of what is heard; in silence zeros.
+    pub(crate) fn push(&mut self, at: u64, samples: &[f32], is_silent: bool) {
+        if samples.is_empty() {
+            return;
+        }
+        if self.shared.first.load(Ordering::Relaxed) == NOT_BEGUN {
+            self.shared.first.store(at, Ordering::Release);
+        }
+        let n = self.owed + samples.len();
+        let Ok(chunk) = self.to.write_chunk_uninit(n) else {
+            self.owed = n;
+            let frames = (samples.len() / self.channels) as u64;
+            self.shared.missing.fetch_add(frames, Ordering::Relaxed);
+            return;
+        };
+        let silence = std::iter::repeat_n(0.0, self.owed);
+        let factor = if is_silent { 0.0 } else { 1.0 };
+        chunk.fill_from_iter(silence.chain(samples.iter().map(|x| x * factor)));
+        self.owed = 0;
+    }
+}
+
+impl TapHandle {
+    /// How it goes now.
+    pub fn status(&self) -> TapStatus {
+        let shared = &self.shared;
+        let first = shared.first.load(Ordering::Acquire);
+        TapStatus {
+            first: (first != NOT_BEGUN).then_some(first),
+            ended: shared.ended.load(Ordering::Acquire),
+            frames: shared.written.load(Ordering::Relaxed),
+            missing: shared.missing.load(Ordering::Relaxed),
+            error: shared
+                .error
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .clone(),
+        }
+    }
+}
+
+impl Drop for TapHandle {
+    /// The physics thread has ended before: what it pushed is written.
+    fn drop(&mut self) {
+        self.shared.closing.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ended(handle: &TapHandle) -> TapStatus {
+        while !handle.status().ended {
+            std::thread::sleep(NAP);
+        }
+        handle.status()
+    }
+
+    #[test]
+    fn what_is_pushed_is_in_the_file() {
+        let folder = std::env::temp_dir().join(format!("ergon-tap-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let path = folder.join("a.wav");
+        let (mut tap, handle) = open(&path, 44_100, 2).expect("a tap");
+        assert_eq!(handle.status().first, None);
+        for at in 0..100_u64 {
+            let samples: Vec<f32> = (0..128).map(|i| (at * 128 + i) as f32).collect();
+            tap.push(640 + at * 64, &samples, at == 99);
+        }
+        drop(tap);
+        let status = ended(&handle);
+        assert_eq!(
+            (status.first, status.frames, status.missing),
+            (Some(640), 6400, 0)
+        );
+        let bytes = std::fs::read(&path).expect("a file");
+        let data = &bytes[bytes.len() - 6400 * 8..];
+        let samples: Vec<f32> = data
+            .chunks_exact(4)
+            .map(|x| f32::from_le_bytes(x.try_into().expect("four bytes")))
+            .collect();
+        assert!(
+            samples[..99 * 128]
+                .iter()
+                .enumerate()
+                .all(|(i, &x)| x == i as f32)
+        );
+        assert!(samples[99 * 128..].iter().all(|&x| x == 0.0));
+        assert!(open(&path, 44_100, 2).is_err(), "it exists");
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+
+    #[test]
+    fn frames_without_room_become_silence_in_their_place() {
+        let folder = std::env::temp_dir().join(format!("ergon-tap-full-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let path = folder.join("a.wav");
+        let (to, mut from) = RingBuffer::new(4);
+        let (mut tap, handle) = open(&path, 1000, 1).expect("a tap");
+        let real = std::mem::replace(&mut tap.to, to);
+        tap.push(0, &[1.0, 2.0, 3.0], false);
+        tap.push(3, &[4.0, 5.0], false); // no room
+        assert_eq!(handle.status().missing, 2);
+        let read: Vec<f32> = from.read_chunk(3).expect("three").into_iter().collect();
+        assert_eq!(read, [1.0, 2.0, 3.0]);
+        tap.push(5, &[6.0, 7.0], false);
+        let read: Vec<f32> = from.read_chunk(4).expect("four").into_iter().collect();
+        assert_eq!(read, [0.0, 0.0, 6.0, 7.0]);
+        tap.to = real;
+        drop(tap);
+        ended(&handle);
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+}

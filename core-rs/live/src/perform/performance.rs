@@ -1,0 +1,269 @@
+//! The handle of a piece that is being played: what other threads ask of the physics thread.
+
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rtrb::{Consumer, Producer};
+
+use super::control::{Control, MarkDone, SharedFlags};
+use super::player::Player;
+use super::player::change::{Change, ScheduledChange};
+use super::{
+    ChangeError, Command, Event, HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, Stage,
+    Status, frozen, keys,
+};
+use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
+use crate::realtime::{self, Granted};
+use crate::recording::RecorderHandle;
+use crate::safety;
+
+/// A piece that is being played. Dropped, it stops.
+pub struct Performance {
+    pub(super) flags: Arc<SharedFlags>,
+    pub(super) thread: Option<JoinHandle<Player>>,
+    pub(super) reconnectors: Vec<keys::Reconnector>,
+    pub(super) commands: Arc<Mutex<Producer<Command>>>,
+    pub(super) status: triple_buffer::Output<Status>,
+    pub(super) events: Consumer<Event>,
+    pub(super) output: Output,
+    pub(super) recorder: Option<RecorderHandle>,
+    pub(super) reader: Option<frozen::Reader>,
+    pub(super) hand_limits: Vec<HandLimit>,
+    pub(super) hand_keys: Vec<HandKey>,
+    pub(super) garbage: Consumer<Box<ScheduledChange>>,
+    pub(super) tickets: u64,
+    pub(super) tap: Option<TapHandle>,
+    /// Frames of a tick.
+    pub(super) tick_frames: usize,
+    pub(super) channels: usize,
+    /// Number of outputs, where frozen parts fill some of them.
+    pub(super) frozen_outputs: Option<usize>,
+}
+
+impl Performance {
+    /// Begin.
+    ///
+    /// # Errors
+    /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
+    pub fn start(
+        stage: Stage,
+        boards: Vec<Keyboard>,
+        config: PlaybackConfig,
+    ) -> Result<Self, PlayError> {
+        let (mut this, mut player) = Self::prepare(stage, boards, config)?;
+        // Without a hand too: what sounds ends by a signal as soon.
+        safety::watch_ends();
+        let flags = this.flags.clone();
+        let thread = std::thread::Builder::new()
+            .name("ergon physics".into())
+            .spawn(move || {
+                let _mark = MarkDone(flags.clone());
+                safety::leave_signals();
+                flags.set_granted(realtime::ask(realtime::PHYSICS));
+                player.run();
+                // Given back to be freed where time does not count.
+                player
+            })
+            .map_err(PlayError::Thread)?;
+        this.thread = Some(thread);
+        Ok(this)
+    }
+
+    /// How it goes now.
+    pub fn status(&mut self) -> Status {
+        *self.status.read()
+    }
+
+    /// The next thing that happened.
+    pub fn event(&mut self) -> Option<Event> {
+        self.events.pop().ok()
+    }
+
+    /// How much of the scene's force each real hand may get.
+    pub fn hand_limits(&self) -> &[HandLimit] {
+        &self.hand_limits
+    }
+
+    /// The key under a hand, to compute limits of another scene; `None`: the hand is not real.
+    pub fn hand_key(&self, hand: usize) -> Option<HandKey> {
+        self.hand_keys.iter().find(|own| own.hand == hand).copied()
+    }
+
+    /// The output that it plays on.
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+
+    /// What the system granted the physics thread; `None` until it runs.
+    pub fn granted(&self) -> Option<Granted> {
+        self.flags.granted()
+    }
+
+    /// What stops it from any thread.
+    pub fn control(&self) -> Control {
+        Control::new(self.flags.clone(), self.output.shared().clone())
+    }
+
+    /// See [`Control::panic`].
+    pub fn panic(&self) {
+        self.control().panic();
+    }
+
+    /// See [`Control::release`].
+    pub fn release(&self) {
+        self.control().release();
+    }
+
+    /// Go to another gain over 20 ms, from the next tick on; false where too much is asked at once.
+    pub fn gain(&self, gain: f64) -> bool {
+        self.command(Command::Gain(gain))
+    }
+
+    /// Another gain of one of the mixer's groups of routes, as [`Performance::gain`].
+    pub fn part_gain(&self, group: usize, gain: f64) -> bool {
+        self.command(Command::Part(group, gain))
+    }
+
+    /// Write what is computed for the loudspeakers to a new file, from the next tick on.
+    ///
+    /// # Errors
+    /// [`AudioError`] where one is being written, or the file cannot be made.
+    pub fn record_audio(&mut self, path: &Path) -> Result<(), AudioError> {
+        if self.tap.as_ref().is_some_and(|tap| !tap.status().ended) {
+            return Err(AudioError::Broken(
+                "a file is being recorded already".into(),
+            ));
+        }
+        let rate = self.output.info().rate;
+        let (tap, handle) = audio::tap(path, rate, self.channels)?;
+        if !self.command(Command::Tap(Some(tap))) {
+            return Err(AudioError::Broken("too much is asked at once".into()));
+        }
+        self.tap = Some(handle);
+        Ok(())
+    }
+
+    /// End the file of [`Performance::record_audio`]; false where too much is asked at once.
+    pub fn end_audio(&self) -> bool {
+        self.command(Command::Tap(None))
+    }
+
+    /// How the file of [`Performance::record_audio`] goes; `None`: there was none.
+    pub fn audio_recorded(&self) -> Option<TapStatus> {
+        self.tap.as_ref().map(TapHandle::status)
+    }
+
+    /// Strike a point of the simulation that plays, at the first frame of the next tick; a ticket, which
+    /// [`EventKind::Struck`](super::EventKind::Struck) or [`EventKind::Missed`](super::EventKind::Missed) tells. `None`
+    /// where too much is asked at once.
+    pub fn strike(&mut self, point: u32, impulse: f64) -> Option<u64> {
+        self.tickets += 1;
+        let ticket = self.tickets;
+        self.command(Command::Strike(ticket, point, impulse))
+            .then_some(ticket)
+    }
+
+    /// Change something at a frame that begins a tick; returns a ticket, which [`EventKind::Changed`] or [`EventKind::Late`] tells.
+    ///
+    /// # Errors
+    /// [`ChangeError`]: nothing was asked for then.
+    pub fn change(&mut self, at: u64, change: Change) -> Result<u64, ChangeError> {
+        // What was replaced before is freed here.
+        while self.garbage.pop().is_ok() {}
+        if !at.is_multiple_of(self.tick_frames as u64) {
+            return Err(ChangeError::Frame(at, self.tick_frames));
+        }
+        let n_out = change
+            .simulation
+            .as_ref()
+            .map(|(own, _)| (own.n_out(), own.frame()));
+        if let Some((n_out, frame)) = n_out {
+            if frame != at {
+                return Err(ChangeError::Begins(frame, at));
+            }
+            if self.frozen_outputs.is_some_and(|own| own != n_out) {
+                return Err(ChangeError::Frozen);
+            }
+        }
+        if change
+            .mixer
+            .as_ref()
+            .is_some_and(|mixer| mixer.n_channels() != self.channels)
+        {
+            return Err(ChangeError::Channels(self.channels));
+        }
+        let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
+        self.tickets += 1;
+        let ticket = self.tickets;
+        let due = ScheduledChange {
+            at,
+            ticket,
+            change,
+            heard,
+        };
+        if self.command(Command::Change(Box::new(due))) {
+            Ok(ticket)
+        } else {
+            Err(ChangeError::Busy)
+        }
+    }
+
+    fn command(&self, command: Command) -> bool {
+        let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
+        commands.push(command).is_ok()
+    }
+
+    /// See [`Control::stop`].
+    pub fn stop(&self) {
+        self.control().stop();
+    }
+
+    /// Whether the last frame has been computed.
+    pub fn is_done(&self) -> bool {
+        self.flags.done.load(Ordering::Acquire)
+    }
+
+    /// Why the recording cannot be written at present, such as a full disk; its rows wait meanwhile, for some seconds. Or
+    /// how much of it was lost, for the disk did not answer for longer.
+    pub fn recording_trouble(&self) -> Option<String> {
+        let status = self.recorder.as_ref()?.status();
+        let lost = || (status.dropped > 0).then(|| format!("{} rows lost", status.dropped));
+        status.trouble.clone().or_else(lost)
+    }
+
+    /// Wait until everything was heard, and put everything away; the events that are left.
+    ///
+    /// # Errors
+    /// What went wrong with a file that was written.
+    pub fn close(mut self, patience: Duration) -> Result<Vec<Event>, PlayError> {
+        self.end(patience)?;
+        Ok(std::iter::from_fn(|| self.event()).collect())
+    }
+
+    fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
+        // Keys first: their last zeros go out when the physics thread gives them back.
+        let played = self.thread.take().map_or(Ok(()), |thread| {
+            thread.join().map(drop).map_err(|_| PlayError::Failed)
+        });
+        self.reconnectors.clear();
+        self.reader = None;
+        let _ = self.output.wait(patience);
+        let closed = self.output.close();
+        self.tap = None;
+        let recorded = self.recorder.take().map(RecorderHandle::stop);
+        played?;
+        closed?;
+        recorded.transpose()?;
+        Ok(())
+    }
+}
+
+impl Drop for Performance {
+    fn drop(&mut self) {
+        self.stop();
+        let _ = self.end(Duration::from_millis(200));
+    }
+}

@@ -1,0 +1,115 @@
+//! Keys and hands in a tick: forces go out, positions come in, and each hand goes to its next place.
+
+use super::Player;
+use crate::perform::keys::Slot;
+use crate::perform::status::EventKind;
+
+impl Player {
+    /// Take the positions of all hands before the first force is sent.
+    pub(in crate::perform) fn begin(&mut self) {
+        self.has_positions = true;
+        self.positions();
+        for slot in self.slots.iter().filter(|slot| slot.is_there()) {
+            for &(axis, hand) in &slot.axes {
+                let x = slot.sample.position[axis];
+                let mover = &mut self.movers[hand];
+                if self.tick == 0 {
+                    (mover.real, mover.x) = (true, x);
+                } else {
+                    // In the middle of a piece the key is where its part has taken it.
+                    mover.x = self.stage.hands[hand].stands_at(self.tick);
+                    mover.change(true, x);
+                }
+                self.previous[hand] = mover.x;
+            }
+        }
+    }
+
+    /// Send the forces of the previous tick and receive positions; in the first tick `begin` received them.
+    pub(super) fn keys(&mut self) {
+        if std::mem::take(&mut self.has_positions) {
+            return;
+        }
+        let rate = 1.0 / self.clock.period();
+        for hand in 0..self.movers.len() {
+            let Some((slot, axis)) = self.axis_of[hand] else {
+                continue;
+            };
+            let (own, mover) = (&self.stage.hands[hand], &self.movers[hand]);
+            let force = if mover.real {
+                let v = (mover.x - self.previous[hand]) * rate;
+                let guidance = self.guidance[hand].force(own.stands_at(self.tick), mover.x, v);
+                (self.felt[hand] + guidance) * mover.share()
+            } else {
+                0.0
+            };
+            self.slots[slot].force(axis, force);
+        }
+        for slot in 0..self.slots.len() {
+            let there = self.slots[slot].send();
+            self.note_presence(slot, there);
+        }
+        self.positions();
+    }
+
+    /// Receive the positions of all keyboards, with one deadline for all.
+    fn positions(&mut self) {
+        let Some(deadline) = self.slots.first().map(Slot::deadline) else {
+            return;
+        };
+        for slot in 0..self.slots.len() {
+            let there = self.slots[slot].look(deadline);
+            self.note_presence(slot, there);
+        }
+    }
+
+    /// Where a keyboard has gone, let its hands be played by their stand-ins.
+    fn note_presence(&mut self, slot: usize, there: bool) {
+        if there {
+            return;
+        }
+        self.tell(EventKind::Gone(slot));
+        self.returns_at[slot] = None;
+        for at in 0..self.slots[slot].axes.len() {
+            let (_, hand) = self.slots[slot].axes[at];
+            let x = self.stage.hands[hand].stands_at(self.tick);
+            self.movers[hand].change(false, x);
+        }
+    }
+
+    /// Move every hand to its place in this tick.
+    pub(super) fn hands(&mut self) {
+        for slot in 0..self.slots.len() {
+            if self.returns_at[slot].is_none_or(|tick| self.tick < tick)
+                || !self.slots[slot].is_there()
+            {
+                continue;
+            }
+            self.returns_at[slot] = None;
+            for at in 0..self.slots[slot].axes.len() {
+                let (axis, hand) = self.slots[slot].axes[at];
+                let x = self.slots[slot].sample.position[axis];
+                self.movers[hand].change(true, x);
+                self.tell(EventKind::TookOver(hand));
+            }
+        }
+        for (hand, own) in self.stage.hands.iter().enumerate() {
+            let mover = &mut self.movers[hand];
+            self.previous[hand] = mover.x;
+            let x = match self.axis_of[hand] {
+                Some((slot, axis)) if mover.real => self.slots[slot].sample.position[axis],
+                _ => own.stands_at(self.tick),
+            };
+            let x = mover.follow(x);
+            self.stage.simulation.hold(hand, x * own.reach, None);
+        }
+    }
+
+    /// The first tick of the next bar; where there is none, the next tick.
+    pub(super) fn next_bar(&self) -> u64 {
+        let bars = &self.stage.bars;
+        let next = bars.partition_point(|&bar| bar < self.frame);
+        let frame = bars.get(next).copied().unwrap_or(self.frame);
+        frame.div_ceil(self.stage.tick_frames as u64)
+    }
+}

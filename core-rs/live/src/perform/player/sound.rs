@@ -1,0 +1,98 @@
+//! The frames of a tick: computed, mixed, limited, and pushed into the ring.
+
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use super::{PATIENCE, Player};
+use crate::perform::frozen::Frozen;
+
+/// Peaks fall by half within about this time [s].
+const PEAKS: f64 = 0.3;
+
+impl Player {
+    /// The frames of the tick, mixed and limited.
+    pub(super) fn step(&mut self, n: usize) {
+        let stage = &mut self.stage;
+        let channels = stage.mixer.n_channels();
+        let n_out = stage.simulation.n_out();
+        if n > 0 {
+            let outputs = &mut self.outputs[..n * n_out];
+            let mixed = &mut self.mixed[..n * channels];
+            // Faults are muted, part by part: nothing is returned.
+            let _ = if n_out == 0 {
+                stage.simulation.skip(n as u64)
+            } else {
+                stage.simulation.process(outputs)
+            };
+            if let Some(frozen) = &mut self.connections.frozen {
+                // Where no clock presses, the disk is waited for.
+                let asked = Instant::now();
+                let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
+                let is_over = || self.connections.flags.stop.load(Ordering::Acquire);
+                while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE && !is_over() {
+                    self.clock.nap();
+                }
+                self.status.missed += frozen.join(outputs, n_out, self.frame);
+            }
+            stage.mixer.process(outputs, mixed);
+            self.gain.apply(self.frame, mixed, channels);
+            stage.limiter.process(mixed);
+        } else {
+            let n = stage.tick_frames.min(self.tail);
+            let mixed = &mut self.mixed[..n * channels];
+            mixed.fill(0.0);
+            stage.limiter.process(mixed);
+        }
+        for (hand, own) in stage.hands.iter().enumerate() {
+            self.felt[hand] = stage.simulation.felt(hand) * own.reach;
+        }
+        self.tick += 1;
+        self.frame += n as u64;
+    }
+
+    /// Frames to the card, without those of the limiter's delay.
+    pub(super) fn feed(&mut self, n: usize, is_tail: bool) {
+        let channels = self.stage.mixer.n_channels();
+        let skip = self.ahead.min(n);
+        let behind = (self.stage.limiter.latency() - self.ahead) as u64;
+        self.ahead -= skip;
+        if is_tail {
+            self.tail -= n;
+        }
+        for (single, x) in self.single.iter_mut().zip(&self.mixed[..n * channels]) {
+            *single = *x as f32;
+        }
+        let falls = (1.0 - self.clock.period() / PEAKS).max(0.0) as f32;
+        self.status.peaks.iter_mut().for_each(|peak| *peak *= falls);
+        if self.panicked {
+            // Nothing of it is heard.
+            self.status.peaks.fill(0.0);
+        }
+        let heard = if self.panicked { 0 } else { n };
+        for frame in self.single[..heard * channels].chunks_exact(channels) {
+            for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
+                *peak = peak.max(x.abs());
+            }
+        }
+        let mut rest = &self.single[skip * channels..n * channels];
+        if let Some(tap) = &mut self.tap {
+            let at = self.frame.saturating_sub(n as u64 + behind);
+            tap.push(at, rest, self.panicked);
+        }
+        let asked = Instant::now();
+        loop {
+            let taken = self.connections.feed.push(rest);
+            rest = &rest[taken * channels..];
+            let is_over = self.connections.flags.stop.load(Ordering::Acquire);
+            if rest.is_empty() || is_over {
+                break;
+            }
+            // Who has a hand on a key is not kept waiting by a card.
+            if self.clock.is_by_keys() || asked.elapsed() > PATIENCE {
+                self.status.dropped += (rest.len() / channels) as u64;
+                break;
+            }
+            self.clock.nap();
+        }
+    }
+}

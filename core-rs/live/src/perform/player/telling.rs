@@ -1,0 +1,114 @@
+//! What other threads learn of a tick: status, events, and the recording of the hands.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use super::{PATIENCE, Player};
+use crate::perform::status::{Event, EventKind, HANDS_MAX};
+use crate::recording::{self, flag};
+
+/// The load is averaged over this time [s].
+const AVERAGE: f64 = 1.0;
+
+impl Player {
+    /// Record a row of all hands, where there is a recording.
+    pub(super) fn record(&mut self) {
+        let Some(sink) = &mut self.connections.record else {
+            return;
+        };
+        for (hand, row) in self.rows.iter_mut().enumerate() {
+            let status = self.status.hands.get(hand).copied().unwrap_or_default();
+            let sample = self.axis_of[hand].map(|(slot, axis)| (&self.slots[slot].sample, axis));
+            let flags = [
+                (flag::FRESH, sample.is_some_and(|(sample, _)| sample.fresh)),
+                (flag::TOUCH, status.touch),
+                (flag::FORCE_ENABLED, status.enabled),
+                (flag::STAND_IN, !status.real),
+                (flag::TRIPPED, status.tripped),
+            ];
+            *row = recording::Sample {
+                position: self.movers[hand].x,
+                force: self.felt[hand],
+                sent: status.sent as f32,
+                flags: flags
+                    .iter()
+                    .filter(|(_, is)| *is)
+                    .map(|(flag, _)| flag)
+                    .sum(),
+                clock: sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
+            };
+        }
+        // Where no clock presses, the disk is waited for.
+        let asked = Instant::now();
+        let is_over = || self.connections.flags.stop.load(Ordering::Acquire);
+        while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE && !is_over() {
+            self.clock.nap();
+        }
+        if !self.rows.is_empty() {
+            sink.row(self.tick - 1, &self.rows);
+        }
+    }
+
+    /// Note the load of the tick that `took` so long, and tell of parts that were muted or computed finer.
+    pub(super) fn load(&mut self, took: Duration) {
+        let period = self.clock.period();
+        let load = took.as_secs_f64() / period;
+        let status = &mut self.status;
+        status.load += (load - status.load) * (period / AVERAGE).min(1.0);
+        status.busiest = status.busiest.max(load);
+        (status.frame, status.ticks) = (self.frame, status.ticks + 1);
+        let muted = self.stage.simulation.n_muted() as u32;
+        let is_new = muted > status.muted;
+        status.muted = muted;
+        status.filled = self.connections.feed.filled();
+        if is_new {
+            self.tell(EventKind::Muted);
+        }
+        let finer = self.stage.simulation.n_finer() as u32;
+        let is_new = finer > self.status.finer;
+        self.status.finer = finer;
+        if is_new {
+            self.tell(EventKind::Finer);
+        }
+    }
+
+    /// Note the state of every hand, and tell of axes that tripped.
+    pub(super) fn watch(&mut self) {
+        for (hand, mover) in self.movers.iter().enumerate().take(HANDS_MAX) {
+            let own = &mut self.status.hands[hand];
+            (own.position, own.force, own.real) = (mover.x, self.felt[hand], mover.real);
+            let Some((slot, axis)) = self.axis_of[hand] else {
+                continue;
+            };
+            let slot = &self.slots[slot];
+            own.sent = slot.sent[axis];
+            own.scale = self.scales[hand].now();
+            own.touch = mover.real && slot.sample.touch[axis];
+            own.enabled = mover.real && slot.sample.force_enabled[axis];
+            own.hot = mover.real && slot.sample.hot;
+            [own.let_go, own.stalls] = slot.interruptions();
+            let trip = slot.tripped(axis);
+            if let Some(why) = trip.filter(|_| !own.tripped) {
+                let event = Event {
+                    frame: self.frame,
+                    kind: EventKind::Tripped(hand, why),
+                };
+                let _ = self.connections.events.push(event);
+            }
+            own.tripped = trip.is_some();
+        }
+    }
+
+    /// Tell of an event; it is lost where nobody reads events.
+    pub(in crate::perform) fn tell(&mut self, kind: EventKind) {
+        let frame = self.frame;
+        let _ = self.connections.events.push(Event { frame, kind });
+    }
+
+    /// Record an event, such as a command, as a line of JSON.
+    pub(in crate::perform) fn note(&mut self, line: std::fmt::Arguments<'_>) {
+        if let Some(sink) = &mut self.connections.record {
+            sink.event(self.tick, line);
+        }
+    }
+}

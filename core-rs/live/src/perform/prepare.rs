@@ -1,0 +1,153 @@
+//! Everything that a performance needs before its thread starts: output, ring, recording, keys.
+
+use std::sync::{Arc, Mutex};
+
+use rtrb::RingBuffer;
+
+use super::control::SharedFlags;
+use super::keys::Slot;
+use super::performance::Performance;
+use super::player::change::SCHEDULED_MAX;
+use super::player::{self, Player};
+use super::status::{HANDS_MAX, Status};
+use super::{
+    HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, SCALE_MIN, Stage, clock, frozen,
+};
+use crate::audio::{self, AudioError};
+use crate::recording::Recorder;
+
+/// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
+/// real-time machine.
+const AHEAD: usize = 1_024;
+/// Things that may happen before anybody asks what did.
+const EVENTS: usize = 4_096;
+const COMMANDS: usize = 256;
+
+impl Performance {
+    /// Open the output and the recording, and make the player, without the thread that runs it.
+    pub(super) fn prepare(
+        mut stage: Stage,
+        boards: Vec<Keyboard>,
+        config: PlaybackConfig,
+    ) -> Result<(Self, Player), PlayError> {
+        let rate = stage.simulation.rate();
+        let channels = stage.mixer.n_channels();
+        if !(1..=audio::CHANNELS_MAX).contains(&channels) {
+            let why = format!("an output has 1 to {}", audio::CHANNELS_MAX);
+            return Err(AudioError::Channels { channels, why }.into());
+        }
+        if stage.hands.len() > HANDS_MAX {
+            return Err(PlayError::Hands(stage.hands.len()));
+        }
+        let hand_keys: Vec<HandKey> = boards
+            .iter()
+            .flat_map(|board| HandKey::all(board, &stage.hands))
+            .collect();
+        let limit = |key: &HandKey| key.limit(&stage.hands[key.hand].response);
+        let hand_limits: Vec<HandLimit> = hand_keys.iter().map(limit).collect();
+        if let Some(stiff) = hand_limits.iter().find(|limit| limit.scale < SCALE_MIN) {
+            return Err(PlayError::Stiff {
+                hand: stiff.hand,
+                stiffness: stiff.stiffness,
+                limit: stiff.limit,
+            });
+        }
+        let block = config.audio.block.unwrap_or(0) as usize;
+        let ahead = config
+            .ahead
+            .unwrap_or(AHEAD)
+            .max(2 * stage.tick_frames.max(block));
+        let (feed, drain) = audio::ring(channels, 4 * ahead);
+        feed.set_prefill(ahead);
+        let stems = std::mem::take(&mut stage.frozen);
+        let (frozen, reader) = if stems.is_empty() {
+            (None, None)
+        } else {
+            let (frozen, reader) = frozen::open(stems, stage.simulation.frame())
+                .map_err(|(path, error)| PlayError::Frozen { path, error })?;
+            (Some(frozen), Some(reader))
+        };
+        let output = audio::open(&config.audio, rate as u32, channels, drain)?;
+        let info = output.info();
+        if info.paced && info.block as usize > 2 * ahead {
+            let why = format!(
+                "the output takes {} frames at a time: --ahead must be at least {}",
+                info.block,
+                2 * info.block
+            );
+            return Err(AudioError::Broken(why).into());
+        }
+        // Last of all: what cannot begin leaves no file.
+        let (sink, recorder) = match &config.record {
+            Some((path, header)) => {
+                let (sink, handle) = Recorder::start(path, header)?;
+                (Some(sink), Some(handle))
+            }
+            None => (None, None),
+        };
+        let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
+        let (to_events, events) = RingBuffer::new(EVENTS);
+        let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
+        let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
+        let flags = Arc::new(SharedFlags::default());
+        let commands = Arc::new(Mutex::new(to_commands));
+        let mut reconnectors = Vec::new();
+        let slots: Vec<Slot> = boards
+            .into_iter()
+            .enumerate()
+            .map(|(index, board)| {
+                let (slot, reconnector) = board.split(index, commands.clone());
+                reconnectors.push(reconnector);
+                slot
+            })
+            .collect();
+        let connections = player::Connections {
+            flags: flags.clone(),
+            commands: from_commands,
+            events: to_events,
+            status: to_status,
+            feed,
+            record: sink,
+            frozen,
+            shared: output.shared().clone(),
+            garbage: to_garbage,
+        };
+        let by_keys = slots.iter().any(Slot::is_on_the_clock);
+        let clock = clock::Clock::new(
+            stage.tick_frames as f64 / rate,
+            ahead.max(2 * info.block as usize),
+            by_keys,
+            info.paced,
+        );
+        let tick_frames = stage.tick_frames;
+        let frozen_outputs = reader.is_some().then(|| stage.simulation.n_out());
+        let player = Player::new(
+            stage,
+            slots,
+            connections,
+            clock,
+            info.paced || by_keys,
+            &hand_limits,
+        );
+        let this = Self {
+            flags,
+            thread: None,
+            reconnectors,
+            commands,
+            status,
+            events,
+            output,
+            recorder,
+            reader,
+            hand_limits,
+            hand_keys,
+            garbage,
+            tickets: 0,
+            tap: None,
+            tick_frames,
+            channels,
+            frozen_outputs,
+        };
+        Ok((this, player))
+    }
+}

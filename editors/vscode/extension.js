@@ -1,0 +1,74 @@
+// Commands of VS Code that send lines of an editor to a session of ergon.
+"use strict";
+
+const vscode = require("vscode");
+const { Client, place } = require("./client");
+
+let channel;
+let client;
+
+function say(text, isError) {
+  channel.appendLine(text);
+  const first = text.split("\n")[0];
+  if (isError) vscode.window.setStatusBarMessage(`$(warning) ${first}`, 8000);
+  else vscode.window.setStatusBarMessage(first, 4000);
+}
+
+async function connect() {
+  const asked = vscode.workspace.getConfiguration("ergon").get("socket");
+  try {
+    await client.connect(asked || place());
+  } catch (error) {
+    say(error.message, true);
+  }
+}
+
+/** The lines of the block around a line: up to the next empty ones. */
+function block(document, line) {
+  const isEmpty = (number) => document.lineAt(number).isEmptyOrWhitespace;
+  let first = line;
+  let last = line;
+  while (first > 0 && !isEmpty(first - 1)) first -= 1;
+  while (last + 1 < document.lineCount && !isEmpty(last + 1)) last += 1;
+  const lines = [];
+  for (let number = first; number <= last; number += 1) lines.push(document.lineAt(number).text);
+  return lines.join("\n");
+}
+
+async function send(text) {
+  if (client.socket === null) await connect();
+  if (client.socket !== null) client.submit(text);
+}
+
+function activate(context) {
+  channel = vscode.window.createOutputChannel("ergon");
+  client = new Client(say);
+  const inEditor = (act) => () => {
+    const editor = vscode.window.activeTextEditor;
+    return editor === undefined ? undefined : act(editor);
+  };
+  const commands = {
+    "ergon.connect": connect,
+    "ergon.send": inEditor((editor) => {
+      const { document, selection } = editor;
+      return send(
+        selection.isEmpty ? document.lineAt(selection.active.line).text : document.getText(selection),
+      );
+    }),
+    "ergon.sendBlock": inEditor((editor) =>
+      send(block(editor.document, editor.selection.active.line)),
+    ),
+    "ergon.panic": () => client.panic(),
+    "ergon.leave": () => client.leave(),
+  };
+  for (const [name, act] of Object.entries(commands)) {
+    context.subscriptions.push(vscode.commands.registerCommand(name, act));
+  }
+  context.subscriptions.push(channel, { dispose: () => client.leave() });
+}
+
+function deactivate() {
+  if (client !== undefined) client.leave();
+}
+
+module.exports = { activate, deactivate, block };

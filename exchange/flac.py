@@ -1,0 +1,169 @@
+"""Samples into and out of a FLAC file, by libsndfile.
+
+FLAC is lossless, so the samples are those of a WAV file of as many bits. The compressed bytes are
+those of the installed libFLAC, so only the hash of the samples is the same on every machine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from ergon.common.regular import open_regular
+
+from .wave import encode
+from .wave_header import ORIGINATOR, Bits, NotWaveError, Stamp, WaveFormat, WaveInfo
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
+RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
+_MADE_BY = "made by ergon;"  # by this mark a file of ours is known again
+_SUBTYPES: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
+_BITS: dict[str, Bits] = {subtype: bits for bits, subtype in _SUBTYPES.items()}
+_BLOCK = 65_536  # frames read at once
+
+
+def refusal(format: WaveFormat) -> str | None:
+    """Why FLAC cannot hold samples of this format; None when it can."""
+    if format.bits not in _SUBTYPES:
+        return f"FLAC holds 16 or 24 bits, not {format.bits}; use --bits 24, or a .wav file"
+    if format.n_channels > CHANNELS_MAX:
+        return f"FLAC holds {CHANNELS_MAX} channels, not {format.n_channels}; use a .wav file"
+    if format.rate > RATE_MAX:
+        return f"FLAC holds at most {RATE_MAX:,} frames a second; use a .wav file"
+    return None
+
+
+class _Target:
+    """A file for libsndfile; an error of the disk is kept, for it cannot pass through C."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.file = file
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        try:
+            return self.file.write(data)
+        except OSError as error:
+            self.error = error
+            return 0
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return self.file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self.file.tell()
+
+    def read(self, n_bytes: int = -1) -> bytes:
+        return self.file.read(n_bytes)
+
+    def flush(self) -> None:
+        self.file.flush()
+
+
+class FlacWriter:
+    """Writes blocks until `n_frames` are there; `sha256` is that of a WAV file of these samples."""
+
+    def __init__(self, file: BinaryIO, format: WaveFormat, n_frames: int, stamp: Stamp) -> None:
+        """Begin the file; `refusal(format)` has to be None."""
+        import soundfile
+
+        self.format = format
+        self._left = n_frames
+        self._hash = hashlib.sha256()
+        self._target = _Target(file)
+        self._sound = soundfile.SoundFile(
+            self._target,
+            "w",
+            samplerate=format.rate,
+            channels=format.n_channels,
+            subtype=_SUBTYPES[format.bits],
+            format="FLAC",
+        )
+        self._sound.title = stamp.title
+        self._sound.comment = f"{_MADE_BY} {stamp.description().decode()}"
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the samples written so far, 64 hex digits."""
+        return self._hash.hexdigest()
+
+    def write(self, block: NDArray[np.int32]) -> None:
+        """Append (n_frames, n_channels): int32 with the sample in its top bits."""
+        import soundfile
+
+        if len(block) > self._left:
+            raise ValueError(f"{len(block) - self._left} frames more than were announced")
+        self._hash.update(encode(block, self.format))
+        try:
+            self._sound.write(block)
+        except (AssertionError, soundfile.LibsndfileError):  # the first where the disk is full
+            raise self._target.error or OSError(f"{self._sound.name} cannot be written") from None
+        if self._target.error is not None:
+            raise self._target.error
+        self._left -= len(block)
+
+    def close(self) -> None:
+        """Finish the file. Raises ValueError when frames are missing, OSError of the disk."""
+        if self._left:
+            raise ValueError(f"{self._left} frames fewer than were announced")
+        self._sound.close()
+        if self._target.error is not None:
+            raise self._target.error
+
+
+def read_info(path: Path) -> WaveInfo:
+    """What the file says it holds. Raises NotWaveError or OSError."""
+    import soundfile
+
+    with open_regular(path) as file:
+        try:
+            with soundfile.SoundFile(file) as sound:
+                bits = _BITS.get(sound.subtype)
+                if sound.format != "FLAC" or bits is None:
+                    raise NotWaveError("the file is not FLAC of 16 or 24 bits")
+                comment = sound.comment or ""
+                is_ours = comment.startswith(_MADE_BY)
+                return WaveInfo(
+                    "FLAC",
+                    WaveFormat(sound.samplerate, sound.channels, bits),
+                    sound.frames,
+                    0,
+                    os.fstat(file.fileno()).st_size,
+                    ORIGINATOR if is_ours else None,
+                    comment.removeprefix(_MADE_BY).strip(),
+                )
+        except soundfile.LibsndfileError as error:
+            raise NotWaveError(f"the file is not FLAC: {error}") from None
+
+
+def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
+    """The samples as (n_frames, n_channels) blocks, scaled so that full scale is 1."""
+    for block in _integers(path):
+        yield block / 2.0**31
+
+
+def hash_samples(path: Path) -> str:
+    """SHA-256 of the sample bytes, as `FlacWriter.sha256` gives it. Raises NotWaveError."""
+    format = read_info(path).format
+    digest = hashlib.sha256()
+    for block in _integers(path):
+        digest.update(encode(block, format))
+    return digest.hexdigest()
+
+
+def _integers(path: Path) -> Iterator[NDArray[np.int32]]:
+    import soundfile
+
+    with open_regular(path) as file:
+        try:
+            with soundfile.SoundFile(file) as sound:
+                yield from sound.blocks(_BLOCK, dtype="int32", always_2d=True)
+        except soundfile.LibsndfileError as error:
+            raise NotWaveError(f"the file is damaged: {error}") from None

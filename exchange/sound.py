@@ -1,0 +1,78 @@
+"""Sound files by the end of their names: `.wav` in our own writer, `.flac` by libsndfile."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from . import flac, wave
+from .safe import FileRefusedError
+from .wave_header import Stamp, WaveFormat, WaveInfo
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+WAVE, FLAC = ".wav", ".flac"
+SUFFIXES = (WAVE, FLAC)
+
+
+def check_ending(target: str) -> None:
+    """Raise FileRefusedError when no sound file has the ending of a name."""
+    path = Path(target)
+    if path.suffix.lower() not in SUFFIXES and target != "-" and not _is_device(path):
+        end = f"ends in {path.suffix}" if path.suffix else "has no ending"
+        raise FileRefusedError(
+            f"{target} {end}, but sound files end in {' or '.join(SUFFIXES)}; "
+            f"write {path.with_suffix(WAVE)}"
+        )
+
+
+def check_format(target: str, format: WaveFormat) -> None:
+    """Raise FileRefusedError when the file that a name asks for cannot hold the samples."""
+    check_ending(target)
+    if _is_flac(Path(target)) and (reason := flac.refusal(format)):
+        raise FileRefusedError(f"{target}: {reason}")
+
+
+def suffix_of(target: str) -> str:
+    """The ending of files of the same kind as a target."""
+    return FLAC if _is_flac(Path(target)) else WAVE
+
+
+def _is_device(path: Path) -> bool:
+    """Whether the name is that of a device or a pipe."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode)
+
+
+def writer(
+    target: str, file: BinaryIO, format: WaveFormat, n_frames: int, stamp: Stamp
+) -> wave.WaveWriter | flac.FlacWriter:
+    """A writer of the kind that a name asks for; `check_format` has let it pass."""
+    made = flac.FlacWriter if _is_flac(Path(target)) else wave.WaveWriter
+    return made(file, format, n_frames, stamp)
+
+
+def read_info(path: Path) -> WaveInfo:
+    """What the file says it holds. Raises NotWaveError or OSError."""
+    return flac.read_info(path) if _is_flac(path) else wave.read_info(path)
+
+
+def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
+    """The samples as (n_frames, n_channels) blocks. Raises NotWaveError or OSError."""
+    return flac.read_blocks(path) if _is_flac(path) else wave.read_blocks(path)
+
+
+def hash_samples(path: Path) -> str:
+    """SHA-256 of the sample bytes, as the writer gave it. Raises NotWaveError or OSError."""
+    return flac.hash_samples(path) if _is_flac(path) else wave.hash_samples(path)
+
+
+def _is_flac(path: Path) -> bool:
+    return path.suffix.lower() == FLAC

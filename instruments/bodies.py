@@ -1,0 +1,82 @@
+"""What strings and plates are beside their masses: how long modes sound, and how a plate bends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import MISSING, Context, Either, Shape, wrong_shape
+from ergon.notation.text import document
+from ergon.notation.text.document import Node
+
+MAX_DECAYS = 64
+POISSON = 0.3  # of steel and brass, about
+
+
+@dataclass(frozen=True)
+class Decays(Shape):
+    """`{100Hz: 8s, 4kHz: 1s}`: decays at pitches, as pairs that rise in pitch."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        pairs = []
+        for key, child in node.entries.values():
+            pair = k.PITCH.read(key, name, context), k.DURATION.read(child, name, context)
+            if MISSING in pair:
+                return MISSING
+            pairs.append(pair)
+        if not 2 <= len(pairs) <= MAX_DECAYS:
+            message = (
+                f"{context.of(name)}: decays at {len(pairs)} frequencies are written; write from 2 "
+                f"to {MAX_DECAYS}, or one time for the lowest mode"
+            )
+            context.error("E106", message, node.place)
+            return MISSING
+        return tuple(sorted(pairs))
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["object"], "additionalProperties": k.DURATION.schema()}
+
+    def words(self) -> str:
+        """In words."""
+        return "decays at frequencies, such as {100Hz: 8s, 4kHz: 1s}"
+
+
+def _poisson(values: Values) -> Any:
+    return values["poisson"]
+
+
+DECAY = Either(k.DURATION, Decays())
+_BENDING = Record(
+    "bending",
+    "how a plate resists curvature",
+    (Field("poisson", k.POISSON, "Poisson's ratio", POISSON),),
+    _poisson,
+)
+
+
+@dataclass(frozen=True)
+class Bending(Shape):
+    """`true`, `false` or `{poisson: 0.33}`: Poisson's ratio, or None where it does not bend."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, document.Mapping):
+            return _BENDING.read(node, name, context)
+        is_bending = k.TRUTH.read(node, name, context)
+        if is_bending is MISSING:
+            return MISSING
+        return POISSON if is_bending else None
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return Either(k.TRUTH, _BENDING).schema()
+
+    def words(self) -> str:
+        """In words."""
+        return "true, false or {poisson: 0.33}"

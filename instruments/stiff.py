@@ -1,0 +1,69 @@
+"""How stiff a string is, bent or stretched: as a number, or from what it is made of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import MISSING, Either
+
+INHARMONICITY_MAX = 0.1
+
+
+def _coefficient(values: Values) -> Any:
+    """B = π³·E·r⁴/(4·T·L²) of a round wire: bending stiffness E·π·r⁴/4 over tension."""
+    young, radius, tension, length = (
+        float(values[name]) for name in ("young", "radius", "tension", "length")
+    )
+    b = math.pi**3 * young * radius**4 / (4.0 * tension * length**2)
+    if b <= INHARMONICITY_MAX:
+        return b
+    message = (
+        f"{values.context.of('inharmonicity')} would be {b:.3g}, above the maximum of "
+        f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
+    )
+    values.error("E202", message, "radius")
+    return MISSING
+
+
+_WIRE = Record(
+    "wire",
+    "a round wire: B = π³·E·r⁴/(4·T·L²)",
+    (
+        Field("young", k.PRESSURE, "Young's modulus E", required=True),
+        Field("radius", k.SIZE, "radius r of its cross-section", required=True),
+        Field("tension", k.FORCE, "tension T", required=True),
+        Field("length", k.SIZE, "length L between its ends", required=True),
+    ),
+    _coefficient,
+)
+INHARMONICITY = Either(k.INHARMONICITY, _WIRE)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretched:
+    """A wire whose tension rises as it is stretched: E·A/(2·L³) [N/m³], for one gap."""
+
+    per_gap: float
+
+    def of(self, masses: int, ends: str) -> float:
+        """The q of q·S·d on every link of a row of masses."""
+        gaps = masses - 1 + {"fixed": 2, "left": 1, "free": 0}[ends]
+        return self.per_gap * gaps * gaps
+
+
+def _stretched(values: Values) -> Stretched:
+    area = math.pi * float(values["radius"]) ** 2
+    return Stretched(float(values["young"]) * area / (2.0 * float(values["length"]) ** 3))
+
+
+_STRETCHED = Record(
+    "wire",
+    "a round wire that is stretched: q = E·A·n²/(2·L³), n gaps between masses",
+    _WIRE.fields[:2] + _WIRE.fields[3:],
+    _stretched,
+)
+STRETCHING = Either(k.HARDENING, _STRETCHED)

@@ -1,0 +1,69 @@
+"""MIDI 1.0: untrusted bytes to the messages that a session needs, and time messages to bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+CLOCKS = 24  # MIDI clock messages in a beat
+_PER_SONG_POSITION = 6  # clocks of one unit of a song position
+_OFF, _ON, _CONTROL = 0x80, 0x90, 0xB0
+_SONG_POSITION = 0xF2
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A note that begins: its number and velocity, 1 to 127. The end of a note strikes nothing."""
+
+    number: int
+    velocity: int
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A controller that has moved: its number and value, 0 to 127."""
+
+    number: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class SongPosition:
+    """Where the next `CONTINUE` begins, in clocks from the beginning."""
+
+    clocks: int
+
+
+class Transport(Enum):
+    """Messages of one byte about time."""
+
+    CLOCK = 0xF8
+    START = 0xFA
+    CONTINUE = 0xFB
+    STOP = 0xFC
+
+
+Message = Note | Control | SongPosition | Transport
+_TRANSPORT = {message.value: message for message in Transport}
+
+
+def message(data: bytes) -> Message | None:
+    """The message in the bytes of one packet; None for all others and for malformed ones."""
+    if len(data) == 1:
+        return _TRANSPORT.get(data[0])
+    if len(data) != 3 or data[1] > 127 or data[2] > 127:
+        return None
+    kind = data[0] & 0xF0
+    if kind == _ON and data[2]:  # velocity 0 ends a note
+        return Note(data[1], data[2])
+    if kind == _CONTROL:
+        return Control(data[1], data[2])
+    if data[0] == _SONG_POSITION:
+        return SongPosition((data[1] | data[2] << 7) * _PER_SONG_POSITION)
+    return None
+
+
+def song_position(beats: float) -> bytes:
+    """The message that tells a place in beats; the last that fits for what lies behind it."""
+    units = min(int(beats * CLOCKS) // _PER_SONG_POSITION, (1 << 14) - 1)
+    return bytes([_SONG_POSITION, units & 0x7F, units >> 7])

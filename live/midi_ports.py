@@ -1,0 +1,212 @@
+"""MIDI ports: those of the system, by python-rtmidi, and one inside the process for tests."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+from ergon.common.errors import ErgonError
+from ergon.common.extras import install
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+VIRTUAL = "virtual"  # a port that other programs connect to
+OWN_NAME = "ergon"
+_BELIEVED = 48  # messages
+_LONG = 1.0  # [s] between two messages, after which another beginning is believed
+
+# What takes the bytes of each message, and the instant at which it came [s, time.monotonic].
+Receive = Callable[[bytes, float], None]
+
+
+class MidiError(ErgonError):
+    """A MIDI port cannot be opened, or python-rtmidi is missing: one sentence says why."""
+
+
+class InputPort(Protocol):
+    """Where messages come from."""
+
+    @property
+    def name(self) -> str:
+        """How the system calls it."""
+
+    def listen(self, receive: Receive) -> None:
+        """Hand every message over, from any thread."""
+
+    def close(self) -> None:
+        """Hand nothing over any more."""
+
+
+class OutputPort(Protocol):
+    """Where messages go to."""
+
+    @property
+    def name(self) -> str:
+        """How the system calls it."""
+
+    def send(self, data: bytes) -> None:
+        """Send a message now; one that cannot be sent is lost."""
+
+    def close(self) -> None:
+        """Send nothing any more."""
+
+
+class ProcessPort:
+    """Both ends of a port inside this process: what is sent is kept and handed on at once."""
+
+    name = "in-process"
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Messages are stamped by `clock` [s]."""
+        self._clock = clock
+        self._receive: Receive | None = None
+        self.sent: list[tuple[float, bytes]] = []
+
+    def listen(self, receive: Receive) -> None:
+        """Hand every message over."""
+        self._receive = receive
+
+    def send(self, data: bytes) -> None:
+        """Keep a message, and hand it to whoever listens."""
+        self.hand_on(data, self._clock())
+
+    def hand_on(self, data: bytes, at: float) -> None:
+        """As `send`, at an instant [s]."""
+        self.sent.append((at, data))
+        if self._receive is not None:
+            self._receive(data, at)
+
+    def close(self) -> None:
+        """Hand nothing over any more."""
+        self._receive = None
+
+
+class ArrivalStamps:
+    """When messages really came, from the times between them that the system tells.
+
+    Python hears of a message late, by a time that varies, and never early: the earliest of the
+    latest ones is believed.
+    """
+
+    def __init__(self) -> None:
+        """Begin before the first message."""
+        self._told = 0.0  # of the system's clock [s], from the first message
+        self._ahead: deque[float] = deque(maxlen=_BELIEVED)
+
+    def stamp(self, since: float, now: float) -> float:
+        """The instant of a message [s] that came `since` seconds after the last one, as heard of
+        `now`."""
+        self._told += since if 0.0 <= since < _LONG else 0.0
+        ahead = now - self._told
+        if self._ahead and abs(ahead - min(self._ahead)) > _LONG:
+            self._ahead.clear()
+        self._ahead.append(ahead)
+        return self._told + min(self._ahead)
+
+
+class SystemInput:
+    """An input of the system, of ALSA, JACK, CoreMIDI or Windows."""
+
+    def __init__(self, wanted: str) -> None:
+        """Open the input whose name contains `wanted`, or one of our own (`virtual`).
+
+        Raises MidiError.
+        """
+        rtmidi = _rtmidi()
+        self._port, self.name = _opened(rtmidi, rtmidi.MidiIn, wanted, "input")
+        self._port.ignore_types(sysex=True, timing=False, active_sense=True)
+
+    def listen(self, receive: Receive) -> None:
+        """Hand every message over, from a thread of python-rtmidi's."""
+
+        stamps = ArrivalStamps()
+
+        def take(event: tuple[Sequence[int], float], _data: object = None) -> None:
+            data, since = event
+            receive(bytes(data), stamps.stamp(float(since), time.monotonic()))
+
+        self._port.set_callback(take)
+
+    def close(self) -> None:
+        """Hand nothing over any more."""
+        self._port.cancel_callback()
+        self._port.close_port()
+
+
+class SystemOutput:
+    """An output of the system, of ALSA, JACK, CoreMIDI or Windows."""
+
+    def __init__(self, wanted: str) -> None:
+        """Open the output whose name contains `wanted`, or one of our own (`virtual`).
+
+        Raises MidiError.
+        """
+        self._rtmidi = _rtmidi()
+        self._lock = threading.Lock()
+        self._port, self.name = _opened(self._rtmidi, self._rtmidi.MidiOut, wanted, "output")
+
+    def send(self, data: bytes) -> None:
+        """Send a message now; one that cannot be sent is lost."""
+        with self._lock:
+            try:
+                self._port.send_message(data)
+            except (self._rtmidi.RtMidiError, ValueError):
+                return
+
+    def close(self) -> None:
+        """Send nothing any more."""
+        with self._lock:
+            self._port.close_port()
+
+
+def _rtmidi() -> Any:
+    try:
+        import rtmidi
+    except ImportError:
+        raise MidiError(f"MIDI needs python-rtmidi; install it by: {install('midi')}") from None
+    return rtmidi
+
+
+def _opened(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
+    """A port of one of the systems for MIDI that this machine has, and its name.
+
+    Raises MidiError.
+    """
+    known: list[tuple[Any, int, str]] = []
+    trouble = "this machine has no MIDI"
+    for system in rtmidi.get_compiled_api():
+        try:
+            port = make(system)
+            if wanted == VIRTUAL:
+                port.open_virtual_port(OWN_NAME)
+                return port, f"{OWN_NAME} (virtual)"
+            known += [(port, number, str(name)) for number, name in enumerate(port.get_ports())]
+        except (rtmidi.RtMidiError, NotImplementedError) as error:
+            trouble = str(error)
+    if wanted == VIRTUAL:
+        raise MidiError(f"no MIDI {what} of ergon's own can be opened: {trouble}")
+    port, number, name = known[chosen(wanted, [name for *_, name in known], what)]
+    try:
+        port.open_port(number, OWN_NAME)
+    except rtmidi.RtMidiError as error:
+        raise MidiError(f"the MIDI {what} {name} cannot be opened: {error}") from None
+    return port, name
+
+
+def chosen(wanted: str, names: Sequence[str], what: str) -> int:
+    """The number of the port that is called `wanted` or alone contains it. Raises MidiError."""
+    same = [number for number, name in enumerate(names) if name == wanted]
+    begun = [n for n, name in enumerate(names) if wanted and wanted.lower() in name.lower()]
+    found = same or begun
+    if len(found) == 1:
+        return found[0]
+    several = f"{len(found)} MIDI {what}s are called so: " if found else f"no MIDI {what} is called"
+    shown = ", ".join(f"'{names[n]}'" for n in (found or range(len(names))))
+    if found:
+        raise MidiError(f"{several}{shown}; write more of the name")
+    known = f"there are {shown}" if names else "there is none"
+    raise MidiError(f"{several} '{wanted}'; {known}; `{VIRTUAL}` opens one of ergon's own")

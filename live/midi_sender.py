@@ -1,0 +1,119 @@
+"""MIDI messages sent at their instants, by a process of its own.
+
+In the process of a session a line that is being computed holds the interpreter for milliseconds.
+This one does nothing but wait and send, with real-time priority where the system grants it. What it
+is told: a line `INSTANT BYTES` for each message, the instant in nanoseconds of the monotonic clock,
+the bytes in hexadecimal.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import heapq
+import itertools
+import os
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import IO
+
+from ergon.live.midi_messages import Transport
+from ergon.live.midi_ports import MidiError, SystemOutput
+
+ECHO = "echo"  # a port that writes what it sends to the standard output, with the instant
+_PRIORITY = 70  # below the physics thread, above JACK's clients
+_STOP = bytes([Transport.STOP.value])
+_PATIENCE = 2.0  # [s] for the process to end
+
+
+class TimedSender:
+    """An output port whose messages wait for their instants in another process."""
+
+    def __init__(self, port: str) -> None:
+        """Open the output that is called so. Raises MidiError."""
+        command = [sys.executable, "-m", "ergon.live.midi_sender", port]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, start_new_session=True, bufsize=0
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._to: IO[bytes] = self._process.stdin
+        self._echoes: IO[bytes] = self._process.stdout
+        word, _, said = self._echoes.readline().decode(errors="replace").strip().partition(" ")
+        if word != "ready":
+            self.close()
+            raise MidiError(said or f"the process that sends MIDI to '{port}' did not start")
+        self.name = said
+
+    def send_at(self, data: bytes, at: float) -> None:
+        """Send a message at an instant [s, time.monotonic]; one that is past is sent at once."""
+        with contextlib.suppress(OSError):  # the process is gone
+            self._to.write(b"%d %s\n" % (round(at * 1e9), data.hex().encode()))
+
+    def next_echo(self) -> bytes:
+        """What the port `echo` has written, line by line; empty at the end."""
+        with contextlib.suppress(ValueError):  # closed by another thread
+            return self._echoes.readline()
+        return b""
+
+    def close(self) -> None:
+        """Tell whoever plays along to stop, and close the port."""
+        with contextlib.suppress(OSError):
+            self._to.close()
+        try:
+            self._process.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._echoes.close()
+
+
+def _run(come: int, send: Callable[[bytes], None]) -> None:
+    """Send what comes by a descriptor, until that ends."""
+    waiting: list[tuple[int, int, bytes]] = []
+    numbers = itertools.count()
+    rest = b""
+    while True:
+        left = (waiting[0][0] - time.monotonic_ns()) / 1e9 if waiting else 1.0
+        if select.select([come], [], [], max(0.0, min(left, 1.0)))[0]:
+            got = os.read(come, 1 << 16)
+            if not got:
+                return
+            *lines, rest = (rest + got).split(b"\n")
+            for line in lines:
+                at, _, data = line.partition(b" ")
+                heapq.heappush(waiting, (int(at), next(numbers), bytes.fromhex(data.decode())))
+        while waiting and waiting[0][0] <= time.monotonic_ns():
+            send(heapq.heappop(waiting)[2])
+
+
+def _echo(data: bytes) -> None:
+    os.write(1, b"%d %s\n" % (time.monotonic_ns(), data.hex().encode()))
+
+
+def main(port: str) -> None:
+    """Be that process."""
+    try:
+        system = None if port == ECHO else SystemOutput(port)
+    except MidiError as error:
+        print(f"error {error}", flush=True)
+        return
+    with contextlib.suppress(AttributeError, OSError):  # not granted: like any other program
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+    gc.disable()
+    print(f"ready {port if system is None else system.name}", flush=True)
+    send = _echo if system is None else system.send
+    with contextlib.suppress(KeyboardInterrupt):
+        _run(0, send)
+    with contextlib.suppress(OSError):
+        send(_STOP)
+    if system is not None:
+        system.close()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,79 @@
+"""How far masses swing, and whether contacts close, in a piece that is played to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+from .render import frames_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.scores.staging.probes import Contact, Point, Probed
+
+# Frames: short enough that 256 points fit into the processor's cache.
+_BLOCK = 1024
+
+
+@dataclass(slots=True)
+class Swing:
+    """The lowest and highest position of a point [m]."""
+
+    point: Point
+    low: float = inf
+    high: float = -inf
+
+
+@dataclass(slots=True)
+class Closing:
+    """How often a contact closed, first at frame `first`, and its deepest penetration [m].
+
+    Where it never closed the penetration is negative: by so much it missed, at frame `deepest_at`.
+    """
+
+    contact: Contact
+    times: int = 0
+    first: int | None = None
+    deepest: float = -inf
+    deepest_at: int = 0
+    is_closed: bool = False
+
+    def take(self, frames: NDArray[np.float64], at: int) -> None:
+        """Go on with positions (n_frames, n_points) from frame `at` on."""
+        import numpy as np
+
+        contact = self.contact
+        fields = contact.module.fields
+        apart = frames[:, contact.b.output] - frames[:, contact.a.output]
+        gap = fields["gap"]
+        depth = -apart - gap if fields["side"] == "below" else apart - gap
+        closed = depth > 0
+        begins = np.flatnonzero(closed & ~np.concatenate(([self.is_closed], closed[:-1])))
+        if begins.size and self.first is None:
+            self.first = at + int(begins[0])
+        self.times += len(begins)
+        self.is_closed = bool(closed[-1])
+        deepest = int(np.argmax(depth))
+        if depth[deepest] > self.deepest:
+            self.deepest, self.deepest_at = float(depth[deepest]), at + deepest
+
+
+def swings(
+    stage: Any, probed: Probed, progress: Callable[[int], None]
+) -> tuple[list[Swing], list[Closing]]:
+    """Run the stage of a probed piece to its end; what its points and contacts did."""
+    moved = [Swing(point) for point in probed.points]
+    closed = [Closing(contact) for contact in probed.contacts]
+    at = 0
+    for frames in frames_of(stage.simulation, stage.n_frames, _BLOCK):
+        for swing, low, high in zip(moved, frames.min(axis=0), frames.max(axis=0), strict=True):
+            swing.low, swing.high = min(swing.low, float(low)), max(swing.high, float(high))
+        for closing in closed:
+            closing.take(frames, at)
+        at += len(frames)
+        progress(at)
+    return moved, closed

@@ -1,0 +1,130 @@
+"""What follows `set` and `lfo` where a parameter is to go on changing by itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.spelling import nearest
+from ergon.repl.language import values as v
+from ergon.repl.language.commands import Automate, StopLfo, When, Word
+from ergon.repl.language.scope import Scope
+from ergon.scores.pattern.order import WAYS
+from ergon.scores.pattern.values import parse_values
+from ergon.scores.pattern.words import parse_strikes
+from ergon.scores.reading.automation import AUTOMATION, PARAMETERS, parse_range
+
+_OF_SET = {
+    "every": "1",
+    "times": "4",
+    "until": "C",
+    "chance": "0.6",
+    "euclid": "3 8",
+    "swing": "0.6",
+}
+_OF_LFO = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
+
+
+def _target(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
+    target = str(v.TARGET.read(text, scope, given))
+    if target.rpartition(".")[2] not in PARAMETERS:
+        known = ", ".join(PARAMETERS)
+        message = f"only parameters of a CEL change by themselves: {known}"
+        raise TextError(message, length=len(text))
+    return target
+
+
+def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, int, dict[str, str]]:
+    """What stands before the options, where it ends, and the options; each is checked."""
+    try:
+        before, options = parse_strikes(text, known)
+    except TextError as error:
+        at_fault = text[error.offset : error.offset + error.length]
+        if at_fault in known:
+            error.suggestion = f"{at_fault} {known[at_fault]}"
+        raise
+    for name, word in options.items():
+        shape = AUTOMATION.by_name[name].shape
+        try:
+            if name == "until":
+                v.POSITION.read(word.text, scope, {})
+            elif isinstance(shape, Text):
+                shape.parse(word.text)
+        except TextError as error:
+            error.offset += word.offset
+            raise
+    end = before[-1].offset + len(before[-1].text) if before else 0
+    return text[:end], end, {name: word.text for name, word in options.items()}
+
+
+def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+    """The fields of `set` as texts."""
+    values, end, options = _options(text, scope, _OF_SET)
+    for word in re.finditer(r"[a-z]{2,}(?=\s|$)", values):
+        near = nearest(word.group(), (*_OF_SET, "over", *WAYS))
+        if near is not None and word.group() not in WAYS:
+            message = f"unknown word '{word.group()}'"
+            length = len(word.group())
+            raise TextError(message, offset=word.start(), length=length, suggestion=near)
+    shape = scope.targets[given["target"]]
+    is_pitch = given["target"].endswith(".f")
+    parse_values(values, shape.parse, is_pitch=is_pitch)
+    if not options.keys() & {"every", "euclid"}:
+        message = "several values need the length of a step: every 1"
+        raise TextError(message, offset=end, length=max(1, len(text) - end))
+    return {"to": " ".join(values.split()), **options}
+
+
+def _read_lfo(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+    """The fields of `lfo` as texts."""
+    ends, end, options = _options(text, scope, _OF_LFO)
+    parse_range(ends, scope.targets[given["target"]].parse)
+    if "period" not in options:
+        message = "the length of one swing is missing: period 4bar"
+        raise TextError(message, offset=end, length=max(1, len(text) - end))
+    return {"range": ends, **options}
+
+
+def _offers(known: Mapping[str, str], first: str = "") -> Any:
+    def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+        if not context.before:
+            shape = context.scope.targets[context.given["target"]]
+            offered = (v.Completion(first, "its ends"),) if first else v.of(shape).offers(context)
+            yield from offered
+            return
+        last = context.before[-1]
+        if last in known:
+            yield v.Completion(known[last].split()[0], AUTOMATION.by_name[last].doc)
+            return
+        for name in known:
+            if name not in context.before:
+                yield v.Completion(name, AUTOMATION.by_name[name].doc)
+
+    return offers
+
+
+LED = v.Value("a parameter of a CEL, such as bell.m.f", _target, v.TARGET.offers)
+VALUES = v.Value("values and the length of a step", _read_set, _offers(_OF_SET))
+SWING = v.Value("a range and a period", _read_lfo, _offers(_OF_LFO, "0.8..1.2"))
+
+
+def follow(
+    target: str, fields: Mapping[str, str], *, when: When, words: Mapping[str, Word]
+) -> Automate:
+    """`set` with a pattern."""
+    return Automate(target, "set", fields, when=when, words=words)
+
+
+def swing(
+    target: str, fields: Mapping[str, str], *, when: When, words: Mapping[str, Word]
+) -> Automate:
+    """`lfo`."""
+    return Automate(target, "lfo", fields, when=when, words=words)
+
+
+def stop_lfo(target: str, *, when: When, words: Mapping[str, Word]) -> StopLfo:
+    """`lfo bell.m.K off`."""
+    return StopLfo(target, when=when, words=words)

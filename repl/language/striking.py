@@ -1,0 +1,131 @@
+"""What follows `strikes`: modules, then the fields of strikes as a score has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.shapes import NAME, Text
+from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import values as v
+from ergon.repl.language.commands import StrikeModules, When, Word
+from ergon.repl.language.scope import Scope
+from ergon.scores.pattern.values import parse_values
+from ergon.scores.pattern.words import Word as PlacedWord
+from ergon.scores.pattern.words import parse_strikes
+from ergon.scores.reading.sections import STRIKES
+
+# Each option with an example.
+_LOUD = "1mNs"  # the impulse of notes that say none
+OPTIONS = {
+    "every": "1/2",
+    "rate": "0.5Hz",
+    "impulse": "2mNs",
+    "times": "8",
+    "for": "4bar",
+    "until": "C",
+    "chance": "0.6",
+    "euclid": "3 8",
+    "swing": "0.6",
+    "mass": "2g",
+    "speed": "1m/s",
+}
+
+
+def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+    """The fields of the strikes, as texts."""
+    modules, options = parse_strikes(text, OPTIONS)
+    if not modules:
+        message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
+        raise TextError(message, length=len(text))
+    for module in modules:
+        part = module.text.split(".")[0]
+        if part not in scope.instruments and part not in scope.keys:
+            error = v.unknown(part, "an instrument or a key", (*scope.instruments, *scope.keys))
+            error.offset += module.offset
+            raise error
+    _check(options, scope)
+    if not options.keys() & {"impulse", "mass"}:
+        message = "the impulse is missing: write for instance impulse 2mNs"
+        raise TextError(message, offset=len(text))
+    to = " ".join(module.text for module in modules)
+    return {"to": to, **{name: word.text for name, word in options.items()}}
+
+
+def _check(options: Mapping[str, PlacedWord], scope: Scope) -> None:
+    for name, word in options.items():
+        shape = v.POSITION if name == "until" else STRIKES.by_name[name].shape
+        try:
+            if isinstance(shape, Text):
+                shape.parse(word.text)
+            else:
+                v.POSITION.read(word.text, scope, {})
+        except TextError as error:
+            error.offset += word.offset
+            raise
+
+
+def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+    last = context.before[-1] if context.before else ""
+    if last in OPTIONS:
+        yield v.Completion(OPTIONS[last].split()[0], STRIKES.by_name[last].doc)
+        return
+    if not any(word in OPTIONS for word in context.before):
+        yield from v.listed(context.scope.instruments)
+    if context.before:
+        for name in OPTIONS:
+            if name not in context.before:
+                yield v.Completion(name, STRIKES.by_name[name].doc)
+
+
+def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if not NAME.fullmatch(text) or text in v.RESERVED:
+        message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
+        raise TextError(message, length=len(text))
+    return text
+
+
+def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+    """The fields of strikes that have notes, as texts."""
+    said, options = parse_strikes(text, OPTIONS)
+    end = said[-1].offset + len(said[-1].text) if said else 0
+    parse_values(text[:end], k.PITCH.parse, is_pitch=True)
+    _check(options, scope)
+    if not options.keys() & {"every", "euclid"}:
+        message = "the length of a step is missing: every 1"
+        raise TextError(message, offset=end, length=max(1, len(text) - end))
+    written = {name: word.text for name, word in options.items()}
+    loud = {} if written.keys() & {"impulse", "mass"} else {"impulse": _LOUD}
+    return {"to": given["name"], "notes": " ".join(text[:end].split()), **written, **loud}
+
+
+def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
+    if context.before:
+        names = context.scope.instruments
+        yield from (offer for offer in _offers(context) if offer.text not in names)
+    else:
+        yield v.Completion("A3", "notes, a scale or a chord such as A3.minor")
+
+
+def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text.split(".")[0] not in scope.instruments:
+        raise v.unknown(text, "an instrument", scope.instruments)
+    return text
+
+
+PLAYED_ON = v.Value(
+    "an instrument or one of its CELs",
+    _struck,
+    lambda context: v.listed(context.scope.instruments),
+)
+NOTES = v.Value("notes and the length of a step", _read_notes, _offers_notes)
+STRIKING = v.Value("modules and how they are struck", _read, _offers)
+NAMED = v.Value("a name for the strikes", _name, lambda context: ())
+
+
+def strikes(
+    name: str, fields: Mapping[str, str], when: When, words: Mapping[str, Word]
+) -> StrikeModules:
+    """The command; strikes with notes bear the name of what they strike."""
+    return StrikeModules(name.replace(".", "-"), fields, when=when, words=words)

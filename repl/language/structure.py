@@ -1,0 +1,188 @@
+"""Values of lines that add, join and remove what a score is made of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ergon.instruments.kinds import KINDS, LINKS
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+from ergon.repl.language import values as v
+from ergon.repl.language.scope import Scope
+from ergon.repl.language.values import Completion, CompletionContext, Value
+
+_TEMPO = "ergon cannot share its tempo with other machines (link) yet"
+_SEMITONES = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))st")
+_FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
+_MOST_SEMITONES = 120.0
+_MOST_FIELDS = 40
+
+
+def _modules(scope: Scope) -> dict[str, str]:
+    """Keys and modules, by which a link is tied."""
+    found = dict(scope.keys)
+    for target in scope.targets:
+        found.setdefault(target.rpartition(".")[0], "module")
+    return found
+
+
+def _end(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text in ("on", "off"):
+        raise TextError(_TEMPO, length=len(text))
+    part = text.partition(".")[0]
+    # Members (`string.12`) and what a file brings in: the score says whether they exist.
+    if part not in scope.keys and part not in scope.instruments:
+        raise v.unknown(text, "a key or a module", _modules(scope))
+    return text
+
+
+def _ends(context: CompletionContext) -> Iterator[Completion]:
+    return v.listed(_modules(context.scope))
+
+
+def _kind(text: str, *_: Any) -> str:
+    if text not in LINKS:
+        raise v.unknown(text, "a kind of link", LINKS)
+    return text
+
+
+def _pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
+    """The fields of `K=4kN/m gap=1mm`: name, value, and where the name begins."""
+    for word in re.finditer(r"\S+", text):
+        name, equals, value = word.group().partition("=")
+        if equals and name and not value:
+            message = f"'{name[:40]}' needs a value, such as K=4kN/m"
+            raise TextError(message, offset=offset + word.start(), length=len(word.group()))
+        if not (equals and name):
+            message = f"{quote(word.group())} is not a field: write one such as K=4kN/m"
+            raise TextError(message, offset=offset + word.start(), length=len(word.group()))
+        yield name, value, offset + word.start()
+
+
+def _fields(text: str, scope: Scope, given: Mapping[str, Any]) -> dict[str, str]:
+    table, found = KINDS[given["kind"]].table, dict[str, str]()
+    names = [field.name for field in table.fields if field.name != "between"]
+    for name, value, offset in _pairs(text):
+        if name not in names and table.free is None:
+            near = nearest(name, names)
+            message = f"{given['kind']} has no field {quote(name)}; it has {', '.join(names)}"
+            raise TextError(message, offset=offset, length=len(name), suggestion=near)
+        shape = table.by_name[name].shape if name in table.by_name else None
+        if isinstance(shape, Text):
+            _checked(shape, value, offset + len(name) + 1)
+        if name in found:
+            raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
+        found[name] = value
+    return found
+
+
+def _checked(shape: Text, value: str, offset: int) -> None:
+    try:
+        shape.parse(value)
+    except TextError as error:
+        error.offset += offset
+        raise
+
+
+def _field_offers(context: CompletionContext) -> Iterator[Completion]:
+    kind = context.given.get("kind")
+    if kind in KINDS and "=" not in context.typed:
+        for field in KINDS[kind].table.fields:
+            if field.name != "between":
+                yield Completion(f"{field.name}=", field.doc)
+
+
+def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
+    words = [(word.group(), word.start()) for word in re.finditer(r"\S+", text)]
+    base, _at = words[0]
+    if base not in scope.instruments and not _FROM.fullmatch(base):
+        known = [*scope.instruments, "bell/bell", "gong/plate"]
+        raise v.unknown(base, "an instrument or a file and a name such as bell/bell", known)
+    semitones, fields, i = 0.0, dict[str, str](), 1
+    while i < len(words):
+        word, offset = words[i]
+        if word == "transpose":
+            value, place = words[i + 1] if i + 1 < len(words) else ("", len(text))
+            match = _SEMITONES.fullmatch(value)
+            if match is None or abs(float(match[1])) > _MOST_SEMITONES:
+                message = "'transpose' needs semitones, such as transpose 7st or transpose -5st"
+                raise TextError(message, offset=place, length=max(1, len(value)))
+            semitones, i = float(match[1]), i + 2
+            continue
+        for name, value, _place in _pairs(word, offset):
+            fields[name] = value
+        i += 1
+    return base, semitones, fields
+
+
+def _bases(context: CompletionContext) -> Iterator[Completion]:
+    if not context.before:
+        yield from v.listed(context.scope.instruments)
+        yield Completion("bell/bell", "from a file: file and name")
+    elif context.before[-1] == "transpose":
+        yield Completion("7st", "semitones")
+    elif "transpose" not in context.before and "@" not in context.before[0]:
+        yield Completion("transpose", "higher or lower, in semitones")
+
+
+def _new_part(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    for what, known in (("gesture", scope.gestures), ("take", scope.takes)):
+        if text in known:
+            message = f"{quote(text)} is a {what}: give the instrument another name"
+            raise TextError(message, length=len(text))
+    return v.new_name(text)
+
+
+def _known_or_new(section: str) -> Value:
+    def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+        return text if text in getattr(scope, section) else v.new_name(text)
+
+    def offers(context: CompletionContext) -> Iterator[Completion]:
+        return v.listed(getattr(context.scope, section))
+
+    return Value("a name", read, offers)
+
+
+def _channels(text: str, *_: Any) -> tuple[str, ...]:
+    words = text.split()
+    if words == ["nearest"]:
+        return ("nearest",)
+    for word in re.finditer(r"\S+", text):
+        if not re.fullmatch(r"[1-9][0-9]{0,3}", word.group()):
+            message = f"{quote(word.group())} is not a channel from 1, or nearest"
+            raise TextError(message, offset=word.start(), length=len(word.group()))
+    return tuple(words)
+
+
+def _removable(scope: Scope) -> dict[str, str]:
+    sections = (scope.players, scope.gestures, scope.takes, scope.instruments, scope.marks)
+    return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
+
+
+def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text not in (known := _removable(scope)):
+        raise v.unknown(text, "a name of this score", known)
+    return text
+
+
+PART_NAME = Value("a new name", _new_part, lambda _: ())
+BASE = Value("an instrument, or a file and a name such as bell/bell", _base, _bases)
+LINK_END = Value("a key or a module, such as k1 or bell.m", _end, _ends)
+OTHER_END = v.another(LINK_END, "a")
+LINK_KIND = Value(
+    "a kind of link, such as BUT or REF",
+    _kind,
+    lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINKS),
+)
+LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _fields, _field_offers)
+PLAYER_NAME = _known_or_new("players")
+KEY_NAME = _known_or_new("keys")
+INSTRUMENT = v.name("an instrument", "instruments")
+CHANNELS = Value("channels, such as 3 or 3 4", _channels, lambda _: (Completion("1", "a channel"),))
+REMOVABLE = Value(
+    "a name of this score", _removed, lambda context: v.listed(_removable(context.scope))
+)
+RENAMED = v.name("a gesture, a take or a player", "gestures", "takes", "players")

@@ -1,0 +1,80 @@
+"""Who plays what at which beat: the bar that plays and the next, a row for each player."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from ergon.notation.clock.meter import SAME
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.piece import Piece
+
+_BARS = 2
+_BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
+_NAME_MOST, _WIDTH_MOST = 12, 100
+_GOES_ON = "\u2026"  # of a gesture that began before the first bar
+
+
+def drawn(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
+    """The bar of beat `now` and the next: their beats, what begins on them, and where `now` is.
+
+    `playing` are the gestures in flight: (player, gesture).
+    """
+    tempo = piece.tempo_map
+    bar, _ = tempo.bar_beat(now)
+    starts = [tempo.bars.start(bar + number) for number in range(_BARS + 1)]
+    names = max((len(name) for name in piece.players), default=0)
+    margin = min(names, _NAME_MOST) + 2
+    room = min(shutil.get_terminal_size().columns, _WIDTH_MOST) - margin
+    while len(starts) > 2 and (starts[-1] - starts[0]) * _BEAT_LEAST > room:
+        starts.pop()
+    beats = starts[-1] - starts[0]
+    width = max(_BEAT_LEAST, min(_BEAT_MOST, int(room / beats)))
+    total = math.ceil(beats * width)
+
+    def column(beat: float) -> int:
+        return int((beat - starts[0]) * width + SAME)
+
+    on_beats = [starts[0] + number for number in range(math.ceil(beats - SAME))]
+    head = [(column(beat), _beat(piece, beat)) for beat in on_beats]
+    rows = [" " * margin + _row(total, head)]
+    for name in piece.players:
+        dots = [(column(beat), "\u00b7") for beat in on_beats]
+        begun = [(column(beat), what) for beat, what in _begins(piece, name, starts)]
+        if any(player == name for player, _ in playing) and not any(at == 0 for at, _ in begun):
+            begun.insert(0, (0, _GOES_ON))
+        taken = {at for at, _ in begun}
+        cells = sorted([*(dot for dot in dots if dot[0] not in taken), *begun])
+        rows.append(name[: margin - 2].ljust(margin) + _row(total, cells))
+    rows.append(" " * (margin + min(column(now), total - 1)) + "^")
+    return rows
+
+
+def _beat(piece: Piece, beat: float) -> str:
+    bar, into = piece.tempo_map.bar_beat(beat + SAME)
+    return f"{bar}|1" if into < 1.5 else f"{into:.0f}"
+
+
+def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tuple[float, str]]:
+    """What a player begins within bars, and on which beat."""
+    for play, found in zip(piece.parts, piece.starts, strict=True):
+        if play.player != player:
+            continue
+        beats = [piece.tempo_map.resolve(play.at)] if found is None else found
+        first = bisect_left(beats, starts[0] - SAME)
+        last = bisect_left(beats, starts[-1] - SAME)
+        for beat in beats[first:last]:
+            yield beat, play.what
+
+
+def _row(total: int, cells: Sequence[tuple[int, str]]) -> str:
+    """Words at columns, each cut where the next begins."""
+    row = ""
+    for number, (at, text) in enumerate(cells):
+        end = cells[number + 1][0] if number + 1 < len(cells) else total
+        row = row.ljust(at)[:at] + text[: max(1, end - at - 1)]
+    return row.rstrip()

@@ -1,0 +1,94 @@
+"""The table of edits: which function makes a new version of the old one, for each command.
+
+A file of edits adds its functions by decorators; `version_edits` imports all such files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ergon.repl.language import commands as c
+from ergon.repl.session.version import Faders, NotTakenError, Version, piece_of
+from ergon.scores.edits.texts import Texts
+
+if TYPE_CHECKING:
+    from ergon.repl.session.commits import VersionEdit
+
+_Make = TypeVar("_Make", bound=Callable[..., "VersionEdit"])
+_Change = TypeVar("_Change", bound=Callable[..., Texts])
+_Move = TypeVar("_Move", bound=Callable[..., Faders])
+
+VERSION_EDITS: dict[type[c.Command], Callable[[Any], VersionEdit]] = {}
+
+
+def makes(kind: type[c.Command]) -> Callable[[_Make], _Make]:
+    """For a function that makes the edit of a command."""
+
+    def known(make: _Make) -> _Make:
+        VERSION_EDITS[kind] = make
+        return make
+
+    return known
+
+
+def writes(kind: type[c.Command]) -> Callable[[_Change], _Change]:
+    """For a function of command, version and beat that gives the new texts."""
+
+    def known(change: _Change) -> _Change:
+        def make(command: c.Command) -> VersionEdit:
+            return lambda version, beat: with_texts(version, change(command, version, beat))
+
+        VERSION_EDITS[kind] = make
+        return change
+
+    return known
+
+
+def moves(kind: type[c.Command]) -> Callable[[_Move], _Move]:
+    """For a function of command, faders and names of instruments that gives the new faders."""
+
+    def known(change: _Move) -> _Move:
+        def make(command: Any) -> VersionEdit:
+            return lambda version, beat: replace(
+                version, faders=change(command, version.faders, _parts(version, command.name))
+            )
+
+        VERSION_EDITS[kind] = make
+        return change
+
+    return known
+
+
+def with_texts(version: Version, texts: Texts) -> Version:
+    """The version with other texts, and their piece. Raises NotTakenError."""
+    return replace(version, texts=texts, piece=piece_of(texts))
+
+
+def _parts(version: Version, name: str | None) -> frozenset[str]:
+    """An instrument, or those that a player's key touches."""
+    piece = version.piece
+    if name is None:
+        return frozenset()
+    if name in piece.instruments:
+        return frozenset([name])
+    key = piece.players[name].key
+    touched = frozenset(
+        end.part
+        for instrument in piece.instruments.values()
+        for module in instrument.modules
+        for end in _ends(module.fields.get("between"), key)
+    )
+    if not touched:
+        raise NotTakenError(
+            f"{name} plays the key {key}, which touches no instrument: name an instrument"
+        )
+    return touched
+
+
+def _ends(between: Any, key: str) -> list[Any]:
+    """The ends of a link that are not the key; none where the key is not linked."""
+    if not between or all(end.part != key for end in between):
+        return []
+    return [end for end in between if end.part != key]

@@ -1,0 +1,209 @@
+"""MIDI clock of a session: told to other programs, or followed."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Protocol
+
+from ergon._core import EngineError
+from ergon.live.midi_clock import Beat, ClockFollower
+from ergon.live.midi_messages import CLOCKS, Transport, message, song_position
+from ergon.live.osc_out import HearingClock, frame_of
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length
+from ergon.repl.session.played_versions import PlayedVersions
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.live.midi_ports import InputPort
+    from ergon.repl.session.commits import Commits
+    from ergon.repl.session.session import Session
+
+_TURN = 0.004  # [s] between two looks at the performance
+_SIXTEENTH = 0.25  # beats of one unit of a song position
+_CLOCKS_OF_A_SIXTEENTH = 6
+_PRIORITY = 60  # below the process that sends
+# Beats after which a correction has taken the whole error away, and the error that stays [s].
+_AIM = 2.0
+_BORNE = 0.0005
+_CATCHES_UP = 1.4  # the greatest ratio of a corrected tempo to the one that is followed
+
+Clocked = tuple[int, bytes]  # (frame, message)
+
+
+class TimedOutput(Protocol):
+    """A port whose messages wait for their instants."""
+
+    def send_at(self, data: bytes, at: float) -> None:
+        """Send a message at an instant [s, time.monotonic]."""
+
+    def close(self) -> None:
+        """Send nothing any more."""
+
+
+class ClockEvents:
+    """The clock messages of the versions of a session, in the order of their frames.
+
+    Clocks are counted, so that a change of tempo neither loses one nor tells it twice.
+    """
+
+    def __init__(self, commits: Commits) -> None:
+        """Begin at frame 0."""
+        self._played = PlayedVersions(commits)
+        self._by: float | None = None  # the second of the engine at which the piece began
+        self._next = 0  # the number of the next clock
+
+    def before(self, frame: int) -> Iterator[Clocked]:
+        """Those that come before a frame and were not asked for yet."""
+        for running, first, last in self._played.before(frame):
+            clock, stage = running.clock, running.stage
+            if clock.by != self._by:
+                if self._by is not None:
+                    yield first, bytes([Transport.STOP.value])
+                if clock.by is not None:
+                    # Programs know places of sixteenths alone: the first where they can go along.
+                    self._next = math.ceil(clock.at / _SIXTEENTH - SAME) * _CLOCKS_OF_A_SIXTEENTH
+                    if self._next:
+                        yield first, song_position(self._next / CLOCKS)
+                    begins = Transport.CONTINUE if self._next else Transport.START
+                    yield first, bytes([begins.value])
+                self._by = clock.by
+            if clock.by is not None:
+                tempo, rate = stage.piece.tempo_map, stage.rate
+                while (at := frame_of(tempo.seconds(self._next / CLOCKS), rate)) < last:
+                    yield max(at, first), bytes([Transport.CLOCK.value])
+                    self._next += 1
+
+
+class ClockOut:
+    """Tells other programs the beat, each clock at the instant at which it is heard.
+
+    What is computed lies in the ring for some milliseconds before it is heard, so that every clock
+    is known before its time.
+    """
+
+    def __init__(self, commits: Commits, performance: _core.Performance, port: TimedOutput) -> None:
+        """Begin to send to a port, which is closed with this."""
+        self._events = ClockEvents(commits)
+        self._performance, self._port = performance, port
+        self._ear = HearingClock(commits.rate, 0)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ergon MIDI clock", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        with contextlib.suppress(AttributeError, OSError):  # not granted: like any other thread
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        while not self._over.wait(_TURN):
+            with contextlib.suppress(EngineError):  # it is closed already
+                self.look(time.monotonic())
+
+    def look(self, now: float) -> None:
+        """Send what has been computed at its instants; `now` is that of this look [s]."""
+        status = self._performance.status()
+        self._ear.look(status, now)
+        if status.sounding is None and status.paced:
+            return  # nobody knows yet when it is heard
+        for frame, data in self._events.before(status.frame):
+            due = self._ear.when(frame)
+            self._port.send_at(data, now if due is None else due)
+
+    def close(self) -> None:
+        """End sending; the port tells whoever plays along to stop."""
+        self._over.set()
+        self._thread.join()
+        self._port.close()
+
+
+class ClockIn:
+    """Follows the clock of another program: its start and stop, its tempo and its phase.
+
+    Tempos become lines of the session (`tempo 120.4 at 5|2`), so that a journal renders them.
+    """
+
+    def __init__(
+        self, session: Session, when: Callable[[int], float | None], port: InputPort | None = None
+    ) -> None:
+        """`when` tells the instant at which a frame is heard [s, time.monotonic]."""
+        self._session, self._when, self._port = session, when, port
+        self._follower = ClockFollower()
+        self._transport: deque[tuple[Transport, float]] = deque(maxlen=16)
+        self._lock = threading.Lock()
+        self._aimed = -math.inf  # the beat of the last correction
+        if port is not None:
+            port.listen(self.receive)
+
+    def receive(self, data: bytes, at: float) -> None:
+        """Take in a message that came at an instant [s]; any thread may call it."""
+        found = message(data)
+        if found is None:
+            return
+        with self._lock:
+            self._follower.receive(found, at)
+            if isinstance(found, Transport) and found is not Transport.CLOCK:
+                self._transport.append((found, self._follower.position))
+
+    def turn(self, now: float) -> None:
+        """Start, stop or correct the tempo where that is due; `now` is the instant [s]."""
+        with self._lock:
+            asked = list(self._transport)
+            self._transport.clear()
+            known = self._follower.beat() if self._follower.is_heard(now) else None
+            is_placed = self._follower.is_placed
+        for transport, position in asked:
+            self._go(transport, position)
+        if known is not None and self._session.commits.running.clock.goes:
+            self._correct(known, is_placed)
+
+    def _go(self, transport: Transport, position: float) -> None:
+        session = self._session
+        if transport is Transport.STOP:
+            line = "stop" if session.commits.running.clock.goes else ""
+        else:
+            line = f"play from {session.written(position)}"
+        self._aimed = -math.inf
+        reply = session.submit(line) if line else None
+        if reply is not None and not reply.taken:
+            session.say(f"MIDI clock: {reply.text}")
+
+    def _correct(self, known: Beat, is_placed: bool) -> None:
+        """Set the tempo so that the error is gone `_AIM` beats after the next beat that a line can
+        reach; one correction a beat."""
+        session = self._session
+        with session.lock:
+            commits = session.commits
+            head = commits.head.piece.tempo_map
+            beat, _ = commits.place(Length(beats=1.0), None)
+            beat = math.ceil(beat - SAME)
+            clock = commits.running.clock
+            if beat <= self._aimed or commits.waiting or clock.by is None:
+                return
+            rate = commits.rate
+            here, there = (
+                self._when(frame_of(clock.seconds(head, at), rate)) for at in (beat, beat + _AIM)
+            )
+            if here is None or there is None:
+                return
+            if is_placed:
+                length = (known.when(beat + _AIM) - here) / _AIM
+                error = there - known.when(beat + _AIM)
+            else:
+                length, error = known.length, (there - here) - _AIM * known.length
+            if abs(error) <= _BORNE:
+                return
+            length = min(max(length, known.length / _CATCHES_UP), known.length * _CATCHES_UP)
+            bpm = 60.0 / length
+            line = f"tempo {bpm:.8g} at {session.written(beat)}"
+            self._aimed = beat
+            session.movements.set_now("MIDI clock", line)
+
+    def close(self) -> None:
+        """End following."""
+        if self._port is not None:
+            self._port.close()

@@ -1,0 +1,180 @@
+"""What MIDI controllers and notes are mapped to: parameters, levels, and points that are struck."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator, Mapping
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from ergon.instruments.names import Part, Scene
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.errors import Collector
+from ergon.repl.language.commands import MapControl, MapNotes
+from ergon.repl.session.version import NotTakenError
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Target
+    from ergon.live.midi_messages import Control
+    from ergon.repl.session.journal import Event
+    from ergon.repl.session.version import Version
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import StrikePoints
+
+MAX_MAPS = 256
+_MAX_STRUCK = 128  # as many as there are notes
+_TOP = 127
+_WORD = re.compile(r"[\w.-]{1,200}")  # a name of a score, with its dots
+_UNIT = re.compile(r"[A-Za-z0-9/]{0,8}")
+
+Map = MapControl | MapNotes
+Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
+
+# The engine's numbers of places that are struck: each place keeps its number while this process
+# lasts, so that a strike finds it in every version.
+_numbers: dict[Place, int] = {}
+_next_number = itertools.count(1)
+
+
+def with_map(version: Version, new: Map) -> Mapping[str, Map]:
+    """The maps of a version with a new one, in place of one of its name. Raises NotTakenError."""
+    if isinstance(new, MapNotes):
+        places(version.piece, new)
+    if len(version.maps) >= MAX_MAPS and new.name not in version.maps:
+        raise NotTakenError(f"a session has at most {MAX_MAPS} maps; `unmap` one first")
+    return {**version.maps, new.name: new}
+
+
+def without_map(version: Version, name: str) -> Mapping[str, Map]:
+    """The maps of a version without one of them. Raises NotTakenError."""
+    if name not in version.maps:
+        known = ", ".join(version.maps) or "there are none"
+        raise NotTakenError(f"nothing is mapped to {name}; the maps: {known}")
+    return {other: own for other, own in version.maps.items() if other != name}
+
+
+def places(piece: Piece, notes: MapNotes) -> list[Place]:
+    """The MATs that a range of notes strikes, in their order. Raises NotTakenError."""
+    target = _target(piece, notes.target)
+    if target.first == "centre":
+        return [(target.part, target.module, -1)]
+    if target.count > _MAX_STRUCK:
+        raise NotTakenError(
+            f"{notes.target} has {target.count:,} masses, and notes strike {_MAX_STRUCK} at most; "
+            "name some of them"
+        )
+    first = target.first
+    return [(target.part, target.module, first + i) for i in range(target.count)]
+
+
+def _target(piece: Piece, text: str) -> Target:
+    collector = Collector()
+    parts = {
+        name: Part(name, {module.name: module for module in own.modules})
+        for name, own in piece.instruments.items()
+    }
+    found = Scene(collector, parts).target(Name(text, piece.place), "mats", "map")
+    if found is None:
+        raise NotTakenError(collector.finish()[0].message)
+    return found
+
+
+def number_of(place: Place) -> int:
+    """The engine's number of a place that is struck."""
+    return _numbers.setdefault(place, next(_next_number))
+
+
+def strike_points(version: Version) -> StrikePoints:
+    """The engine's numbers of all places that notes may strike.
+
+    A map whose target the score does not have any more is left out: it acts again where the target
+    comes back.
+    """
+    found: dict[Place, None] = {}
+    for own in version.maps.values():
+        if isinstance(own, MapNotes):
+            try:
+                found.update(dict.fromkeys(places(version.piece, own)))
+            except NotTakenError:
+                continue
+    return [
+        (part, module, member, number_of((part, module, member))) for part, module, member in found
+    ]
+
+
+def struck(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
+    """The places that a note strikes, each with its impulse [N·s].
+
+    The lowest note of a range strikes the first MAT of the target, the next the second. A single
+    MAT is struck by every note of its range.
+    """
+    for own in version.maps.values():
+        if not isinstance(own, MapNotes) or not own.low <= note <= own.high:
+            continue
+        try:
+            all_places = places(version.piece, own)
+        except NotTakenError:
+            continue
+        member = note - own.low if len(all_places) > 1 else 0
+        if member < len(all_places):
+            weak, strong = own.impulse
+            yield all_places[member], weak + (strong - weak) * (velocity - 1) / (_TOP - 1)
+
+
+def moved_line(moved: Control, version: Version) -> str | None:
+    """The line that a controller which has moved stands for; None where it has no map."""
+    own = version.maps.get(f"cc {moved.number}")
+    if not isinstance(own, MapControl):
+        return None
+    low, high = own.range
+    x = low + (high - low) * moved.value / _TOP
+    if own.target is not None:
+        return f"set {own.target} {x:.6g}{own.unit} over 50ms now"
+    name = "" if own.sounding is None else f"{own.sounding} "
+    return f"gain {name}{x:.6g}dB now"
+
+
+def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
+    """The field of a journal for maps; none where there are none."""
+    return {"maps": [_row(own) for own in maps.values()]} if maps else {}
+
+
+def _row(own: Map) -> list[object]:
+    if isinstance(own, MapNotes):
+        return ["note", own.low, own.high, own.target, *own.impulse]
+    return ["cc", own.number, own.target, own.sounding, own.unit, *own.range]
+
+
+def read_maps(event: Event) -> Mapping[str, Map]:
+    """The maps in a journal's event. Raises JournalError."""
+    rows: list[object] = event.get("maps", list, [])
+    if len(rows) > MAX_MAPS:
+        event.wrong("its maps are more than any session has")
+    found = [_read_row(event, row) for row in rows]
+    return {own.name: own for own in found}
+
+
+def _read_row(event: Event, row: object) -> Map:
+    match row:
+        case ["note", int(low), int(high), str(target), float(weak), float(strong)] if (
+            0 <= low <= high <= _TOP and _WORD.fullmatch(target) and isfinite(weak + strong)
+        ):
+            return MapNotes(low, high, target, (weak, strong))
+        case [
+            "cc",
+            int(number),
+            str() | None as target,
+            str() | None as sounding,
+            str(unit),
+            float(low),
+            float(high),
+        ] if (
+            0 <= number <= _TOP
+            and _WORD.fullmatch(target or "all")
+            and _WORD.fullmatch(sounding or "all")
+            and _UNIT.fullmatch(unit)
+            and isfinite(low + high)
+        ):
+            return MapControl(number, target, (low, high), unit, sounding)
+    event.wrong("the field 'maps' has the wrong type or value")

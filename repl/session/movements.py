@@ -1,0 +1,94 @@
+"""Values that move faster than lines are computed: controllers of MIDI, levels by OSC."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from ergon.repl.language.commands import NOW, When
+from ergon.repl.language.parse import parse
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.session import version_edits
+from ergon.repl.session.commits import REFUSALS
+
+if TYPE_CHECKING:
+    from ergon.repl.language.scope import Scope
+    from ergon.repl.session.commits import Commits, VersionEdit
+    from ergon.repl.session.history import History
+    from ergon.repl.session.version import Version
+
+# The line that a movement stands for in a version; None where it means nothing there.
+LineOf = Callable[["Version"], str | None]
+
+
+class Moved(Protocol):
+    """What moves: the versions of a session."""
+
+    commits: Commits
+    history: History
+    number: int
+
+    @property
+    def scope(self) -> Scope:
+        """The names that a line may use now."""
+
+    def say(self, message: str) -> None:
+        """Add a message."""
+
+    def queue(
+        self, line: str, edit: VersionEdit, when: When = None, *, replaces: int | None = None
+    ) -> object:
+        """Queue a line for its boundary."""
+
+
+class Movements:
+    """The latest movement of each name. `move` may be called by any thread."""
+
+    def __init__(self, session: Moved) -> None:
+        """Begin with nothing that moves."""
+        self._session = session
+        self._moved: dict[str, LineOf] = {}
+        self._number = 0  # of the last line that movements stood for
+        self._names: tuple[str, ...] = ()  # and what moved
+        self._refused: tuple[str, ...] = ()
+
+    def move(self, name: str, line: LineOf) -> None:
+        """Note a movement, in place of an earlier one of its name that is not set yet."""
+        self._moved[name] = line
+
+    def turn(self) -> None:
+        """Set what has moved, as one line; not while the last such line still waits.
+
+        Lines of the same names are one line of the history, so that `undo` takes back a movement
+        as a whole.
+        """
+        session = self._session
+        if not self._moved or any(one.number == self._number for one in session.commits.waiting):
+            return
+        moved, self._moved = self._moved, {}
+        head = session.commits.head
+        lines = {name: text for name, line in moved.items() if (text := line(head)) is not None}
+        if not lines:
+            return
+        self._set(tuple(lines), "\n".join(lines.values()), NOW)
+
+    def set_now(self, name: str, line: str) -> None:
+        """Set a movement at once; its line says when it acts."""
+        self._set((name,), line, None)
+
+    def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
+        """Queue a line, in place of the last one in the history if it was of the same names."""
+        session = self._session
+        is_same = names == self._names and session.history.now == self._number
+        try:
+            commands = parse(text, session.scope)
+            said = next((one.when for one in commands if one.when is not None), when)
+            edit = version_edits.combined(commands)
+            session.queue(text, edit, said, replaces=self._number if is_same else None)
+        except (Refusal, *REFUSALS) as error:
+            if names != self._refused:  # once, and not for each value on the way
+                self._refused = names
+                session.say(f"{', '.join(names)}: {getattr(error, 'message', None) or error}")
+            return
+        self._refused = ()
+        self._number, self._names = session.number, names

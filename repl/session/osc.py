@@ -1,0 +1,151 @@
+"""OSC beside a session: requests become lines of its journal, and what plays is told."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ergon.live.osc_in import SILENT, OscRequestError, decibels, pressed, text_of
+from ergon.live.osc_out import OscTeller, beats, frame_of
+from ergon.repl.language import commands as c
+from ergon.repl.language.parse import parse
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.line_queue import LineQueue
+from ergon.repl.session.played_versions import PlayedVersions
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.live.osc import Osc
+    from ergon.live.osc_in import Handler
+    from ergon.live.osc_out import Event
+    from ergon.repl.session.commits import Commits
+    from ergon.repl.session.journal import Journal
+    from ergon.repl.session.running import Running
+    from ergon.repl.session.session import Session
+
+    Answer = Callable[[str, str], None]
+
+_GAIN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
+_WAITING = 64  # lines that may wait to be done
+# OSC knows no passwords: what reads or writes files, runs Python or ends the session is typed.
+_TYPED = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
+
+
+class SessionOsc:
+    """OSC of a session until it is closed; lines are done one after the other by a thread."""
+
+    def __init__(self, session: Session, osc: Osc, performance: _core.Performance) -> None:
+        """Begin to serve, at the sockets that `osc` has opened."""
+        self._session, self._osc = session, osc
+        self._lines: LineQueue[Answer | None] = LineQueue(session)
+        self._waiting = 0
+        self._ask: dict[str, Handler] = {
+            "/ergon/cmd": text_of(lambda line: self._enter(line, osc.answerer())),
+            "/ergon/panic": pressed(self._lines.panic),
+            "/ergon/release": pressed(lambda: self._enter("release", None)),
+            "/ergon/stop": pressed(lambda: self._enter("stop", None)),
+        }
+        self._worker = threading.Thread(target=self._work, name="ergon osc lines", daemon=True)
+        self._worker.start()
+        stage = session.commits.running.stage
+        events = SessionEvents(session.commits, session.journal)
+        osc.serve(self, lambda send: OscTeller(performance, stage, 0, send, events))
+
+    def get(self, address: str, /) -> Handler | None:
+        """What an address asks for; None where nobody knows it."""
+        known = self._ask.get(address)
+        if known is not None:
+            return known
+        match = _GAIN.fullmatch(address)
+        if match is None:
+            return None
+        kind, name = match.groups()
+        if kind is not None and name not in self._names(kind):
+            return None
+        return decibels(lambda level: self._move(address, name, level))
+
+    def _names(self, kind: str) -> Mapping[str, str]:
+        scope = self._session.scope
+        return scope.instruments if kind == "instrument" else scope.players
+
+    def _move(self, address: str, name: str | None, level: float) -> None:
+        """Move a level: the latest of many values becomes a line."""
+        value = f"{level:.6g}dB" if level > SILENT else "x0"
+        line = " ".join(filter(None, ("gain", name, value, "now")))
+        self._session.movements.move(address, lambda version: line)
+
+    def _enter(self, line: str, answer: Answer | None) -> None:
+        if self._waiting >= _WAITING:
+            raise OscRequestError(f"{_WAITING} lines are waiting already; this one was dropped")
+        self._waiting += 1
+        self._lines.enter(line, answer)
+
+    def _work(self) -> None:
+        while (queued := self._lines.next()) is not None:
+            self._waiting -= 1
+            address, said = self._done(queued.text, queued.releases)
+            if queued.who is not None:
+                queued.who(address, said)
+
+    def _done(self, line: str, releases: bool) -> tuple[str, str]:
+        session = self._session
+        with session.lock:  # names do not change between the look and the line
+            try:
+                commands = parse(line, session.scope)
+            except Refusal:
+                commands = ()  # it is refused with its sentence below
+            if any(isinstance(one, _TYPED) for one in commands):
+                return "/ergon/error", "this line has to be typed at a prompt: OSC has no passwords"
+            reply = session.submit(line, releases=releases)
+        if reply.taken:
+            return "/ergon/reply", "\n".join([reply.text, *reply.lines])
+        return "/ergon/error", reply.text + (f"; try: {reply.try_}" if reply.try_ else "")
+
+    def close(self) -> None:
+        """End serving, and close the sockets."""
+        self._osc.close()
+        self._lines.end()
+        self._worker.join()
+        if self._osc.malformed:
+            said = f"{self._osc.malformed} datagrams were not valid OSC and were ignored"
+            self._session.say(said)
+
+
+class SessionEvents:
+    """Beats and gestures of the versions of a session, in the order of their frames."""
+
+    def __init__(self, commits: Commits, journal: Journal | None = None) -> None:
+        """Begin at frame 0."""
+        self._played = PlayedVersions(commits)
+        self._journal = journal
+
+    def troubles(self) -> Sequence[str]:
+        """What is wrong besides the performance."""
+        failed = self._journal is not None and self._journal.has_failed
+        return ("JOURNAL NOT WRITTEN",) if failed else ()
+
+    def before(self, frame: int) -> Iterator[Event]:
+        """Those that come before a frame and were not asked for yet."""
+        for running, first, last in self._played.before(frame):
+            yield from sorted(_events(running, first, last), key=lambda event: event[0])
+
+
+def _events(running: Running, first: int, last: int) -> Iterator[Event]:
+    """The events of one version from a frame to another."""
+    stage, clock = running.stage, running.clock
+    if clock.by is None:
+        return
+    tempo = stage.piece.tempo_map
+    bar, _ = tempo.bar_beat(running.beat(first))
+    for event in beats(tempo, stage.rate, bar):
+        if event[0] >= last:
+            break
+        if event[0] >= first:
+            yield event
+    for gesture in stage.gestures:
+        frame = frame_of(gesture.start, stage.rate)
+        if first <= frame < last:
+            said = (gesture.player, gesture.key, gesture.name, float(gesture.start - clock.by))
+            yield frame, "/ergon/strike", said

@@ -1,0 +1,36 @@
+"""Which version of a session played in which frames, for what is told of it to other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon.repl.session.commits import Commits
+    from ergon.repl.session.running import Running
+
+
+class PlayedVersions:
+    """The versions that the engine has played, a stretch of frames after the other."""
+
+    def __init__(self, commits: Commits) -> None:
+        """Begin at frame 0."""
+        self._commits = commits
+        self._from = 0
+        self._last = commits.running
+
+    def before(self, frame: int) -> Iterator[tuple[Running, int, int]]:
+        """Each version with its first frame and the one behind its last, up to a frame.
+
+        Frames that were asked for already are left out.
+        """
+        first, self._from = self._from, max(self._from, frame)
+        commits = self._commits
+        # Those of changes that are under way come between; what was over before is not among them.
+        versions = [self._last, *(before for *_, before in commits.under_way[:]), commits.running]
+        for number, running in enumerate(versions):
+            begins = max(first, running.start) if number else first
+            ends = min([frame, *(other.start for other in versions[number + 1 :])])
+            if begins < ends:
+                self._last = running
+                yield running, begins, ends

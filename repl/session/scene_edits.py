@@ -1,0 +1,96 @@
+"""Scenes of a session: the files beside a score whose bars come back."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.files import is_file
+from ergon.notation.text.spelling import nearest
+from ergon.repl.language import commands as c
+from ergon.repl.language.scope import SUFFIXES, scores_in
+from ergon.repl.session.disk import folder_of
+from ergon.repl.session.edit_table import makes, with_texts
+from ergon.repl.session.version import GLIDE, NotTakenError, Version, piece_of
+from ergon.scores.edits import scenes
+from ergon.scores.edits.scenes import Scene
+from ergon.scores.edits.texts import Texts
+
+if TYPE_CHECKING:
+    from ergon.repl.session.commits import VersionEdit
+
+_Stamps = Sequence[tuple[str, int, int]]  # file, time of the last change [ns], bytes
+
+
+def scene_of(texts: Texts, name: str) -> Scene:
+    """The scene of a name, from its file beside a score. Raises NotTakenError."""
+    folder = folder_of(texts)
+    path = next((p for suffix in SUFFIXES if is_file(p := folder / f"{name}{suffix}")), None)
+    if path is None:
+        near = nearest(name, [one.stem for one in scores_in(folder)])
+        raise NotTakenError(
+            f"there is no scene {name} beside the score; `keep 8bar as {name}` makes one",
+            None if near is None else f"scene {near}",
+        )
+    bounds = Bounds.around(folder, trust=texts.bounds is not None and texts.bounds.trusts)
+    try:
+        scene, files = _read(_stamps([path]), bounds)
+        if _stamps(map(Path, [name for name, *_ in files])) != files:
+            _read.cache_clear()
+            scene, _ = _read(_stamps([path]), bounds)
+    except OSError as error:
+        raise NotTakenError(f"{path}: {error.strerror}") from None
+    except (EditError, NotTakenError) as error:
+        raise NotTakenError(f"{path.name}: {error}") from None
+    return scene
+
+
+@lru_cache(maxsize=8)  # a scene of 100 modules takes 40 ms to read
+def _read(stamps: _Stamps, bounds: Bounds) -> tuple[Scene, _Stamps]:
+    """The scene in a file, and the stamps of all files that it was read from."""
+    texts = Texts.read(stamps[0][0], bounds)
+    scene = Scene.of(texts, piece_of(texts))
+    return scene, _stamps([Path(texts.path), *map(Path, texts.overlay)])
+
+
+def _stamps(paths: Iterable[Path]) -> _Stamps:
+    found = []
+    for path in paths:
+        state = os.stat(path)
+        found.append((str(path), state.st_mtime_ns, state.st_size))
+    return tuple(found)
+
+
+@makes(c.Scene)
+def _scene(command: c.Scene) -> VersionEdit:
+    """Play kept bars again and again; parameters go to theirs, if need be over a length."""
+    read: dict[str, Scene] = {}
+
+    def scene(version: Version, name: str) -> Scene:
+        if name not in read:
+            read[name] = scene_of(version.texts, name)
+        return read[name]
+
+    def edit(version: Version, beat: float) -> Version:
+        own, texts, piece = scene(version, command.name), version.texts, version.piece
+        over = None if command.over is None else command.words["over"].text
+        begin, glide = beat, GLIDE
+        texts = scenes.tuned(texts, piece, own, beat, over)
+        if command.over is not None:
+            tempo = piece_of(texts).tempo_map
+            end = tempo.after(beat, command.over)
+            glide = max(GLIDE, tempo.seconds(end) - tempo.seconds(beat))
+            if command.before is not None:
+                before = scene(version, command.before)
+                texts = scenes.bring(texts, piece_of(texts), before, beat, end)
+                begin = end
+        texts = scenes.bring(texts, piece_of(texts), own, begin)
+        return replace(with_texts(version, texts), glide=glide)
+
+    return edit

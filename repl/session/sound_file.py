@@ -1,0 +1,63 @@
+"""`record audio`: what is heard, into a file, while it plays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.repl.session.version import NotTakenError
+
+if TYPE_CHECKING:
+    from ergon.repl.session.engine import Engine, SoundFileStatus
+
+
+class SoundFile:
+    """The file of sound that a session writes, one at a time."""
+
+    def __init__(self) -> None:
+        """Begin without a file."""
+        self._path: Path | None = None
+        self._is_ending = False
+        self._missing = 0
+
+    def begin(self, engine: Engine, path: Path) -> None:
+        """Begin a new file. Raises NotTakenError, EngineError."""
+        if self._path is not None:
+            raise NotTakenError(f"{self._path} is still being recorded", "record audio off")
+        if path.exists():
+            raise NotTakenError(f"{path} exists, and a recording overwrites no file")
+        engine.record_sound(path)
+        self._path, self._is_ending, self._missing = path, False, 0
+
+    def end(self, engine: Engine) -> Path:
+        """End the file; `turn` says when it is whole. Raises NotTakenError."""
+        if self._path is None or self._is_ending:
+            raise NotTakenError("no sound is being recorded; `record audio FILE` begins")
+        engine.end_sound()
+        self._is_ending = True
+        return self._path
+
+    def turn(self, engine: Engine, rate: float) -> tuple[str, SoundFileStatus | None]:
+        """A sentence about what has happened to the file, empty where nothing has; and its state
+        where it is closed."""
+        if self._path is None:
+            return "", None
+        status = engine.sound_recorded()
+        if status is None:
+            return "", None
+        if status.ended or status.error is not None:
+            path, self._path = self._path, None
+            if status.error is not None:
+                engine.end_sound()
+                return status.error, None
+            return f"sound of {status.frames / rate:.1f} s{_cut(status, rate)} -> {path}", status
+        if status.missing > self._missing:
+            self._missing = status.missing
+            return f"{self._path}: the disk is too slow{_cut(status, rate)}", None
+        return "", None
+
+
+def _cut(status: SoundFileStatus, rate: float) -> str:
+    if not status.missing:
+        return ""
+    return f", of which {status.missing / rate:.3f} s are silence, for the disk was too slow"

@@ -1,0 +1,233 @@
+"""Bringing back a scene: the bars of a kept score, from their beginning, again and again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ergon.instruments.model import Instrument
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.occurrences import starts
+from ergon.notation.tables.fields import Values
+from ergon.notation.text import edit
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.values import Time
+from ergon.scores.edits import entries, matter, parts, times
+from ergon.scores.edits.entries import Entry, Line
+from ergon.scores.edits.lists import items, place
+from ergon.scores.edits.positions import end, written
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.piece import Key, Piece, Strikes
+
+END = "end"  # the mark at which a scene begins again
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A score whose bars are brought back, and how long they are [beats]."""
+
+    texts: Texts
+    piece: Piece
+    beats: float
+
+    @classmethod
+    def of(cls, texts: Texts, piece: Piece) -> Scene:
+        """The scene that a score is: up to its mark `end`, or to the bar after its last start."""
+        tempo = piece.tempo_map
+        marked = next((mark for mark in piece.marks if mark.name == END), None)
+        if marked is not None and (beats := tempo.resolve(marked.at)) > SAME:
+            return cls(texts, piece, beats)
+        last = max((beat for found in piece.starts for beat in (found or ())[-1:]), default=0.0)
+        bar, _ = tempo.bar_beat(last + SAME)
+        return cls(texts, piece, tempo.bars.start(bar + 1))
+
+
+def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | None = None) -> Texts:
+    """Let the scene be played from a beat on, again and again until another; all else rests.
+
+    Its gestures, takes, couplings and strikes come with it. Raises EditError.
+    """
+    missing = next((name for name in scene.piece.players if name not in piece.players), None)
+    if missing is not None and any(play.player == missing for play in scene.piece.parts):
+        raise EditError(f"this score has no player {missing}, who plays in the scene")
+    texts = parts.hush(texts, piece, at)
+    stop = end(piece, at) if until is None else written(piece, until)
+    last = math.inf if until is None else until - SAME
+    for player in scene.piece.players:
+        lines = entries.lines(scene.texts, scene.piece, player)
+        new = [
+            entry.with_fields(at=written(piece, at + begin), until=stop)
+            for line in lines
+            for begin, entry in _looped(line, scene.beats)
+            if at + begin < last
+        ]
+        texts = entries.change(texts, player, new=new)
+    texts = _defined(texts, scene)
+    texts = _coupled(texts, piece, scene, at, None if until is None else stop)
+    for strikes in scene.piece.strikes:
+        texts = _struck(texts, piece, scene, strikes, at, last, stop)
+    return texts
+
+
+def tuned(texts: Texts, piece: Piece, scene: Scene, at: float, over: str | None = None) -> Texts:
+    """Give parameters and tempo the values of a scene; the tempo in a ramp `over` a length.
+
+    Parameters are set at once: a version says how long they glide. Raises EditError.
+    """
+    for target, value in _parameters(piece, scene.piece):
+        texts = matter.set_value(texts, piece, target, value)
+    now, bpm = piece.tempo_map.bpm(at), scene.piece.tempo_map.bpm(0.0)
+    if abs(now - bpm) < SAME:
+        return texts
+    if over is None:
+        return times.change(texts, piece, at, f"{bpm:.12g}")
+    return times.change(texts, piece, at, f"{now:.12g} -> {bpm:.12g}", over)
+
+
+def sounds_from(piece: Piece, beat: float) -> bool:
+    """Whether anything of a piece begins at a beat or later; so it is where nothing ever does."""
+    tempo = piece.tempo_map
+    ends = [tempo.resolve(play.at) for play in piece.parts]
+    ends += [found[-1] for found in piece.starts if found]
+    for strikes in piece.strikes:
+        begin = tempo.resolve(strikes.at)
+        ends.append(begin if strikes.until is None else tempo.resolve(strikes.until))
+        if strikes.span is not None:
+            ends.append(tempo.after(begin, strikes.span))
+    return not ends or max(ends) >= beat - SAME
+
+
+def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
+    """The entries that play an entry again every so many beats: the first beat of each."""
+    entry = line.entry.with_fields(times=None, until=None, every=f"{beats:.12g}")
+    begins = [line.begin] if line.starts is None else [*line.starts]
+    begins = [begin for begin in begins if begin < beats - SAME]
+    step = beats / len(begins) if begins else beats
+    if len(begins) > 1 and all(
+        abs(begin - begins[0] - number * step) < SAME for number, begin in enumerate(begins)
+    ):
+        yield begins[0], entry.with_fields(every=f"{step:.12g}")
+        return
+    for begin in begins:
+        yield begin, entry
+
+
+def _defined(texts: Texts, scene: Scene) -> Texts:
+    """The gestures and takes of a scene, where they differ or are missing."""
+    here, _ = texts.names()
+    there, _ = scene.texts.names()
+    for section in ("gestures", "takes"):
+        for name, entry in there.tables[section].items():
+            own = here.tables[section].get(name)
+            if not isinstance(entry.values, Values):
+                continue
+            node = entry.values.node
+            said = edit.tree(node)
+            if own is None:
+                if node.document.file == scene.texts.path:  # what a file brings in is there too
+                    texts = texts.put((section, name), edit.flow(said))
+            elif isinstance(own.values, Values) and edit.tree(own.values.node) != said:
+                path = section, own.values.context.name
+                texts = texts.put(path, edit.flow(said), own.values.node.document.file)
+    return texts
+
+
+def _parameters(now: Piece, then: Piece) -> Iterator[tuple[str, str]]:
+    """The parameters that differ between two pieces, each with its value in the second."""
+    pairs: list[tuple[Key | Instrument, Key | Instrument | None]] = [
+        *((key, now.keys.get(key.name)) for key in then.keys.values()),
+        *((one, now.instruments.get(one.name)) for one in then.instruments.values()),
+    ]
+    for part, own in pairs:
+        modules = {} if own is None else {module.name: module for module in own.modules}
+        for module in part.modules:
+            known = modules.get(module.name)
+            if known is None or known.kind != module.kind:
+                continue
+            path = ".".join(filter(None, (part.name, module.name)))
+            for name, value in matter.quantities(module):
+                if value != known.fields.get(name):
+                    is_ca = getattr(part, "ca_rate", None) is not None
+                    yield f"{path}.{name}", matter.said(value, name, is_ca=is_ca)
+
+
+def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | None) -> Texts:
+    """The couplings with which a scene begins, from a beat on; all others end there."""
+    tempo = piece.tempo_map
+    for number in reversed(range(len(piece.duet))):
+        coupling = piece.duet[number]
+        is_over = coupling.until is not None and tempo.resolve(coupling.until) <= at + SAME
+        if not is_over and tempo.resolve(coupling.at) < at - SAME:
+            texts = texts.put((*place(texts, "duet", number), "until"), written(piece, at))
+    nodes = items(scene.texts, "duet")
+    for node, coupling in zip(nodes, scene.piece.duet, strict=True):
+        if scene.piece.tempo_map.resolve(coupling.at) > SAME:
+            continue
+        said = edit.tree(node)
+        assert isinstance(said, dict)
+        more: dict[str, edit.Tree] = {**said, "at": written(piece, at)}
+        more.pop("until", None)
+        if until is not None:
+            more["until"] = until
+        texts = texts.append(("duet",), edit.flow(more))
+    return texts
+
+
+def _struck(
+    texts: Texts,
+    piece: Piece,
+    scene: Scene,
+    strikes: Strikes,
+    at: float,
+    last: float,
+    until: str,
+) -> Texts:
+    """Strikes of a scene from a beat on, under names that are free.
+
+    Strikes by chance sound in the first round alone, where they do not fill the scene.
+    """
+    tempo = scene.piece.tempo_map
+    begin = tempo.resolve(strikes.at)
+    stop = begin if strikes.until is None else tempo.resolve(strikes.until)
+    if strikes.span is not None:
+        stop = tempo.after(begin, strikes.span)
+    node = scene.texts.section("strikes")
+    said = edit.tree(node)
+    assert isinstance(said, dict)
+    body = said[strikes.name]
+    assert isinstance(body, dict)
+    body = {name: value for name, value in body.items() if name not in ("for", "until", "times")}
+    if strikes.rate is not None:
+        fills = begin < SAME and stop >= scene.beats - SAME
+        end_ = at + min(stop, scene.beats)
+        ends = until if fills or end_ > last else written(piece, end_)
+        rounds = [{**body, "at": written(piece, at + begin), "until": ends}]
+        rounds = rounds if begin < scene.beats - SAME and at + begin < last else []
+    else:
+        limit = None if strikes.until is None and strikes.span is None else stop
+        every, count = strikes.every, strikes.times
+        found = starts(tempo, begin, Time(), every=every, times=count, until=limit)
+        rounds = [
+            {
+                **body,
+                "at": written(piece, at + beat),
+                "every": f"{scene.beats:.12g}",
+                "until": until,
+            }
+            for beat in found
+            if beat < scene.beats - SAME and at + beat < last
+        ]
+    for one in rounds:
+        texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(one))
+    return texts
+
+
+def _free(texts: Texts, name: str) -> str:
+    """A name of strikes that is free: `rain`, `rain-2`, …"""
+    said = edit.tree(texts.section("strikes"))
+    taken = said if isinstance(said, dict) else {}
+    count = 1
+    while (free := name if count == 1 else f"{name}-{count}") in taken:
+        count += 1
+    return free

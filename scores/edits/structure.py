@@ -1,0 +1,259 @@
+"""Instruments, keys, links, players and routes of a score: added, removed, renamed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from ergon.notation.text import document, edit
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import quote
+from ergon.scores.edits import matter
+from ergon.scores.edits.lists import dropped, items, place
+from ergon.scores.edits.texts import Texts
+from ergon.scores.pattern import words
+from ergon.scores.reading.piece import Piece
+
+LINKS = "links"  # the instrument that holds links between others
+_AUDIBLE = 20.0  # [Hz] slower modules are mechanics, which a transposition leaves alone
+_SEMITONES = 12.0
+
+Fields = Mapping[str, str]
+
+
+def build(
+    texts: Texts, piece: Piece, name: str, base: str, fields: Fields, semitones: float = 0.0
+) -> Texts:
+    """Add an instrument like another (`bell`), or one from a file (`bell/bell`).
+
+    Its own `fields` replace those of the other; a transposition moves every cell and generator
+    that is heard. Raises EditError.
+    """
+    said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
+    texts = texts if piece.mix.routes else _routed(texts, piece)
+    made = texts.put(("instruments", name), edit.flow(said))
+    return _transposed(made, name, semitones) if semitones else made
+
+
+def key(texts: Texts, name: str, like: str) -> Texts:
+    """Add a key like another. Raises EditError."""
+    return texts.put(("keys", name), edit.flow({"like": like}))
+
+
+def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
+    """Let a player take a key; a player who is new plays nothing yet. Raises EditError."""
+    if name not in piece.players:
+        return texts.put(("players", name), edit.flow({"key": key}))
+    if piece.players[name].hand != "virtual":
+        raise EditError(f"{name} is a real hand, which has the key of its device")
+    return texts.put(("players", name, "key"), key)
+
+
+def link(texts: Texts, kind: str, ends: Sequence[str], fields: Fields) -> tuple[Texts, str]:
+    """Join two modules by a link of a kind; also its name. Raises EditError."""
+    said = edit.tree(texts.section("instruments"))
+    own = said.get(LINKS) if isinstance(said, dict) else None
+    known = own.get("modules") if isinstance(own, dict) else None
+    taken = known if isinstance(known, dict) else {}
+    count = 1
+    while (name := f"{kind.lower()}-{count}") in taken:
+        count += 1
+    body: dict[str, edit.Tree] = {kind: {"between": [*ends], **fields}}
+    path = ("instruments", LINKS, "modules", name)
+    return texts.put(path, edit.flow(body)), f"{LINKS}.{name}"
+
+
+def route(
+    texts: Texts, piece: Piece, name: str, channels: Sequence[str], gain: str | None
+) -> Texts:
+    """Let an instrument sound from channels, in place of where it did. Raises EditError."""
+    texts = texts if piece.mix.routes else _routed(texts, piece)
+    to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
+    own = [number for number, node in enumerate(items(texts, "mix", "route")) if _is_of(node, name)]
+    for number in reversed(own[1:]):
+        texts = texts.remove(("mix", "route", number))
+    if own:
+        path = place(texts, "mix", own[0], "route")
+        texts = texts.put((*path, "to"), edit.flow(to))
+        return texts if gain is None else texts.put((*path, "gain"), gain)
+    said: dict[str, edit.Tree] = {"from": name, "to": to}
+    return texts.append(
+        ("mix", "route"), edit.flow(said if gain is None else {**said, "gain": gain})
+    )
+
+
+def remove(texts: Texts, piece: Piece, name: str) -> Texts:
+    """Remove what has a name, with what belongs to it alone.
+
+    A player goes with the part, a key with its couplings, an instrument with its routes. Raises
+    EditError.
+    """
+    section, path = _written(texts, name)
+    if section == "players" and _has(texts, ("parts", name)):
+        texts = texts.remove(("parts", name))
+    if section == "keys":
+        for number in reversed(range(len(piece.duet))):
+            if name in (piece.duet[number].a.part, piece.duet[number].b.part):
+                texts = dropped(texts, "duet", number)
+    if section == "instruments" and len(path) == 2:
+        routes = items(texts, "mix", "route")
+        for number in reversed(range(len(routes))):
+            if _is_of(routes[number], name):
+                if len(items(texts, "mix", "route")) == 1:
+                    raise EditError(f"{name} is the last instrument that is heard: route another")
+                texts = texts.remove(("mix", "route", number))
+    holder = edit.tree(texts.section(section))
+    for word in path[1:-1]:
+        holder = holder.get(word) if isinstance(holder, dict) else None
+    if len(path) > 2 and isinstance(holder, dict) and len(holder) == 1:
+        return remove(texts, piece, path[1])  # an instrument without modules is none
+    return texts.remove(path)
+
+
+def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
+    """Give a gesture, a take or a player another name, wherever it is named. Raises EditError."""
+    section, _ = _written(texts, old)
+    if section not in ("gestures", "takes", "players"):
+        raise EditError(f"{old} sounds under its name: what moves keeps its name while it plays")
+    taken = {*piece.players} if section == "players" else {*piece.gestures, *piece.takes}
+    if new in taken:
+        raise EditError(f"the name {quote(new)} is in use")
+    root = texts.document().root
+    assert isinstance(root, document.Mapping)
+    places = sorted(_named(root, section, old))
+    text, after = "", 0
+    for start, stop in places:
+        text, after = f"{text}{texts.text[after:start]}{new}", stop
+    return texts.changed(text + texts.text[after:])
+
+
+def _transposed(texts: Texts, name: str, semitones: float) -> Texts:
+    """An instrument, every cell and generator of which is moved by so many semitones."""
+    loaded = texts.load()
+    if loaded.piece is None:
+        first = next(found for found in loaded.diagnostics if found.severity == "error")
+        raise EditError(first.message)
+    instrument, ratio = loaded.piece.instruments[name], 2.0 ** (semitones / _SEMITONES)
+    count = 0
+    for module in instrument.modules:
+        f, stiffness, mass = (module.fields.get(field) for field in ("f", "K", "M"))
+        path = ".".join(filter(None, (name, module.name)))
+        if isinstance(f, float):
+            target, factor, is_heard = f"{path}.f", ratio, f >= _AUDIBLE
+        elif module.kind == "CEL" and isinstance(stiffness, float) and isinstance(mass, float):
+            target, factor = f"{path}.K", ratio * ratio
+            is_heard = stiffness > mass * (2.0 * 3.141592653589793 * _AUDIBLE) ** 2
+        elif isinstance(f, tuple):  # a bank's range
+            target, factor, is_heard = f"{path}.f", ratio, f[1] >= _AUDIBLE
+        else:
+            continue
+        if is_heard:
+            texts = matter.set_value(texts, loaded.piece, target, f"x{factor:.17g}")
+            count += 1
+    if not count:
+        raise EditError(f"{name} has no cell and no generator that could be transposed")
+    return texts
+
+
+def _routed(texts: Texts, piece: Piece) -> Texts:
+    """The routes of a score that says none: each output has a channel of its own."""
+    channel = 0
+    for instrument in piece.instruments.values():
+        for output in instrument.outputs:
+            channel += 1
+            name = ".".join(filter(None, (instrument.name, output.name)))
+            said: dict[str, edit.Tree] = {"from": name, "to": [str(channel)]}
+            texts = texts.append(("mix", "route"), edit.flow(said))
+    return texts
+
+
+def _written(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
+    """The section in which the score itself defines a name, and its path. Raises EditError."""
+    part, _, module = name.partition(".")
+    for section in ("players", "gestures", "takes", "keys", "instruments", "strikes", "marks"):
+        if _has(texts, (section, name)):
+            return section, (section, name)
+        if module and _has(texts, (section, part, "modules", module)):
+            return section, (section, part, "modules", module)
+    raise EditError(f"{name} stands in a file that the score uses: change that file, and `reload`")
+
+
+def _has(texts: Texts, path: Sequence[str]) -> bool:
+    node = texts.section(path[0])
+    for name in path[1:]:
+        node = node.get(name) if isinstance(node, document.Mapping) else None
+    return node is not None
+
+
+def _is_of(route: Node, name: str) -> bool:
+    source = route.get("from") if isinstance(route, document.Mapping) else None
+    return isinstance(source, Scalar) and (
+        source.text == name or source.text.startswith(f"{name}.")
+    )
+
+
+def _named(root: document.Mapping, section: str, name: str) -> Iterator[tuple[int, int]]:
+    """Where a gesture, take or player is named in a score: first and last character."""
+    own = root.get(section)
+    if isinstance(own, document.Mapping) and name in own.entries:
+        word, _ = own.entries[name]
+        yield word.start, word.end
+    parts = root.get("parts")
+    players = parts.entries if isinstance(parts, document.Mapping) else {}
+    if section == "players":
+        if name in players:
+            yield players[name][0].start, players[name][0].end
+        return
+    for _, part in players.values():
+        if isinstance(part, document.Sequence):
+            for item in part.items:
+                play = item.get("play") if isinstance(item, document.Mapping) else None
+                yield from _in_play(play, name)
+        elif isinstance(part, Scalar):
+            yield from _in_table(part, name)
+    gestures, hands = root.get("gestures"), root.get("players")
+    for table, field in ((gestures, "like"), (hands, "standin")):
+        for _, node in table.entries.values() if isinstance(table, document.Mapping) else ():
+            yield from _same(node.get(field) if isinstance(node, document.Mapping) else None, name)
+
+
+def _same(node: Node | None, name: str) -> Iterator[tuple[int, int]]:
+    if isinstance(node, Scalar) and node.text == name:
+        yield node.start, node.end
+
+
+def _in_table(part: Scalar, name: str) -> Iterator[tuple[int, int]]:
+    """Where rows of a table name what is played."""
+    for row, offset in words.rows(part.text):
+        called: list[int] = []
+        play = words.parse_row(row, offset, _noting(name, called)).play
+        yield from _spans(part, name, play, called)
+
+
+def _in_play(node: Node | None, name: str) -> Iterator[tuple[int, int]]:
+    """Where the play of an entry names what is played."""
+    if isinstance(node, Scalar) and not node.is_empty:
+        called: list[int] = []
+        yield from _spans(node, name, words.parse(node.text, 0, _noting(name, called)), called)
+
+
+def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
+    """Note where a name stands in a pattern."""
+
+    def note(word: str, at: int) -> str:
+        if word == name:
+            called.append(at)
+        return word
+
+    return note
+
+
+def _spans(
+    node: Scalar, name: str, play: words.PlayWords, called: list[int]
+) -> Iterator[tuple[int, int]]:
+    """First and last character of a name in a play, whose pattern calls it at some offsets."""
+    own = node.document
+    for offset in [play.what.offset] if play.what.text == name else sorted({*called}):
+        where = node.place_at(offset, len(name))
+        start, _ = own.line_span(where.line - own.first_row - 1)
+        yield start + where.column - 1, start + where.column - 1 + len(name)

@@ -1,0 +1,202 @@
+"""The order in which a pattern plays: `knock lean knock`, `knock (lean lean) ~`, `choose a b c`.
+
+    pattern := [choose | walk | shuffle] item+
+    item    := (name | '~' | '(' pattern ')') ['*' count]
+
+Every item of the outermost pattern takes one step, `~` rests for one. A group takes one step too,
+which its items share evenly; with a count it is written out so many times and takes a step for each
+of its items, as a group of the gesture notation does. `choose` and `walk` play one of their items
+in each round and take one step; `shuffle` plays all of them in an order of its own in each round.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+from ergon.notation.tables.shapes import NAME
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.spelling import nearest
+
+Way = Literal["in turn", "choose", "walk", "shuffle"]
+WAYS: tuple[Way, ...] = get_args(Way)[1:]  # that are written; `in turn` goes without saying
+
+REST = "~"
+MAX_DEPTH = 8  # groups inside groups, as in the notation of gestures
+MAX_PLACES = 10_000  # of a round
+_TOO_MANY = f"this pattern has more than {MAX_PLACES:,} places in a round"
+
+_TOKEN = re.compile(r"(\()|(\)|[^\s()*]+)(?:\s*+\*\s*+([^\s()]*+))?|(\*)")
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """One name, or a rest (None)."""
+
+    name: str | None
+    span: int = 1
+    places: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Items that share `span` steps; `site` tells its draws from those of other groups.
+
+    `steps` is how many steps the group would take if it stood alone, `places` how many items begin
+    in a round at most.
+    """
+
+    way: Way
+    items: tuple[Leaf | Group, ...]
+    site: int
+    span: int
+    steps: int
+    places: int
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether items begin at the same instants in each round, whatever is drawn."""
+        if self.way == "in turn":
+            return all(isinstance(item, Leaf) or item.is_steady for item in self.items)
+        return all(isinstance(item, Leaf) for item in self.items)
+
+    def leaves(self) -> Iterator[Leaf]:
+        """All names that may be played, in the order written."""
+        for item in self.items:
+            if isinstance(item, Group):
+                yield from item.leaves()
+            elif item.name is not None:
+                yield item
+
+
+Called = Callable[[str, int], str | tuple[str, ...]]
+
+
+class _Open(NamedTuple):
+    """A bracket that is not closed yet."""
+
+    offset: int
+    way: list[Way]
+    items: list[tuple[Leaf | _Open, int | None, int]]  # each with its count, and where it begins
+
+
+def parse(text: str, called: Called | None = None) -> Group:
+    """Read a pattern; `called` makes a name of a word and its offset, or several.
+
+    Without it words are names of gestures and takes. Raises TextError with the characters at fault.
+    """
+    called = called or name_of
+    alone = text.strip()
+    if alone in WAYS:  # the name of a gesture
+        found = called(alone, text.index(alone))
+        return plain(found if isinstance(found, str) else alone)
+    stack = [_Open(0, ["in turn"], [])]
+    for token in _TOKEN.finditer(text):
+        opened, word, count, star = token.groups()
+        top = stack[-1]
+        if star:
+            message = "'*' repeats the name or the group before it: knock*2, (knock lean)*2"
+            raise TextError(message, offset=token.start(4))
+        if opened:
+            if len(stack) > MAX_DEPTH:
+                message = f"groups are nested more than {MAX_DEPTH} deep"
+                raise TextError(message, offset=token.start())
+            stack.append(_Open(token.start(), ["in turn"], []))
+            continue
+        times = None if count is None else _count(count, token.start(3))
+        if word != ")":
+            way = _way(word)
+            if way is not None and not top.items and top.way == ["in turn"]:
+                top.way[:] = [way]
+                continue
+            offset = token.start(2)
+            leaves = _leaves(word, offset, called)
+            if (times or 1) * len(leaves) > MAX_PLACES:
+                raise TextError(_TOO_MANY, offset=offset, length=len(word))
+            for _ in range(times or 1):  # several names of one word are repeated together
+                top.items.extend((leaf, None, offset) for leaf in leaves)
+            continue
+        if len(stack) == 1:
+            raise TextError("')' closes no group", offset=token.start(2))
+        _not_empty(stack.pop())
+        stack[-1].items.append((top, times, top.offset))
+    if len(stack) > 1:
+        raise TextError("this group is not closed; write ( … )", offset=stack[-1].offset)
+    _not_empty(stack[0], len(text))
+    return _Maker().group(stack[0], 1)
+
+
+def plain(name: str) -> Group:
+    """The pattern of one name."""
+    return Group("in turn", (Leaf(name),), 0, 1, 1, 1)
+
+
+def _way(word: str) -> Way | None:
+    return next((way for way in WAYS if way == word), None)
+
+
+def _leaves(word: str, offset: int, called: Called) -> list[Leaf]:
+    if word == REST:
+        return [Leaf(None)]
+    if word in WAYS:
+        message = f"'{word}' stands at the beginning of a pattern or a group: ({word} knock lean)"
+        raise TextError(message, offset=offset, length=len(word))
+    found = called(word, offset)
+    return [Leaf(found)] if isinstance(found, str) else [Leaf(name) for name in found]
+
+
+def name_of(word: str, offset: int) -> str:
+    """The word, where it may be the name of a gesture or a take. Raises TextError."""
+    if not all(NAME.fullmatch(part) for part in word.split(".")):
+        message = f"'{word[:40]}' is not the name of a gesture or a take"
+        near = nearest(word, WAYS)
+        raise TextError(message, offset=offset, length=len(word), suggestion=near)
+    return word
+
+
+def _count(text: str, offset: int) -> int:
+    if not re.fullmatch(r"[0-9]{1,5}", text) or not 1 <= int(text) <= MAX_PLACES:
+        message = f"'{text[:40]}' is not a number of repetitions; write knock*2 or (knock lean)*2"
+        raise TextError(message, offset=offset, length=max(1, len(text)))
+    return int(text)
+
+
+def _not_empty(group: _Open, length: int = 1) -> None:
+    if not group.items:
+        way = group.way[0]
+        said = "this group" if way == "in turn" else f"'{way}'"
+        message = f"{said} has no names; write for instance {way} knock lean"
+        if way == "in turn":
+            message = f"{said} has no names; write for instance (knock lean)"
+        raise TextError(message, offset=group.offset, length=max(1, length))
+
+
+class _Maker:
+    """Writes counts out, and numbers the groups."""
+
+    def __init__(self) -> None:
+        self.sites = 0
+        self.places = 0
+
+    def group(self, written: _Open, span: int | None) -> Group:
+        """A group that takes `span` steps; None: as many as it has."""
+        way, site = written.way[0], self.sites
+        self.sites += 1
+        items: list[Leaf | Group] = []
+        for item, count, offset in written.items:
+            for _ in range(count or 1):
+                if isinstance(item, Leaf):
+                    items.append(item)
+                    self.places += 1
+                else:
+                    items.append(self.group(item, None if count else 1))
+                if self.places > MAX_PLACES:
+                    raise TextError(_TOO_MANY, offset=offset)
+        if way in ("choose", "walk"):
+            steps, places = 1, max(item.places for item in items)
+        else:
+            steps = sum(item.span for item in items)
+            places = sum(item.places for item in items)
+        return Group(way, tuple(items), site, span or steps, steps, places)

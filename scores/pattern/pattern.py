@@ -1,0 +1,179 @@
+"""A pattern with its rhythm and its chance, and what it plays in each of its places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import NamedTuple
+
+from ergon.scores.gesture.transforms import Transform
+from ergon.scores.pattern.draws import Draws
+from ergon.scores.pattern.order import Group, Leaf
+from ergon.scores.pattern.rhythm import EVEN, Euclid, swung
+from ergon.scores.pattern.turns import Turn
+
+_ROUNDS = 1024  # of one line that are kept
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """What a line plays step by step; `skip` places are left out at its beginning.
+
+    `swing` is the share that the first of two steps takes of both, `chance` the probability of each
+    place; None: everything is played.
+    """
+
+    order: Group
+    euclid: Euclid | None = None
+    swing: float = EVEN
+    chance: float | None = None
+    turns: tuple[Turn, ...] = ()
+    skip: int = 0
+
+    def leaves(self) -> Iterator[Leaf]:
+        """All names that may be played, in the order written."""
+        return self.order.leaves()
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it says no more than the name of what is played, every time."""
+        single = self.order.way == "in turn" and len(self.order.items) == 1
+        item = self.order.items[0]
+        is_name = single and isinstance(item, Leaf) and item.name is not None
+        return is_name and Pattern(self.order) == self
+
+
+class Place(NamedTuple):
+    """Where an item of a round begins, in steps from the round's beginning; None rests."""
+
+    at: Fraction
+    name: str | None = None
+
+
+class Course:
+    """A pattern as it goes: its places by number, from 0, without end.
+
+    What happens in a place depends on the pattern, the draws and the place's number alone.
+    """
+
+    def __init__(self, pattern: Pattern, draws: Draws) -> None:
+        """Of a pattern, with draws of its own."""
+        self.pattern = pattern
+        self.draws = draws
+        self._round = lru_cache(_ROUNDS)(self._drawn)
+        self._names = lru_cache(_ROUNDS)(self._named)
+        order = pattern.order
+        self._steady = None
+        if order.is_steady:
+            self._steady = tuple(place.at for place in _places(order, None, 0))
+
+    def step(self, place: int) -> tuple[int, float]:
+        """The step of the line in which a place is, and how far into the step."""
+        turn, number = divmod(place + self.pattern.skip, self.pattern.order.places)
+        at = self._steady[number] if self._steady is not None else self._round(turn)[number].at
+        step = int(at)
+        return turn * self.pattern.order.steps + step, float(at - step)
+
+    def position(self, place: int) -> float:
+        """Where a place begins, in steps from the beginning of the pattern, swing included."""
+        step, into = self.step(place)
+        euclid = self.pattern.euclid
+        if euclid is not None:
+            cycle, pulse = divmod(step, euclid.pulses)
+            step = cycle * euclid.steps + euclid.positions()[pulse]
+        return swung(step, into, self.pattern.swing)
+
+    def round(self, place: int) -> int:
+        """The round in which a place is: of the names or, with a Euclidean rhythm, of that."""
+        if self.pattern.euclid is not None:
+            return self.step(place)[0] // self.pattern.euclid.pulses
+        return (place + self.pattern.skip) // self.pattern.order.places
+
+    def places_of(self, rounds: int) -> int:
+        """How many places so many rounds have, less those that are skipped."""
+        order, euclid = self.pattern.order, self.pattern.euclid
+        if euclid is None:
+            return rounds * order.places - self.pattern.skip
+        turns, rest = divmod(rounds * euclid.pulses, order.steps)
+        partial = sum(place.at < rest for place in self._round(turns)) if rest else 0
+        return turns * order.places + partial - self.pattern.skip
+
+    def played(self, place: int) -> str | None:
+        """The name of what is played in a place; None: it rests."""
+        name, number = self.named(place), place + self.pattern.skip
+        chance = self.pattern.chance
+        if name is None or (chance is not None and not self.draws.happens(chance, number)):
+            return None
+        return name
+
+    def named(self, place: int) -> str | None:
+        """The name in a place, whether chance lets it be played or not; None: a rest."""
+        turn, within = divmod(place + self.pattern.skip, self.pattern.order.places)
+        return self._names(turn)[within]
+
+    def do(self, place: int) -> tuple[Transform, ...]:
+        """The transformations of the round in which a place is."""
+        number = self.round(place) + 1
+        return tuple(one for t in self.pattern.turns if number % t.nth == 0 for one in t.do)
+
+    def _named(self, turn: int) -> Sequence[str | None]:
+        return tuple(_names(self.pattern.order, self.draws, turn))
+
+    def _drawn(self, turn: int) -> Sequence[Place]:
+        return tuple(_places(self.pattern.order, self.draws, turn))
+
+
+def _names(item: Leaf | Group, draws: Draws, turn: int) -> Iterator[str | None]:
+    """The names of a round, in the order of its places."""
+    if isinstance(item, Leaf):
+        yield item.name
+        return
+    count = len(item.items)
+    if item.way in ("choose", "walk"):
+        draw = draws.chooses if item.way == "choose" else draws.walks
+        chosen = item.items[draw(item.site, turn, count)]
+        yield from _names(chosen, draws, turn)
+        yield from (None for _ in range(item.places - chosen.places))
+        return
+    is_drawn = item.way == "shuffle"
+    for index in draws.shuffles(item.site, turn, count) if is_drawn else range(count):
+        yield from _names(item.items[index], draws, turn)
+
+
+def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
+    """Every place of a round; without draws nothing is told but when they are."""
+    return _of(order, Fraction(0), Fraction(order.steps), draws, turn)
+
+
+def _of(
+    item: Leaf | Group, at: Fraction, width: Fraction, draws: Draws | None, turn: int
+) -> Iterator[Place]:
+    """The places of an item that begins at a step and lasts for some."""
+    if isinstance(item, Leaf):
+        yield Place(at, item.name)
+        return
+    if item.way in ("choose", "walk"):
+        index = 0
+        if draws is not None:
+            draw = draws.chooses if item.way == "choose" else draws.walks
+            index = draw(item.site, turn, len(item.items))
+        last = at
+        chosen = item.items[index]
+        for place in _of(chosen, at, width, draws, turn):
+            last = place.at
+            yield place
+        # Every round has as many places: what another item would need rests.
+        yield from (Place(last, None) for _ in range(item.places - chosen.places))
+        return
+    members = range(len(item.items))
+    if item.way == "shuffle" and draws is not None:
+        order: Sequence[int] = draws.shuffles(item.site, turn, len(item.items))
+    else:
+        order = members
+    each = width / item.steps
+    for index in order:
+        child = item.items[index]
+        yield from _of(child, at, each * child.span, draws, turn)
+        at += each * child.span

@@ -1,0 +1,165 @@
+"""When the places of a pattern begin: beats by number, worked out where they are asked for."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import inf
+from typing import overload
+
+from ergon._core import poll
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.occurrences import MAX_OCCURRENCES
+from ergon.notation.clock.positions import Length
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.values import Time
+from ergon.scores.pattern.order import Leaf
+from ergon.scores.pattern.pattern import Course
+from ergon.scores.pattern.rhythm import EVEN
+
+_TOO_MANY = f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures"
+
+
+class Steps(Sequence[float]):
+    """Beats on which the places of a line begin, those that rest too.
+
+    `course` says what is played there.
+    """
+
+    def __init__(
+        self,
+        course: Course,
+        beat: Callable[[int], float],
+        count: int,
+        again: Callable[[Course], Steps],
+    ) -> None:
+        """So many places, each on its beat; `again` makes them of another course."""
+        self.course = course
+        self.beat = beat
+        self._count = count
+        self._again = again
+
+    def with_seed(self, seed: int) -> Steps:
+        """The same line where all chance derives from another number."""
+        course = self.course
+        if course.draws.seed == seed:
+            return self
+        return self._again(Course(course.pattern, replace(course.draws, seed=seed)))
+
+    def __len__(self) -> int:
+        """How many places there are."""
+        return self._count
+
+    def part(self, first: int, last: int, at: Callable[[float], str]) -> dict[str, str | None]:
+        """What a line says that has its places from `first` up to `last` alone, at the same beats.
+
+        `at` writes a beat.
+        """
+        pattern = self.course.pattern
+        fields = {"at": at(self[first]), "until": at(self.beat(last)), "times": None}
+        skipped, euclid = pattern.skip + first, pattern.euclid
+        if not skipped and euclid is not None:  # its first pulse may be later than its beginning
+            rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
+            fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
+        return {**fields, "skip": str(skipped) if skipped else None}
+
+    @overload
+    def __getitem__(self, index: int) -> float: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[float]: ...
+    def __getitem__(self, index: int | slice) -> float | list[float]:
+        """The beat of a place."""
+        if isinstance(index, slice):
+            return [self.beat(place) for place in range(*index.indices(self._count))]
+        place = index + self._count if index < 0 else index
+        if not 0 <= place < self._count:
+            raise IndexError(index)
+        return self.beat(place)
+
+
+def steps(
+    tempo: TempoMap,
+    at: float,
+    course: Course,
+    *,
+    every: Length | None = None,
+    times: int | None = None,
+    until: float | None = None,
+    length: Callable[[str], Time | None] = lambda name: None,
+    room: int = MAX_OCCURRENCES,
+) -> Steps:
+    """The places of a line that begins on beat `at`, a step `every` so often.
+
+    Without `every` a Euclidean rhythm lasts a bar, and plain names follow each other after their
+    own `length`. Without `times` (rounds) and `until` there is one round. `room` is how many more
+    places the piece may have. Raises TextError.
+    """
+    poll()
+    times = 1 if times is None and until is None else times
+    most = room + 1 if times is None else course.places_of(times)
+    if most <= 0:
+        raise TextError(f"'skip {course.pattern.skip}' leaves out every place of the pattern")
+    if every is None and course.pattern.euclid is not None:
+        every = Length(bars=1.0 / course.pattern.euclid.steps)
+    if every is not None:
+        if not max(every.bars, every.beats, every.seconds) > 0.0:
+            raise TextError("'every' must be above 0")
+        beat = _even(tempo, at, course, every)
+    else:
+        beat = _end_to_end(tempo, at, course, length, min(most, room + 1), until)
+    if until is not None:
+        stop = until - SAME
+        most = bisect_left(range(min(most, room + 1)), True, key=lambda n: beat(n) >= stop)
+    if most > room:
+        raise TextError(_TOO_MANY)
+
+    def again(other: Course) -> Steps:
+        return steps(
+            tempo, at, other, every=every, times=times, until=until, length=length, room=room
+        )
+
+    return Steps(course, beat, most, again)
+
+
+def _even(tempo: TempoMap, at: float, course: Course, every: Length) -> Callable[[int], float]:
+    """A step `every` so often; what is entered after some places begins with the next."""
+    first = course.position(0) if course.pattern.skip else 0.0
+
+    def beat(place: int) -> float:
+        return tempo.after(at, every.times(course.position(place) - first))
+
+    return beat
+
+
+def _end_to_end(
+    tempo: TempoMap,
+    at: float,
+    course: Course,
+    length: Callable[[str], Time | None],
+    most: int,
+    until: float | None,
+) -> Callable[[int], float]:
+    """Every place when what the one before plays has ended."""
+    order = course.pattern.order
+    lasting = []
+    for item in order.items:
+        found = length(item.name) if isinstance(item, Leaf) and item.name is not None else None
+        if order.way != "in turn" or found is None or course.pattern.swing != EVEN:
+            raise TextError(
+                "the length of a step is missing; write `every`, for instance every 1",
+                code="E103",
+            )
+        lasting.append(Length(0.0, *found))
+    if not any(one.beats > 0.0 or one.seconds > 0.0 for one in lasting):
+        raise TextError("the gestures have no duration; write `every`, for instance every 1")
+    beats = [at]
+    for place in range(most):
+        if until is not None and beats[-1] >= until:
+            break
+        if not place % 1024:
+            poll()
+        number = (place + course.pattern.skip) % len(lasting)
+        beats.append(tempo.after(beats[-1], lasting[number]))
+    return lambda place: beats[place] if place < len(beats) else inf

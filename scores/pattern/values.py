@@ -1,0 +1,94 @@
+"""Patterns of values: notes, scales and chords by name, quantities with units, factors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ergon import _core
+from ergon.notation.tables import quantities as q
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+from ergon.scores.pattern.order import Group, parse
+
+# Semitones above the root.
+SCALES: Mapping[str, tuple[int, ...]] = {
+    "major": (0, 2, 4, 5, 7, 9, 11),
+    "minor": (0, 2, 3, 5, 7, 8, 10),
+    "harmonic-minor": (0, 2, 3, 5, 7, 8, 11),
+    "melodic-minor": (0, 2, 3, 5, 7, 9, 11),
+    "dorian": (0, 2, 3, 5, 7, 9, 10),
+    "phrygian": (0, 1, 3, 5, 7, 8, 10),
+    "lydian": (0, 2, 4, 6, 7, 9, 11),
+    "mixolydian": (0, 2, 4, 5, 7, 9, 10),
+    "locrian": (0, 1, 3, 5, 6, 8, 10),
+    "pentatonic": (0, 2, 4, 7, 9),
+    "minor-pentatonic": (0, 3, 5, 7, 10),
+    "blues": (0, 3, 5, 6, 7, 10),
+    "whole-tone": (0, 2, 4, 6, 8, 10),
+    "chromatic": tuple(range(12)),
+    "maj": (0, 4, 7),
+    "min": (0, 3, 7),
+    "dim": (0, 3, 6),
+    "aug": (0, 4, 8),
+    "sus2": (0, 2, 7),
+    "sus4": (0, 5, 7),
+    "maj7": (0, 4, 7, 11),
+    "min7": (0, 3, 7, 10),
+    "dom7": (0, 4, 7, 10),
+    "dim7": (0, 3, 6, 9),
+    "m7b5": (0, 3, 6, 10),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """A value in SI units, or a factor of what the parameter has of its own."""
+
+    value: float
+    is_factor: bool = False
+
+    def of(self, own: float) -> float:
+        """The value, where the parameter's own is known."""
+        return self.value * own if self.is_factor else self.value
+
+
+def parse_values(
+    text: str, read: Callable[[str], float], *, is_pitch: bool = False
+) -> tuple[Group, Mapping[str, Amount]]:
+    """Read a pattern of values: its order, and the amount of each of its names.
+
+    `read` reads a quantity, `x1.5` is a factor; of pitches `A3.minor` is a scale or a chord. Raises
+    TextError with the characters at fault.
+    """
+    amounts: dict[str, Amount] = {}
+
+    def called(word: str, offset: int) -> str | tuple[str, ...]:
+        try:
+            if is_pitch and word[:1].isalpha() and "." in word and not word.startswith("x"):
+                some = _scale(word)
+                amounts.update(some)
+                return tuple(some)
+            if word.startswith("x"):
+                amounts[word] = Amount(q.factor(word), is_factor=True)
+            else:
+                amounts[word] = Amount(read(word))
+        except TextError as error:
+            error.offset += offset
+            raise
+        return word
+
+    order = parse(text, called)
+    return order, amounts
+
+
+def _scale(word: str) -> dict[str, Amount]:
+    root, _, name = word.partition(".")
+    base = q.frequency(root)
+    if name not in SCALES:
+        message = f"{quote(name)} is not the name of a scale or a chord"
+        near = nearest(name, SCALES)
+        raise TextError(message, offset=len(root) + 1, length=max(1, len(name)), suggestion=near)
+    return {
+        f"{word}.{n}": Amount(base * _core.pow(2.0, n / 12.0) if n else base) for n in SCALES[name]
+    }

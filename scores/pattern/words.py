@@ -1,0 +1,275 @@
+"""A play in words: `lean every 8 times 2 do scale 0.5, mirror until C layer`, `knock lean every 1`.
+
+The words are the fields of a part and the transformations; the REPL says the same after `plays`,
+and a row of a part's table after its position.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.spelling import nearest
+from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
+from ergon.scores.pattern.order import Group, name_of
+from ergon.scores.pattern.order import parse as parse_order
+from ergon.scores.pattern.turns import ORDINAL
+from ergon.scores.pattern.turns import parse as parse_turns
+
+Called = Callable[[str, int], str]
+
+# An option and what follows it; None for a flag.
+OPTIONS = {
+    "at": "A",
+    "every": "1",
+    "times": "8",
+    "until": "C",
+    "chance": "0.6",
+    "euclid": "3 8",
+    "swing": "0.6",
+    "skip": "5",
+    "touch": "tracked",
+    "ergons": "particle",
+    "grain": "5ms",
+    "join": "20ms",
+    "force_limit": "5N",
+    "rate": "4kHz",
+    "layer": None,
+}
+# Written as `every 4th do mirror`: one word more would be one more to learn.
+NTH = "nth"
+# Options of a pattern, which may be names of gestures too: the first word of a play is a name.
+_OF_PATTERNS = ("chance", "euclid", "swing", "skip")
+_KNOWN = (*OPTIONS, "do", *ARITY)
+_SIGNS = frozenset(",()*~")  # of a text that is not one name
+_WORD = re.compile(r",|[^\s,]+")
+_COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
+
+
+class Word(NamedTuple):
+    """A value as written, and where it begins in the text."""
+
+    text: str
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class PlayWords:
+    """What is played, its options as written (a flag is `true`), and its transformations.
+
+    `order` is what is played as a pattern; None where that is one name.
+    """
+
+    what: Word
+    options: dict[str, Word]
+    do: tuple[Transform, ...] = ()
+    order: Group | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of a part's table: where, and what is played there."""
+
+    at: Word
+    play: PlayWords
+
+
+def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
+    """Read a play; `called` makes a name of a word and its offset.
+
+    Raises TextError with offsets into the text, `start` characters further on.
+    """
+    words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
+    if not words or (words[0].text in (*OPTIONS, "do", ",") and words[0].text not in _OF_PATTERNS):
+        raise TextError(
+            "the gesture or take is missing; write for instance knock every 1",
+            offset=start + (words[0].offset if words else 0),
+            length=len(words[0].text) if words else 1,
+        )
+    options: dict[str, Word] = {}
+    if len(words) == 1 and words[0].text.isidentifier():  # most plays
+        return PlayWords(Word(words[0].text, start + words[0].offset), options)
+    stop = 1
+    while stop < len(words) and words[stop].text not in (*_KNOWN, ","):
+        stop += 1
+    what, order = _order(text, words[:stop], start, called)
+    chain: list[Transform] = []
+    wanting: str | None = None  # a `do` or a comma that a transformation must follow
+    i = stop
+    while i < len(words):
+        word, offset = words[i]
+        place = start + offset
+        if word in ARITY or wanting is not None:
+            stop = _end_of_transform(words, i)
+            last = words[stop - 1]
+            chain.append(parse_do(text[offset : last.offset + len(last.text)], place))
+            wanting, i = None, stop
+        elif word == "do" or (word == "," and chain and words[i - 1].text not in OPTIONS):
+            wanting, i = word, i + 1
+        elif word in OPTIONS:
+            name, i, value = _value(text, words, i, start, OPTIONS)
+            if name in options:
+                raise TextError(f"'{word}' is written twice", offset=place, length=len(word))
+            options[name] = Word(value.text, start + value.offset)
+        elif OPTIONS.get(words[i - 1].text, "") is None:
+            flag = words[i - 1].text
+            raise TextError(
+                f"'{flag}' takes no value; remove '{word[:40]}'",
+                offset=place,
+                length=len(word),
+            )
+        else:
+            raise _unknown(words[i], start)
+    if wanting is not None:
+        last = words[-1]
+        raise TextError(
+            f"'{wanting}' needs a transformation: do scale 0.5, mirror",
+            offset=start + last.offset,
+            length=len(last.text),
+        )
+    if NTH in options:
+        parse_turns(options[NTH].text, options[NTH].offset)
+    return PlayWords(what, options, tuple(chain), order)
+
+
+def _order(
+    text: str, words: list[Word], start: int, called: Called | None
+) -> tuple[Word, Group | None]:
+    """What is played, and as a pattern unless it is one name."""
+    for before, word in pairwise(words):
+        if word.text[0].isdigit():  # a value: the word before it was to be an option
+            raise _unknown(word if before is words[0] else before, start)
+    first, last = words[0], words[-1]
+    what = Word(text[first.offset : last.offset + len(last.text)], start + first.offset)
+    if len(words) == 1 and not _SIGNS & set(what.text):
+        return what, None
+    make: Called = called or (lambda word, _: word)
+
+    def name(word: str, at: int) -> str:
+        return make(name_of(word, at), what.offset + at)
+
+    try:
+        return what, parse_order(what.text, name)
+    except TextError as error:
+        error.offset += what.offset
+        raise
+
+
+def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict[str, Word]]:
+    """Read modules, and options of strikes, of which `known` has an example each.
+
+    Raises TextError.
+    """
+    words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
+    stop = next((i for i, word in enumerate(words) if word.text in known), len(words))
+    options: dict[str, Word] = {}
+    i = stop
+    while i < len(words):
+        word, offset = words[i]
+        if word not in known:
+            raise _unknown(words[i], 0, known)
+        name, i, value = _value(text, words, i, 0, known)
+        if name in options:
+            raise TextError(f"'{word}' is written twice", offset=offset, length=len(word))
+        options[name] = value
+    return words[:stop], options
+
+
+def _value(
+    text: str, words: list[Word], i: int, start: int, known: Mapping[str, str | None]
+) -> tuple[str, int, Word]:
+    """The option at a word, where its value ends, and the value; of a flag `true`."""
+    word, offset = words[i]
+    if known[word] is None:
+        return word, i + 1, Word("true", offset)
+    values = words[i + 1 :]
+    if word == "every" and values and ORDINAL.fullmatch(values[0].text):
+        stop = _end_of_turns(words, i)
+        first, last = values[0], words[stop - 1]
+        return NTH, stop, Word(text[first.offset : last.offset + len(last.text)], first.offset)
+    count = 1
+    if word == "euclid":
+        count = 4 if [value.text for value in values[2:3]] == ["rotate"] else 2
+    values = values[:count]
+    bad = next((v for v in values if v.text in (*known, *_KNOWN, ",")), None)
+    if len(values) < count or bad is not None:
+        example = f"{word} {known[word]}" + (" rotate 2" if count == 4 else "")
+        message = f"'{word}' needs a value: {example}"
+        raise TextError(message, offset=start + offset, length=len(word))
+    first, last = values[0], values[-1]
+    stop = last.offset + len(last.text)
+    return word, i + 1 + count, Word(text[first.offset : stop], first.offset)
+
+
+def _unknown(word: Word, start: int, known: Iterable[str] = _KNOWN) -> TextError:
+    return TextError(
+        f"unknown word '{word.text[:40]}'",
+        offset=start + word.offset,
+        length=len(word.text),
+        suggestion=nearest(word.text, known),
+    )
+
+
+def rows(text: str) -> Iterator[tuple[str, int]]:
+    """Yield the rows of a part's table without their comments (`#`), and where each begins."""
+    offset = 0
+    for line in text.split("\n"):
+        row = _COMMENT.sub("", line) if "#" in line else line
+        if row.strip():
+            yield row, offset
+        offset += len(line) + 1
+
+
+def parse_row(row: str, offset: int = 0, called: Called | None = None) -> Row:
+    """Read `at` and the words of a play. Raises TextError, `offset` characters further on."""
+    cells = row.split()
+    at = cells[0]
+    lead = row.index(at)
+    if len(cells) == 1:
+        example = f"{at} knock" if at[0].isdigit() else f"1|1 {at}"
+        raise TextError(
+            f"a row has a position and a gesture or take; write {example[:40]}",
+            offset=offset + lead,
+            length=len(at),
+        )
+    if (
+        len(cells) == 2 and not _SIGNS & set(cells[1]) and cells[1] not in _KNOWN
+    ):  # most rows of most tables
+        name = Word(cells[1], offset + row.index(cells[1], lead + len(at)))
+        return Row(Word(at, offset + lead), PlayWords(name, {}))
+    play = parse(row[lead + len(at) :], offset + lead + len(at), called)
+    if "at" in play.options:
+        raise TextError(
+            "a row begins with a position, such as 3|1 or B",
+            offset=play.options["at"].offset,
+            length=1,
+        )
+    return Row(Word(at, offset + lead), play)
+
+
+def _end_of_turns(words: list[Word], first: int) -> int:
+    """Where `every 4th do mirror` ends, and all that follows it and is written so."""
+    stop = first
+    while len(words) > stop + 1 and words[stop].text == "every":
+        if not ORDINAL.fullmatch(words[stop + 1].text):
+            break
+        stop += 2
+        if stop == len(words) or words[stop].text != "do":
+            break
+        stop += 1
+        while stop < len(words) and (
+            words[stop].text in (*ARITY, ",") or words[stop - 1].text in ("do", ",")
+        ):
+            stop = stop + 1 if words[stop].text == "," else _end_of_transform(words, stop)
+    return stop
+
+
+def _end_of_transform(words: list[Word], first: int) -> int:
+    """Where the transformation that begins at `first` ends: with its last argument."""
+    stop = first + 1
+    limit = stop + ARITY.get(words[first].text, 0)
+    while stop < min(limit, len(words)) and words[stop].text not in (*_KNOWN, ","):
+        stop += 1
+    return stop

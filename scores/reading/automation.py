@@ -1,0 +1,184 @@
+"""Automation: parameters that follow a pattern of values, or swing between two."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ergon.instruments.kinds import KINDS
+from ergon.instruments.model import Module, Target
+from ergon.notation.clock.positions import Length, Position
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import Reference, Text, choice
+from ergon.notation.text.document import Scalar
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.values import Place
+from ergon.scores.pattern.draws import Draws
+from ergon.scores.pattern.pattern import Course, Pattern
+from ergon.scores.pattern.steps import Steps, steps
+from ergon.scores.pattern.values import Amount, parse_values
+from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
+
+Shape = Literal["sine", "triangle", "ramp", "square"]
+SHAPES: tuple[Shape, ...] = ("sine", "triangle", "ramp", "square")
+# Parameters of a CEL that can follow.
+PARAMETERS = ("f", "t60", "K", "Z", "M")
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """A slow oscillation from `low` to `high` and back, begun at a `phase` from 0 to 1."""
+
+    low: Amount
+    high: Amount
+    period: Length
+    shape: Shape
+    phase: float
+
+
+@dataclass(frozen=True, slots=True)
+class Automation:
+    """A parameter that follows a pattern of `amounts`, or a swing, between two positions."""
+
+    target: Target
+    parameter: str
+    at: Position
+    until: Position | None
+    every: Length | None
+    times: int | None
+    pattern: Pattern | None
+    amounts: Mapping[str, Amount]
+    swing: Swing | None
+    place: Place
+    at_place: Place
+    struck: str = ""  # whose strikes sound with each value, which is there when they fall
+
+    @property
+    def name(self) -> str:
+        """The parameter as it is written: `bell.m.f`."""
+        return f"{self.target.text}.{self.parameter}"
+
+    def steps(self, tempo: TempoMap, seed: int) -> Steps:
+        """When a pattern sets values. Raises TextError."""
+        assert self.pattern is not None
+        until = None if self.until is None else tempo.resolve(self.until)
+        course = Course(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
+        at = tempo.resolve(self.at)
+        return steps(tempo, at, course, every=self.every, times=self.times, until=until)
+
+
+AUTOMATION = Record(
+    "automation",
+    "a parameter of a CEL that follows a pattern of values (`set`), or swings (`lfo`)",
+    (
+        Field("set", Reference("a parameter of a CEL, such as bell.m.f"), "what follows a pattern"),
+        Field("to", Text(str, "values, such as A3 C4 E4 or x1 x1.5"), "the pattern of its values"),
+        Field("every", k.LENGTH, "length of a step"),
+        Field("times", k.TIMES, "number of rounds", shown="once, or until `until`"),
+        *OF_PATTERN,
+        Field("lfo", Reference("a parameter of a CEL, such as bell.m.K"), "what swings"),
+        Field("range", Text(str, "two values or factors, such as 0.8..1.2"), "between what"),
+        Field("period", k.LENGTH, "length of one swing"),
+        Field("shape", choice(*SHAPES), "the way from one end to the other and back", "sine"),
+        Field("phase", k.UNIT_RATIO, "where in its period it begins", 0.0),
+        Field("at", k.WHEN, "where it begins", required=True),
+        Field("until", k.WHEN, "where the parameter has its own value again"),
+    ),
+)
+_OF_SET = ("to", "every", "times", *(field.name for field in OF_PATTERN))
+_OF_LFO = ("range", "period", "shape", "phase")
+
+
+def check(values: Values) -> bool:
+    """Whether the fields that one kind needs are there; reports."""
+    kinds = values.written("set", "lfo")
+    if len(kinds) != 1:
+        values.error("E103", "automation needs either `set` or `lfo`, and a parameter")
+        return False
+    kind = kinds[0]
+    needs = ("to",) if kind == "set" else ("range", "period")
+    others = _OF_LFO if kind == "set" else _OF_SET
+    for name in needs:
+        if not values.written(name):
+            values.error("E103", f"automation: `{name}` is missing beside `{kind}`", kind)
+            return False
+    for name in values.written(*others):
+        values.error("E111", f"automation: `{name}` does not belong to `{kind}`", name)
+        return False
+    return all(name in values.given for name in (*kinds, *needs))
+
+
+def made(values: Values, target: Target, module: Module, parameter: str) -> Automation | None:
+    """The automation of a parameter that is known; None after a report."""
+    v, pattern, swing = values, None, None
+    amounts: Mapping[str, Amount] = {}
+    try:
+        if v.written("set"):
+            field = "to"
+            read, is_pitch = reader(module, parameter), parameter == "f"
+            order, amounts = parse_values(v["to"], read, is_pitch=is_pitch)
+            pattern = pattern_of(v.given, order)
+            if v["every"] is None and pattern.euclid is None:
+                v.error("E103", "automation: the length of a step is missing; write `every`", "to")
+                return None
+        else:
+            field = "range"
+            low, high = parse_range(v["range"], reader(module, parameter))
+            swing = Swing(low, high, v["period"], v["shape"], v["phase"])
+            if not max(swing.period.bars, swing.period.beats, swing.period.seconds) > 0.0:
+                v.error("E202", "automation: the period must be above 0", "period")
+                return None
+    except TextError as error:
+        node = v.nodes[field]
+        assert isinstance(node, Scalar)
+        v.context.text_error(error, node, field, inside=False)
+        return None
+    return Automation(
+        target,
+        parameter,
+        v["at"],
+        v["until"],
+        v["every"],
+        v["times"],
+        pattern,
+        amounts,
+        swing,
+        v.node.place,
+        v.place_of("at"),
+    )
+
+
+def reader(module: Module, parameter: str) -> Any:
+    """What reads a value of a parameter."""
+    shape = KINDS[module.kind].table.by_name[parameter].shape
+    assert isinstance(shape, Text)
+    return shape.parse
+
+
+def parse_range(text: str, read: Any) -> tuple[Amount, Amount]:
+    """Read `0.8..1.2` (factors of the own value) or `1kN/m..3kN/m`. Raises TextError."""
+    low, dots, high = (part.strip() for part in text.partition(".."))
+    if not dots or not low or not high:
+        message = f"{quote(text.strip())} is not a range such as 0.8..1.2 or 1kN/m..3kN/m"
+        raise TextError(message, length=max(1, len(text)), code="E201")
+    ends = []
+    for word in (low, high):
+        try:
+            if word.startswith("x"):
+                ends.append(Amount(q.factor(word), is_factor=True))
+            elif _is_bare(low) and _is_bare(high):
+                ends.append(Amount(q.quantity(word, q.RATIO), is_factor=True))
+            else:
+                ends.append(Amount(read(word)))
+        except TextError as error:
+            error.offset += text.index(word)
+            raise
+    return ends[0], ends[1]
+
+
+def _is_bare(word: str) -> bool:
+    return all(character in "0123456789.eE+-/" for character in word)

@@ -1,0 +1,99 @@
+"""A piece whose outputs are measured points: single masses, ends of contacts, heard members."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from ergon.instruments.kinds import HOLDERS, member_count
+from ergon.instruments.model import Instrument, Module, Output, Target
+from ergon.scores.reading.piece import Piece, Route
+
+MAX_POINTS = 256  # measured at once; a scene of 10,000 masses is not read line by line
+_NAME = "measured points"  # no instrument of a score has a name with a space
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A MAT that is measured, by the number of its output; `name` is from outside its part."""
+
+    name: str
+    output: int
+    is_fixed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A BUT: its striker `a` and what this strikes, `b`."""
+
+    name: str
+    module: Module
+    a: Point
+    b: Point
+
+
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """A piece that plays the same, heard by its points; `left_out` contacts and points are not."""
+
+    piece: Piece
+    points: tuple[Point, ...]
+    contacts: tuple[Contact, ...]
+    left_out: int
+
+
+def probed(piece: Piece) -> Probed:
+    """The piece with an output for each end of a contact, each single mass and heard member."""
+    contacts = list(_contacts(piece))
+    ends = (end for _, module in contacts for end in module.fields["between"])
+    targets = {_identity(target): target for target in (*ends, *_single(piece))}
+    kept = list(targets.items())[:MAX_POINTS]
+    kinds = {(part, module.name): module for part, module in piece.modules()}
+    points = {
+        identity: _point(target, number, kinds[target.part, target.module])
+        for number, (identity, target) in enumerate(kept)
+    }
+    measured = []
+    for name, module in contacts:
+        a, b = (points.get(_identity(end)) for end in module.fields["between"])
+        if a is not None and b is not None:
+            measured.append(Contact(name, module, a, b))
+    outputs = tuple(
+        Output(str(number), "SOX", (target,), None, piece.place)
+        for number, (_, target) in enumerate(kept)
+    )
+    listener = Instrument(_NAME, (), outputs, None, piece.place)
+    mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
+    heard = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
+    left_out = len(targets) - len(kept) + len(contacts) - len(measured)
+    return Probed(heard, tuple(points.values()), tuple(measured), left_out)
+
+
+def _identity(target: Target) -> tuple[str, str, int | str]:
+    return target.part, target.module, target.first
+
+
+def _point(target: Target, output: int, module: Module) -> Point:
+    is_one = member_count(module.kind, module.fields) == 1
+    member = "" if is_one else str(target.first)
+    name = ".".join(filter(None, (target.part, target.module, member)))
+    return Point(name, output, module.kind == "SOL")
+
+
+def _contacts(piece: Piece) -> Iterator[tuple[str, Module]]:
+    for part, module in piece.modules():
+        if module.kind == "BUT":
+            yield ".".join(filter(None, (part, module.name))), module
+
+
+def _single(piece: Piece) -> Iterable[Target]:
+    """Modules of one mass, and the members of others that outputs of the piece listen to."""
+    for part, module in piece.modules():
+        is_one = module.kind in HOLDERS and member_count(module.kind, module.fields) == 1
+        if is_one and module.kind != "SOL":
+            yield Target(part, module.name, 0, 1, "", module.place)
+    for instrument in piece.instruments.values():
+        for output in instrument.outputs:
+            for target in output.targets if output.kind == "SOX" else ():
+                if target.count == 1:
+                    yield target

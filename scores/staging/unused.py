@@ -1,0 +1,87 @@
+"""Instruments that nobody hears, and instruments that are heard but that nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ergon.instruments.kinds import HOLDERS, LINKS
+from ergon.instruments.model import Target
+from ergon.notation.text.errors import Diagnostic, quote
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.listening import heard, targets_of
+
+
+class _Groups:
+    """Keys and instruments that hang together by links."""
+
+    def __init__(self) -> None:
+        self._above: dict[str, str] = {}
+
+    def of(self, part: str) -> str:
+        """The part that stands for a group."""
+        while part in self._above:
+            part = self._above[part]
+        return part
+
+    def join(self, a: str, b: str) -> None:
+        """Two parts hang together."""
+        a, b = self.of(a), self.of(b)
+        if a != b:
+            self._above[a] = b
+
+
+def unused(piece: Piece) -> list[Diagnostic]:
+    """W321 where an instrument reaches no output that is heard, W322 where nothing moves it.
+
+    Both are said only of a piece in which another instrument is heard, or is played.
+    """
+    groups = _Groups()
+    links = {}
+    for part, module in piece.modules():
+        if module.kind in LINKS:
+            ends = tuple(end.part for end in module.fields["between"])
+            links[part, module.name] = ends
+            groups.join(*ends)
+    for coupling in piece.duet:
+        groups.join(coupling.a.part, coupling.b.part)
+    listened = {groups.of(part) for part in _listened(piece, links)}
+    moved = {groups.of(part) for part in _moved(piece)}
+    is_played = bool(piece.parts or piece.strikes)
+    found = []
+    for instrument in piece.instruments.values():
+        if not any(module.kind in HOLDERS for module in instrument.modules):
+            continue
+        name, group = quote(instrument.name), groups.of(instrument.name)
+        if listened and group not in listened:
+            message = f"nobody hears {name}: no output of it, or of what it is linked to, is routed"
+            help = "add a route to the mix, or an output (`out: {SOX: …}`)"
+            found.append(Diagnostic("W321", message, instrument.place, None, help))
+        elif is_played and group in listened and group not in moved:
+            message = f"nothing moves {name}: no key that is played and no strike reaches it"
+            help = "link it to a key that a player plays, strike it, or give it X0 or V0"
+            found.append(Diagnostic("W322", message, instrument.place, None, help))
+    return found
+
+
+def _listened(piece: Piece, links: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:
+    """Parts whose movement or force is heard."""
+    for _, instrument, output in heard(piece):
+        for target in targets_of(instrument, output):
+            yield from links.get((target.part, target.module), (target.part,))
+
+
+def _moved(piece: Piece) -> Iterator[str]:
+    """Parts that a hand, a strike, a drive or a beginning elsewhere moves."""
+    for play in piece.parts:
+        yield piece.players[play.player].key
+    for player in piece.players.values():
+        if player.hand == "live":
+            yield player.key
+    for strikes in piece.strikes:
+        yield from (target.part for target in strikes.to)
+    for part, module in piece.modules():
+        to = module.fields.get("to")
+        if module.kind in ("ENX", "ENF") and isinstance(to, Target):
+            yield to.part
+        if module.fields.get("X0") or module.fields.get("V0"):
+            yield part

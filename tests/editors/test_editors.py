@@ -1,0 +1,232 @@
+"""Clients of editors: a line and a block reach a session, and its answers are shown."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from patience import PATIENCE
+from sockets import serving
+
+EDITORS = Path(__file__).parents[2] / "editors"
+PIECE = "tempo 72\n\nada plays knock\nleo plays lean  # ü\n\nadda\nfail\n"
+
+
+def run(command: list[str], folder: Path) -> str:
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+VIM = r"""
+set nocompatible
+let s:told = []
+function! Answer(wanted) abort
+  let l:left = 1500
+  while g:ergon_answer !~# a:wanted && l:left > 0
+    sleep 20m
+    let l:left -= 1
+  endwhile
+  call add(s:told, g:ergon_answer)
+  let g:ergon_answer = ''
+endfunction
+edit piece.txt
+ErgonConnect there.sock
+call Answer('^joined')
+1ErgonSend
+call Answer('^ok tempo')
+call cursor(3, 1)
+execute "normal \<Plug>(ErgonBlock)"
+call Answer('^ok')
+6ErgonSend
+call Answer('^not taken')
+7ErgonSend
+call Answer('error')
+ErgonPanic
+call Answer('^panic')
+ErgonLeave
+ErgonConnect nowhere.sock
+call Answer('^no session')
+call writefile([json_encode(s:told)], 'told.json')
+qall!
+"""
+
+
+@pytest.mark.skipif(shutil.which("vim") is None, reason="no Vim is installed")
+def test_vim(tmp_path: Path):
+    (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
+    (tmp_path / "test.vim").write_text(VIM, encoding="utf-8")
+    plugin = EDITORS / "vim" / "plugin" / "ergon.vim"
+    with serving(tmp_path / "there.sock") as session:
+        command = ["vim", "-Nu", "NONE", "-i", "NONE", "-n", "-es", "-S", str(plugin)]
+        run([*command, "-S", "test.vim"], tmp_path)
+    told = json.loads((tmp_path / "told.json").read_text())
+    block = "ada plays knock\nleo plays lean  # ü"
+    assert told[:4] == [
+        "joined s",
+        "ok tempo 72",
+        f"ok {block[:20]}",
+        "not taken: unknown verb\ntry: ada\n⣀⡠\nb",
+    ]
+    assert "internal error" in told[4]
+    assert told[5] == "panic: no sound, no force; `release` ends it"
+    assert "ergon repl SCORE --socket begins one" in told[6]
+    assert session.lines == ["tempo 72", block, "adda", "fail"]
+    assert session.panicked.is_set()
+
+
+NODE = r"""
+const { Client } = require(process.argv[2] + "/client.js");
+const Module = require("module");
+const told = [];
+const commands = {};
+const lines = require("fs").readFileSync("piece.txt", "utf8").split("\n");
+const editor = {
+  document: {
+    lineCount: lines.length,
+    lineAt: (n) => ({ text: lines[n], isEmptyOrWhitespace: lines[n].trim() === "" }),
+    getText: () => "gain -3dB",
+  },
+  selection: { isEmpty: true, active: { line: 0 } },
+};
+const vscode = {
+  window: {
+    createOutputChannel: () => ({ appendLine: (text) => told.push(text), dispose() {} }),
+    setStatusBarMessage() {},
+    activeTextEditor: editor,
+  },
+  workspace: { getConfiguration: () => ({ get: () => "there.sock" }) },
+  commands: { registerCommand: (name, act) => ((commands[name] = act), { dispose() {} }) },
+};
+const load = Module._load;
+Module._load = (name, ...rest) => (name === "vscode" ? vscode : load(name, ...rest));
+const extension = require(process.argv[2] + "/extension.js");
+extension.activate({ subscriptions: [] });
+const until = async (count) => {
+  while (told.length < count) await new Promise((done) => setTimeout(done, 5));
+};
+(async () => {
+  await commands["ergon.send"]();
+  await until(2);
+  editor.selection.active.line = 3;
+  await commands["ergon.sendBlock"]();
+  await until(3);
+  editor.selection.isEmpty = false;
+  await commands["ergon.send"]();
+  await until(4);
+  editor.selection = { isEmpty: true, active: { line: 5 } };
+  await commands["ergon.send"]();
+  await until(5);
+  commands["ergon.panic"]();
+  await until(6);
+  commands["ergon.leave"]();
+  const other = new Client(() => {});
+  await other.connect("nowhere.sock").catch((error) => told.push(error.message));
+  console.log(JSON.stringify({ told, commands: Object.keys(commands) }));
+})();
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="no Node is installed")
+def test_vs_code(tmp_path: Path):
+    (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
+    (tmp_path / "test.js").write_text(NODE, encoding="utf-8")
+    with serving(tmp_path / "there.sock") as session:
+        said = json.loads(run(["node", "test.js", str(EDITORS / "vscode")], tmp_path))
+    block = "ada plays knock\nleo plays lean  # ü"
+    assert said["told"] == [
+        "joined s",
+        "ok tempo 72",
+        f"ok {block[:20]}",
+        "ok gain -3dB",
+        "not taken: unknown verb\ntry: ada\n⣀⡠\nb",
+        "panic: no sound, no force; `release` ends it",
+        "no session is served at nowhere.sock: ergon repl SCORE --socket begins one",
+    ]
+    assert session.lines == ["tempo 72", block, "gain -3dB", "adda"]
+    assert session.panicked.is_set()
+    package = json.loads((EDITORS / "vscode" / "package.json").read_text())
+    declared = [one["command"] for one in package["contributes"]["commands"]]
+    assert sorted(declared) == sorted(said["commands"])
+
+
+LISP = """
+(setq ergon-socket (expand-file-name "there.sock"))
+(defvar told nil)
+(defun answer (wanted)
+  (let ((left 1500))
+    (while (and (> left 0) (not (string-match-p wanted ergon-answer)))
+      (accept-process-output nil 0.02)
+      (setq left (1- left))))
+  (push ergon-answer told)
+  (setq ergon-answer ""))
+(find-file "piece.txt")
+(ergon-mode 1)
+(ergon-send-line)
+(answer "^ok tempo")
+(forward-line 2)
+(ergon-send-block)
+(answer "^ok")
+(goto-char (point-min))
+(forward-line 5)
+(ergon-send-line)
+(answer "^not taken")
+(ergon-panic)
+(answer "^panic")
+(ergon-leave)
+(princ (json-encode (vconcat (reverse told))))
+"""
+
+
+@pytest.mark.skipif(shutil.which("emacs") is None, reason="no Emacs is installed")
+def test_emacs(tmp_path: Path):
+    (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
+    (tmp_path / "test.el").write_text(LISP, encoding="utf-8")
+    with serving(tmp_path / "there.sock") as session:
+        client = str(EDITORS / "emacs" / "ergon.el")
+        run(["emacs", "-Q", "--batch", "-l", client, "-l", "test.el"], tmp_path)
+    assert session.lines[0] == "tempo 72"
+    assert "ada plays knock\nleo plays lean  # ü" in session.lines[1]
+    assert session.lines[2] == "adda"
+    assert session.panicked.is_set()
+
+
+def test_the_emacs_client_is_whole_and_calls_what_it_defines():
+    """Where no Emacs is installed: every form is closed, and every name of its own is defined."""
+    text = (EDITORS / "emacs" / "ergon.el").read_text(encoding="utf-8")
+    forms = list(_forms(text))
+    assert forms[-1] == "(provide 'ergon)"
+    made = r"\((?:defun|defvar|defcustom|define-minor-mode|defgroup) (ergon[\w-]*)"
+    defined = {match[1] for form in forms for match in re.finditer(made, form)}
+    bare = re.sub(r'"(?:[^"\\]|\\.)*"|;[^\n]*', '""', text)
+    used = set(re.findall(r"(?<![\w-])ergon-[\w-]+", bare))
+    assert used - defined <= {"ergon-mode-map"} - defined
+
+
+def _forms(text: str):
+    """Top-level forms of Lisp; a bracket that is left open or closed twice is a mistake."""
+    depth, start, at = 0, 0, 0
+    while at < len(text):
+        character = text[at]
+        if character == ";":
+            at = text.index("\n", at)
+        elif character == '"':
+            at += 1
+            while text[at] != '"':
+                at += 2 if text[at] == "\\" else 1
+        elif character == "?" and text[at - 1] in " (":
+            at += 2 if text[at + 1] == "\\" else 1
+        elif character == "(":
+            start = at if depth == 0 else start
+            depth += 1
+        elif character == ")":
+            depth -= 1
+            assert depth >= 0, text[start:at]
+            if depth == 0:
+                yield text[start : at + 1]
+        at += 1
+    assert depth == 0, text[start:]

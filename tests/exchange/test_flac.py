@@ -1,0 +1,127 @@
+"""Renders in FLAC: the samples of the WAV file, known again, and refused where FLAC cannot hold."""
+
+from __future__ import annotations
+
+import errno
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from ergon.exchange import sound
+from ergon.exchange.flac import FlacWriter
+from ergon.exchange.safe import FileRefusedError, is_ours
+from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
+
+RNG = np.random.default_rng(5)
+STAMP = Stamp("Three bells", "a" * 64, "b" * 64)
+
+
+def _samples(n_frames: int, format: WaveFormat) -> np.ndarray:
+    low = 32 - int(format.bits)
+    whole = RNG.integers(-(2**31), 2**31, (n_frames, format.n_channels), dtype=np.int64)
+    return (whole >> low << low).astype(np.int32)
+
+
+def _write(path: Path, format: WaveFormat, samples: np.ndarray) -> str:
+    with path.open("w+b") as file:
+        writer = sound.writer(str(path), file, format, len(samples), STAMP)
+        for at in range(0, len(samples), 1000):
+            writer.write(samples[at : at + 1000])
+        writer.close()
+        return writer.sha256
+
+
+@pytest.mark.parametrize(("bits", "n_channels"), [(16, 1), (24, 2), (24, 8)])
+def test_the_samples_are_those_of_a_wav_file(tmp_path: Path, bits, n_channels):
+    format = WaveFormat(44_100, n_channels, bits)
+    samples = _samples(2_345, format)
+    hashes = {_write(tmp_path / f"x{end}", format, samples) for end in sound.SUFFIXES}
+    assert len(hashes) == 1
+    read, rate = soundfile.read(tmp_path / "x.flac", dtype="int32", always_2d=True)
+    assert rate == 44_100
+    assert np.array_equal(read, samples)
+    flac, wav = (sound.read_info(tmp_path / f"x{end}") for end in (".flac", ".wav"))
+    assert (flac.format, flac.n_frames, flac.title) == (wav.format, wav.n_frames, wav.title)
+    assert (flac.score, flac.plan) == ("a" * 64, "b" * 64)
+    assert {sound.hash_samples(tmp_path / f"x{end}") for end in sound.SUFFIXES} == hashes
+    blocks = [np.concatenate(list(sound.read_blocks(tmp_path / f"x{e}"))) for e in sound.SUFFIXES]
+    assert np.array_equal(*blocks)
+
+
+def test_a_render_is_known_again(tmp_path: Path):
+    format = WaveFormat(48_000, 2, 24)
+    _write(tmp_path / "ours.flac", format, _samples(10, format))
+    soundfile.write(tmp_path / "theirs.flac", np.zeros((10, 2)), 48_000)
+    assert is_ours(tmp_path / "ours.flac")
+    assert not is_ours(tmp_path / "theirs.flac")
+    assert sound.read_info(tmp_path / "theirs.flac").score is None
+
+
+@pytest.mark.parametrize(
+    ("target", "format", "reason"),
+    [
+        ("x.flac", WaveFormat(44_100, 2, "float"), "16 or 24 bits, not float"),
+        ("x.flac", WaveFormat(44_100, 9, 24), "8 channels, not 9"),
+        ("x.flac", WaveFormat(700_000, 2, 24), "at most 655,350"),
+        ("x.mp3", WaveFormat(44_100, 2, 24), "ends in .mp3, .* write x.wav"),
+        ("x", WaveFormat(44_100, 2, 24), "has no ending, .* write x.wav"),
+    ],
+)
+def test_what_no_file_of_the_name_can_hold(target, format, reason):
+    with pytest.raises(FileRefusedError, match=reason):
+        sound.check_format(target, format)
+
+
+@pytest.mark.parametrize("target", ["-", "/dev/null", "X.WAV", "x.FLAC"])
+def test_what_may_be_written(target):
+    sound.check_format(target, WaveFormat(44_100, 2, 24))
+
+
+class _Full(io.BytesIO):
+    def write(self, data, /):
+        if self.tell() + len(bytes(data)) > 4_000:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(data)
+
+
+def test_a_full_disk_is_told():
+    format = WaveFormat(44_100, 2, 24)
+    writer = FlacWriter(_Full(), format, 50_000, STAMP)
+    with pytest.raises(OSError, match="No space left"):
+        writer.write(_samples(50_000, format))
+
+
+def test_frames_are_counted():
+    format = WaveFormat(44_100, 2, 24)
+    writer = FlacWriter(io.BytesIO(), format, 10, STAMP)
+    with pytest.raises(ValueError, match="1 frames more"):
+        writer.write(_samples(11, format))
+    with pytest.raises(ValueError, match="10 frames fewer"):
+        writer.close()
+
+
+def test_what_is_not_flac(tmp_path: Path):
+    (tmp_path / "x.flac").write_bytes(b"RIFF" + bytes(100))
+    with pytest.raises(NotWaveError, match="not FLAC"):
+        sound.read_info(tmp_path / "x.flac")
+
+
+def test_damaged_flac_is_refused_or_read(tmp_path: Path):
+    """No cut and no flipped byte of a small file ends in another error."""
+    format = WaveFormat(44_100, 1, 16)
+    path = tmp_path / "x.flac"
+    _write(path, format, _samples(300, format))
+    whole = path.read_bytes()
+    changed = [whole[:n] for n in range(0, len(whole), 7)]
+    for at in range(0, len(whole), 7):
+        changed.append(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
+    for data in changed:
+        path.write_bytes(data)
+        try:
+            sound.read_info(path)
+            sound.hash_samples(path)
+        except NotWaveError:
+            continue

@@ -1,0 +1,133 @@
+"""Edits at the end of a long list read that end alone, and write what an edit of the whole does."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from ergon.notation.text import edit
+from ergon.scores.edits.texts import Texts
+
+HEADS = ("", "ergon: 1\n", "# a remark\nergon: 1\r\n")
+TAILS = ("", "mix: {channels: 2}\n", "\n# the end\n")
+
+
+def listed(chance: random.Random, n_items: int) -> str:
+    """A section `parts` with lists of several styles."""
+    said = ["parts:" + chance.choice(["", "   # who plays"])]
+    for name in ("ada", "leo", "'mia'"):
+        style = chance.choice(["block", "flow", "spread", "lines"])
+        items = [f"{{at: {n}|1, play: p{n}}}" for n in range(n_items)]
+        if style == "flow":
+            said.append(f"  {name}: [{', '.join(items)}]")
+        elif style == "spread":
+            said.append(f"  {name}: [" + ",\n    ".join(items) + "]  # spread")
+        elif style == "block":
+            said.append(f"  {name}:")
+            for item in items:
+                said += ["    # a remark of its own"] * chance.choice([0, 0, 1])
+                said.append(f"    - {item}" + chance.choice(["", "   # said", " "]))
+        else:
+            said.append(f"  {name}:  # by lines")
+            said += [f"  - at: {n}|1\n    play: p{n}\n" for n in range(n_items)]
+    return "\n".join(said) + "\n"
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_an_edit_of_an_end_is_the_edit_of_the_whole(seed: int):
+    chance = random.Random(seed)
+    text = chance.choice(HEADS) + listed(chance, chance.randrange(1, 9)) + chance.choice(TAILS)
+    if seed % 3 == 0:
+        text = text.replace("\r\n", "\n").replace("\n", "\r\n")
+    for _ in range(6):
+        texts = Texts("s.yaml", text)
+        player = chance.choice(["ada", "leo", "mia"])
+        path = ("parts", player)
+        n_items = len(edit.tree(edit.read(text, "").root)["parts"][player])
+        number = chance.randrange(n_items)
+        verb = chance.choice(["put", "append", "remove"] if n_items > 1 else ["put", "append"])
+        own = edit.read(text, "s.yaml")
+        if verb == "put":
+            whole = edit.put(own, (*path, number, "until"), "9|1")
+            made = texts.put((*path, number, "until"), "9|1")
+        elif verb == "append":
+            whole = edit.append(own, path, "{at: 99|1, play: last}")
+            made = texts.append(path, "{at: 99|1, play: last}")
+        else:
+            gone = [(*path, n) for n in sorted({number, chance.randrange(n_items)})][: n_items - 1]
+            whole = edit.remove(own, *gone)
+            made = texts.remove(*gone)
+        assert made.text == whole, verb
+        text = whole
+
+
+def test_what_shares_a_value_is_edited_whole():
+    text = "parts:\n  ada:\n    - &a {at: 1|1, play: x}\n    - *a\n    - {at: 2|1, play: y}\n"
+    made = Texts("s.yaml", text).append(("parts", "ada"), "{at: 3|1, play: z}")
+    assert made.text == text + "    - {at: 3|1, play: z}\n"
+
+
+def test_a_long_list_is_read_once_by_an_edit(monkeypatch: pytest.MonkeyPatch):
+    rows = "".join(f"    - {{at: {n}|1, play: x}}\n" for n in range(1, 400))
+    texts = Texts("s.yaml", f"ergon: 1\nparts:\n  ada:\n{rows}")
+    texts.section("parts")
+    read, begun = [], edit.compose
+
+    def counted(text: str, *rest: object):
+        read.append(len(text))
+        return begun(text, *rest)
+
+    monkeypatch.setattr(edit, "compose", counted)
+    made = texts.append(("parts", "ada"), "{at: 400|1, play: y}")
+    assert made.text.endswith("    - {at: 400|1, play: y}\n")
+    assert sum(read) < 400
+
+
+@pytest.mark.parametrize("n_gone", [1, 2, 3])
+@pytest.mark.parametrize("tail", ["", ", "])
+def test_the_last_items_of_a_list_go_with_their_commas(n_gone: int, tail: str):
+    items = [f"{{at: {n}}}" for n in range(4)]
+    text = f"parts:\n  ada: [{', '.join(items)}{tail}]\n"
+    gone = [("parts", "ada", n) for n in range(4 - n_gone, 4)]
+    made = edit.remove(edit.read(text, ""), *gone)
+    assert made == f"parts:\n  ada: [{', '.join(items[: 4 - n_gone])}{tail}]\n"
+    more = edit.append(edit.read(made, ""), ("parts", "ada"), "{at: 9}")
+    assert edit.tree(edit.read(more, "").root)["parts"]["ada"][-1] == {"at": "9"}
+
+
+MODULES = """\
+instruments:   # all
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: A3}}  # rings
+      b:
+        BUT: {between: [k1, m], K: 900N/m}
+    out: {SOX: m}
+  gong: {from: gong/plate, f: A1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("bell", "modules", "m", "CEL", "M"), "3g"),
+        (("bell", "modules", "m", "CEL", "t60"), "2s"),
+        (("bell", "modules", "b", "BUT", "K"), "1kN/m"),
+        (("bell", "modules", "b", "BUT"), "{between: [k2, m]}"),
+        (("bell", "modules", "n"), "{MAS: {M: 1g}}"),
+        (("bell", "out"), "{SOX: b}"),
+        (("gong", "f"), None),
+        (("bell", "modules", "m", "CEL", "f"), None),
+        (("bell", "modules", "b"), None),
+    ],
+)
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_an_edit_of_a_line_is_the_edit_of_the_whole(path, value, newline):
+    text = MODULES.replace("\n", newline)
+    texts, own = Texts("s.yaml", text), edit.read(text, "s.yaml")
+    place = ("instruments", *path)
+    if value is None:
+        assert texts.remove(place).text == edit.remove(own, place)
+    else:
+        assert texts.put(place, value).text == edit.put(own, place, value)

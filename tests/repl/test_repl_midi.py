@@ -1,0 +1,325 @@
+"""MIDI in a session: controllers and notes through a port inside the process."""
+
+import json
+import random
+import subprocess
+from contextlib import closing
+
+import numpy as np
+import pytest
+import soundfile
+from commands import ERGON
+from one_bell import SCORE
+from patience import until
+from sessions import Stepped
+from tests.repl.test_repl_live import session_on
+from tests.repl.test_repl_session import onset
+
+from ergon.live.midi_ports import ProcessPort
+from ergon.repl.session.journal import JournalError
+
+
+@pytest.fixture
+def played(tmp_path):
+    own = Stepped(SCORE, tmp_path)
+    port = ProcessPort(lambda: 0.0)
+    port.listen(own.session.midi.receive)
+    yield own, port
+    own.close()
+
+
+def _events(own, name):
+    rows = [json.loads(line) for line in own.journal.read_text().splitlines()]
+    return [row for row in rows if row["event"] == name]
+
+
+def test_a_note_strikes_and_the_journal_renders_to_the_bit(played):
+    own, port = played
+    own.ok("map note C3..C5 bell.m 1mNs..20mNs")
+    own.run(0.5)
+    assert not own.sound.any()
+    port.send(bytes([0x90, 60, 100]))
+    own.run(0.3)
+    port.send(bytes([0x91, 48, 1]))
+    port.send(bytes([0x91, 72, 127]))
+    port.send(bytes([0x91, 73, 127]))  # beyond the range
+    port.send(bytes([0x80, 60, 64]))
+    own.run(0.3)
+    assert np.abs(own.sound).max() > 1e-6
+    own.close()
+    strikes = _events(own, "strike")
+    assert [one["impulse"] for one in strikes] == [
+        pytest.approx(1e-3 + 19e-3 * 99 / 126),
+        1e-3,
+        20e-3,
+    ]
+    assert np.array_equal(own.again(), own.sound)
+
+
+def test_a_controller_moves_a_parameter_and_a_level(played):
+    own, port = played
+    own.ok("map cc 21 bell.m.M 1g..3g")
+    own.ok("map cc 7 gain bell -40dB..0dB")
+    own.ok("map note 60 bell.m 5mNs")
+    own.run(0.1)
+    port.send(bytes([0x90, 60, 64]))
+    own.run(0.1)
+    for value in range(0, 128, 9):
+        port.send(bytes([0xB0, 21, value]))
+        port.send(bytes([0xB0, 7, 127 - value // 2]))
+        own.run(0.02)
+    own.run(0.3)
+    assert "0.00298425kg" in own.session.commits.head.texts.text
+    assert own.session.commits.head.faders.gains["bell"] == pytest.approx(
+        10 ** ((-40 + 40 * 64 / 127) / 20), rel=1e-5
+    )
+    lines = own.ok("history").lines
+    assert len(lines) == 5  # a movement is one line
+    own.ok("undo")
+    own.run(0.1)
+    assert "0.00298425kg" not in own.session.commits.head.texts.text
+    own.close()
+    assert np.array_equal(own.again(), own.sound)
+
+
+def test_maps_survive_undo_and_resume(played):
+    own, port = played
+    own.ok("map note 60..62 bell.m 1mNs..20mNs")
+    own.ok("map cc 21 bell.m.K 1kN/m..9kN/m")
+    assert own.ok("maps").lines == (
+        "note 60..62 bell.m 0.001Ns..0.02Ns",
+        "cc 21 bell.m.K 1000.0N/m..9000.0N/m",
+    )
+    own.run(0.1)
+    own.ok("unmap note 60..62")
+    own.run(0.1)
+    port.send(bytes([0x90, 60, 100]))
+    own.run(0.1)
+    own.ok("undo")
+    own.run(0.1)
+    port.send(bytes([0x90, 60, 100]))
+    own.run(0.2)
+    own.close()
+    assert len(_events(own, "strike")) == 1
+    assert np.array_equal(own.again(), own.sound)
+    further = Stepped.resumed(own.journal)
+    further.run(0.1)
+    further.session.midi.receive(bytes([0x90, 62, 1]), 0.0)
+    further.run(0.2)
+    further.ok("undo")  # to a version that is in the history of the journal alone
+    assert further.ok("maps").lines == ("note 60..62 bell.m 0.001Ns..0.02Ns",)
+    further.ok("redo")
+    assert len(further.ok("maps").lines) == 2
+    further.run(0.2)
+    further.close()
+    assert len(_events(further, "strike")) == 1
+    assert np.array_equal(further.again(), further.sound)
+
+
+STRING = """\
+ergon: 1
+keys:
+  k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}
+instruments:
+  string: {STRING: {masses: 24, f: A2, t60: 1s, M: 4g, ends: fixed}, out: {SOX: string.3}}
+  bell: {modules: {m: {CEL: {M: 2g, f: A3, t60: 0.5s}}}, out: {SOX: m}}
+"""
+
+
+def test_notes_of_a_range_strike_one_member_after_the_other(tmp_path):
+    own = Stepped(STRING, tmp_path)
+    own.ok("map note 60..64 string.4..8 1mNs")
+    own.ok("map note 70 bell 1mNs")
+    own.run(0.1)
+    for note in (60, 63, 70):
+        own.session.midi.receive(bytes([0x95, note, 80]), 0.0)
+        own.run(0.05)
+    own.close()
+    struck = [(one["part"], one["module"], one["member"]) for one in _events(own, "strike")]
+    assert struck == [("string", "", 4), ("string", "", 7), ("bell", "m", 0)]
+    assert np.array_equal(own.again(), own.sound)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("map cc 128 bell.m.K 1kN/m..2kN/m", "128"),
+        ("map cc 21 bell.m.Q 1kN/m..2kN/m", "is not a parameter"),
+        ("map cc 21 bell.m.K 1kN/m..2Hz", "Hz"),
+        ("map cc 21 bell.m.K 1kN/m..", "two ends"),
+        ("map note H3 bell.m 1mNs", "not a note"),
+        ("map note C5..C3 bell.m 1mNs", "goes down"),
+        ("map note C3 bell.q 1mNs", "nothing is called 'bell.q'"),
+        ("map note C3 bell.b 1mNs", "a link"),
+        ("map note C3 bell.m 1N", "does not measure impulse"),
+        ("unmap cc 3", "nothing is mapped to cc 3"),
+    ],
+)
+def test_a_map_that_cannot_be_is_refused(played, line, why):
+    own, _ = played
+    reply = own.type(line)
+    assert not reply.taken
+    assert why in reply.text
+
+
+def test_a_value_that_the_engine_refuses_is_said_once_and_moves_nothing(played):
+    own, port = played
+    own.ok("map cc 1 bell.m.f 1Hz..40000Hz")
+    own.run(0.1)
+    for value in (126, 127):
+        port.send(bytes([0xB0, 1, value]))
+        own.run(0.1)
+    said = [one for one in own.session.messages() if one.startswith("cc 1:")]
+    assert len(said) == 1
+    assert "bell" in said[0]
+    port.send(bytes([0xB0, 1, 2]))
+    own.run(0.1)
+    assert "630.906Hz" in own.session.commits.head.texts.text
+
+
+def test_a_panic_takes_no_notes(played):
+    own, port = played
+    own.ok("map note 60 bell.m 1mNs")
+    own.run(0.1)
+    own.session.panic()
+    port.send(bytes([0x90, 60, 100]))
+    own.run(0.1)
+    own.ok("release")
+    own.run(0.1)
+    port.send(bytes([0x90, 60, 100]))
+    own.run(0.1)
+    assert len(_events(own, "strike")) == 1
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"part": "nobody"},
+        {"member": 5},
+        {"member": 1e300},
+        {"impulse": float("inf")},
+        {"impulse": "loud"},
+        {"frame": -1},
+    ],
+)
+def test_a_forged_strike_is_refused_with_its_place(played, damage):
+    own, port = played
+    own.ok("map note 60 bell.m 1mNs")
+    own.run(0.1)
+    port.send(bytes([0x90, 60, 100]))
+    own.run(0.1)
+    own.close()
+    rows = [json.loads(line) for line in own.journal.read_text().splitlines()]
+    for row in rows:
+        if row["event"] == "strike":
+            row.update(damage)
+    own.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    with pytest.raises(JournalError, match=r"session.jsonl, line \d+: "):
+        own.again()
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        [],
+        ["cc"],
+        ["cc", 1, "bell.m.K\npy 1", None, "N/m", 1.0, 2.0],
+        ["note", 60, 59, "bell.m", 1.0, 2.0],
+        ["note", 1, 2, "bell.m", 1.0, float("nan")],
+        7,
+    ],
+)
+def test_forged_maps_are_refused(played, row):
+    own, _ = played
+    own.run(0.1)
+    own.close()
+    first, *rest = own.journal.read_text().splitlines()
+    fields = json.loads(first) | {"maps": [row]}
+    own.journal.write_text("\n".join([json.dumps(fields), *rest]) + "\n")
+    with pytest.raises(JournalError, match="'maps' has the wrong type or value"):
+        own.again()
+
+
+def test_what_was_struck_live_is_what_its_journal_renders(tmp_path):
+    """Over the real engine: strikes fall between ticks, and controllers move meanwhile."""
+    heard = tmp_path / "heard.wav"
+    port = ProcessPort()
+    with closing(session_on(tmp_path, f"clock:{heard}")) as session:
+        port.listen(session.midi.receive)
+        for line in (
+            "play",
+            "map note 48..72 bell.m 0.1mNs..2mNs now",
+            "map cc 21 bell.m.K 300N/m..900N/m now",
+        ):
+            assert session.submit(line).taken
+        engine = session.commits.engine
+        frame = session.commits.running.start + 4410
+        for step in range(24):
+            until(lambda after=frame: engine.frame > after, "the engine goes on")
+            port.send(bytes([0x90, 48 + step, 10 + 4 * step]))
+            port.send(bytes([0x90, 72 - step, 100]))
+            port.send(bytes([0xB0, 21, 5 * step]))
+            frame = engine.frame + 1500
+        until(lambda: engine.frame > frame + 22_050, "the last rings")
+    done = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in (tmp_path / "session.jsonl").read_text().splitlines()]
+    assert sum(row["event"] == "strike" for row in rows) == 48
+    played, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
+    start = onset(played) - onset(again)
+    n = min(len(played) - start, len(again)) - 4096
+    assert start >= 0
+    assert n > 44_100
+    assert np.array_equal(played[start : start + n], again[:n])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_sets_with_a_keyboard_render_to_the_bit(tmp_path, seed):
+    """Maps, notes, controllers and lines of all kinds, in any order, and a resumed session."""
+    chance = random.Random(seed)
+    lines = (
+        "map note 40..80 bell.m 0.1mNs..5mNs{}",
+        "map note 60 bell.m -1mNs{}",
+        "map cc 1 bell.m.f 200Hz..300Hz{}",
+        "map cc 2 k1.M 300g..500g{}",
+        "map cc 3 gain bell -30dB..0dB{}",
+        "unmap cc 1",
+        "unmap note 60",
+        "play",
+        "play from 3|1",
+        "stop",
+        "ada plays knock every 1{}",
+        "hush{}",
+        "damp 1s{}",
+        "tempo 90{}",
+        "undo",
+        "redo",
+        "back 2",
+        "panic",
+        "release",
+    )
+    own = Stepped(SCORE, tmp_path)
+    for part in range(2):
+        for _ in range(40):
+            match chance.randrange(5):
+                case 0 | 1:
+                    own.type(chance.choice(lines).format(chance.choice(("", " now"))))
+                case 2:
+                    data = [0xB0, chance.randrange(1, 4), chance.randrange(128)]
+                    own.session.midi.receive(bytes(data), 0.0)
+                case _:
+                    data = [0x90, chance.randrange(38, 82), chance.randrange(128)]
+                    own.session.midi.receive(bytes(data), 0.0)
+            own.run(chance.choice((0.003, 0.02, 0.3)))
+        own.close()
+        assert not [one for one in own.session.messages() if "rror" in one]
+        assert np.array_equal(own.again(), own.sound)
+        if part == 0:
+            own = Stepped.resumed(own.journal)

@@ -1,0 +1,253 @@
+"""MIDI clock of a session, told and followed; all of it in virtual time."""
+
+import json
+import random
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from sessions import Stepped
+from tests.repl.test_repl_session import SCORE
+
+from ergon.live.midi_clock import ClockFollower
+from ergon.live.midi_messages import Transport, message, song_position
+from ergon.live.midi_ports import ArrivalStamps, MidiError, chosen
+from ergon.live.midi_sender import ECHO, TimedSender
+from ergon.repl.session.midi_clock import ClockEvents, ClockIn
+
+STEP = 0.01  # [s] between two looks
+
+
+def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
+    own = Stepped(SCORE, tmp_path)
+    events = ClockEvents(own.session.commits)
+    told: list[tuple[int, bytes]] = []
+
+    def go(seconds: float) -> None:
+        for _ in range(round(seconds / STEP)):
+            own.run(STEP)
+            told.extend(events.before(own.engine.frame))
+
+    go(0.1)
+    own.ok("play")
+    go(2.0)
+    own.ok("tempo 240 now")
+    go(0.7)
+    own.ok("tempo 90 -> 200 over 4 now")
+    go(2.0)
+    running = own.session.commits.running
+    clock, tempo = running.clock, running.version.piece.tempo_map
+    wanted = [round(clock.seconds(tempo, n / 24) * own.rate) for n in range(200)]
+    assert told[0][1] == bytes([0xFA])
+    clocks = [frame for frame, data in told if data == bytes([0xF8])]
+    assert len(clocks) > 150
+    assert max(abs(a - b) for a, b in zip(clocks, wanted, strict=False)) <= 1  # frames
+    own.ok("stop")
+    go(0.2)
+    n = len(told)
+    assert told[-1][1] == bytes([0xFC])
+    own.ok("play from 9|2.1")
+    go(1.0)
+    assert told[n][1] == song_position(33.25)  # the next sixteenth
+    assert told[n + 1][1] == bytes([0xFB])
+    running = own.session.commits.running
+    first = running.clock.seconds(running.version.piece.tempo_map, 33.25)
+    assert told[n + 2] == (pytest.approx(first * own.rate, abs=1), bytes([0xF8]))
+    own.close()
+
+
+class Master:
+    """Another program that plays: its tempo may wander, and its messages come late."""
+
+    def __init__(self, bpm, *, jitter=0.0, wander=0.0, seed=1):
+        self._chance = random.Random(seed)
+        self._bpm, self._jitter, self._wander = bpm, jitter, wander
+        self.beats: list[float] = []  # the true instants of its beats
+        self._at, self._number = 0.0, 0
+        self.messages: list[tuple[float, bytes]] = []
+
+    def begin(self, at, *, start=True):
+        self._at = at
+        if start:
+            self.messages.append((at - 0.001, bytes([0xFA])))
+
+    def until(self, now):
+        """The messages that have come by an instant."""
+        while self._at <= now + 0.1:
+            if self._number % 24 == 0:
+                self.beats.append(self._at)
+            late = abs(self._chance.gauss(0.0, self._jitter))
+            self.messages.append((self._at + late, bytes([0xF8])))
+            bpm = self._bpm(self._number / 24) if callable(self._bpm) else self._bpm
+            self._at += 60.0 / bpm / 24
+            self._number += 1
+        self.messages.sort(key=lambda one: one[0])
+        come = [one for one in self.messages if one[0] <= now]
+        self.messages = self.messages[len(come) :]
+        return come
+
+
+def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
+    """Let a session follow a master; (errors of each beat [s], number of tempo lines)."""
+    began = 50.0  # of the clock that both go by
+
+    def when(frame):
+        return began + latency + frame / own.rate
+
+    clock = ClockIn(own.session, when)
+    master.begin(began + since, start=start)
+    for step in range(round(seconds / STEP)):
+        now = began + step * STEP
+        for at, data in master.until(now):
+            clock.receive(data, at)
+        clock.turn(now)
+        own.run(STEP)
+    running = own.session.commits.running
+    tempo = running.version.piece.tempo_map
+    by = running.clock
+    errors = np.array(
+        [when(by.seconds(tempo, n) * own.rate) - at for n, at in enumerate(master.beats)]
+    )
+    rows = map(json.loads, own.journal.read_text().splitlines())
+    lines = [row["line"] for row in rows if row["event"] == "line"]
+    return errors, [line for line in lines if line.startswith("tempo ")]
+
+
+@pytest.mark.parametrize(
+    ("bpm", "jitter"),
+    [(120.0, 0.0), (97.3, 0.0), (174.0, 0.001), (120.003, 0.0005)],
+    ids=["same", "slower", "faster", "drift"],
+)
+def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
+    own = Stepped(SCORE, tmp_path, keeps=False)
+    errors, lines = followed(own, Master(bpm, jitter=jitter), 30.0)
+    assert own.session.commits.running.clock.goes
+    settled = errors[16 : round(28.0 * bpm / 60)]
+    assert len(settled) > 20
+    # Messages that come late by chance are late on average, too.
+    assert np.abs(settled - 0.8 * jitter).max() < 1e-3
+    assert len(lines) < (16 if jitter == 0.0 else 70)
+    numbers = own.ok("history").lines
+    assert len(numbers) <= 3  # play, and all corrections as one
+    own.close()
+    assert own.hash_again() == own.hash.hexdigest()
+
+
+def test_a_ramp_of_the_master_is_followed(tmp_path):
+    own = Stepped(SCORE, tmp_path, keeps=False)
+    errors, _ = followed(own, Master(lambda beat: 110.0 + min(beat, 40.0) * 0.25), 36.0)
+    assert np.abs(errors[16:40]).max() < 0.02
+    assert np.abs(errors[56:60]).max() < 1e-3
+    own.close()
+
+
+def test_without_a_start_the_tempo_alone_is_followed(tmp_path):
+    own = Stepped(SCORE, tmp_path, keeps=False)
+    own.ok("play")
+    own.run(0.5)
+    _, lines = followed(own, Master(150.0), 8.0, start=False)
+    assert lines
+    assert own.session.state().tempo == pytest.approx(150.0, abs=0.01)
+    own.close()
+
+
+def test_stop_and_continue_are_followed(tmp_path):
+    own = Stepped(SCORE, tmp_path, keeps=False)
+    clock = ClockIn(own.session, lambda frame: frame / own.rate)
+    for data, wanted in (
+        ([0xFA], True),
+        ([0xFC], False),
+        ([0xFC], False),
+        ([*song_position(9.0)], False),
+        ([0xFB], True),
+    ):
+        clock.receive(bytes(data), 0.0)
+        clock.turn(0.0)
+        own.run(0.1)
+        assert own.session.commits.running.clock.goes is wanted
+    assert own.where.startswith("3|2")
+    assert own.session.messages() == []
+    own.close()
+
+
+def test_a_follower_knows_when_there_is_nothing_to_follow():
+    follower = ClockFollower()
+    assert follower.beat() is None
+    for n in range(30):
+        follower.receive(Transport.CLOCK, 1e-4 * n)  # 25,000 bpm
+    assert follower.beat() is None
+    assert not follower.is_heard(2.0)
+    for n in range(30):
+        follower.receive(Transport.CLOCK, 5.0 + n / 48)
+    found = follower.beat()
+    assert found is not None
+    assert found.length == pytest.approx(0.5)
+    assert follower.is_heard(5.9)
+    follower.receive(Transport.CLOCK, 4.0)  # a clock that goes back
+    assert follower.beat() is None
+
+
+def test_messages_of_every_length_are_read():
+    assert message(b"") is None
+    assert message(bytes([0xF8])) is Transport.CLOCK
+    assert message(bytes([0xF8, 0])) is None
+    assert message(bytes([0xF2, 8, 1])).clocks == (8 + 128) * 6
+    assert message(song_position(1e9)).clocks == 0x3FFF * 6
+
+
+def test_a_sender_sends_in_the_order_of_instants_and_never_early():
+    sender = TimedSender(ECHO)
+    now = time.monotonic()
+    for after, data in (
+        (0.06, b"\xf8"),
+        (-5.0, b"\xfa"),
+        (0.03, b"\xf2\x08\x00"),
+        (3600.0, b"\xfb"),
+    ):
+        sender.send_at(data, now + after)
+    told = [sender.next_echo().split() for _ in range(3)]
+    assert [data for _, data in told] == [b"fa", b"f20800", b"f8"]
+    assert int(told[1][0]) / 1e9 >= now + 0.03 - 1e-6
+    assert int(told[2][0]) / 1e9 >= now + 0.06 - 1e-6
+    sender.close()
+    assert sender.next_echo() == b""
+
+
+def test_who_plays_along_is_told_to_stop_at_the_end():
+    sender = subprocess.Popen(
+        [sys.executable, "-m", "ergon.live.midi_sender", ECHO],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    out, _ = sender.communicate(b"0 f8\n")  # the session is gone
+    assert [line.split()[1] for line in out.splitlines()[1:]] == [b"f8", b"fc"]
+
+
+def test_a_port_that_does_not_open_is_said():
+    with pytest.raises(MidiError, match="MIDI"):
+        TimedSender("no such port")
+
+
+def test_stamps_are_those_of_the_system_and_not_of_a_late_thread():
+    chance, stamps = random.Random(3), ArrivalStamps()
+    found = []
+    for n in range(200):
+        true = 100.0 + n * 0.0208
+        late = 0.0 if n % 20 == 0 else chance.uniform(0.0, 0.015)
+        found.append(stamps.stamp(0.0 if n == 0 else 0.0208, true + late) - true)
+    assert max(map(abs, found[20:])) < 1e-9
+    assert stamps.stamp(0.0208, 500.0) == 500.0  # after a pause of minutes
+
+
+def test_a_port_is_found_by_a_part_of_its_name():
+    names = ["Midi Through:Port-0", "nanoKONTROL2 MIDI 1", "nanoKEY2 MIDI 1"]
+    assert chosen("kontrol", names, "input") == 1
+    assert chosen("Midi Through:Port-0", names, "input") == 0
+    with pytest.raises(MidiError, match="2 MIDI inputs are called so"):
+        chosen("nano", names, "input")
+    with pytest.raises(MidiError, match="no MIDI output is called 'x'; there are 'Midi"):
+        chosen("x", names, "output")
+    with pytest.raises(MidiError, match="there is none; `virtual`"):
+        chosen("x", [], "output")

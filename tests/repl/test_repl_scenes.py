@@ -1,0 +1,302 @@
+"""Scenes: kept bars that come back on a bar, from their beginning, again and again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edited import SCORES, begun, opened, piece_of
+from sessions import Stepped
+
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits import keeping, matter, scenes
+from ergon.scores.edits.scenes import Scene
+
+SCORE = """\
+ergon: 1
+tempo:
+  - {at: 1|1, bpm: 240}                    # a bar is a second
+keys:
+  k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
+  k2: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 20g, f: 220Hz, t60: 0.3s}}
+      b: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: m}
+  drum:
+    modules:
+      m: {CEL: {M: 20g, f: 90Hz, t60: 0.2s}}
+      b: {BUT: {between: [k2, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: m}
+gestures:
+  knock: 0mm@0 smooth 6mm@60ms 0mm@160ms   # once
+  lean: 0mm@0 smooth 3mm@1 smooth 0mm@2
+players:
+  ada: {key: k1}
+  leo: {key: k2}
+parts:
+  ada: []
+  leo: []
+mix: {channels: 2, route: [{from: bell, to: [1]}, {from: drum, to: [2]}]}
+"""
+
+
+@pytest.fixture
+def at(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    yield stepped
+    stepped.close()
+
+
+def to_bar(at: Stepped, bar: int) -> None:
+    """Run until some moments after the beginning of a bar of one second."""
+    at.run(bar - 1 + 0.25 - at.engine.frame / at.rate)
+    assert at.session.state().bar == bar
+
+
+def a_verse(at: Stepped) -> None:
+    """Bars 3 and 4: ada knocks on each beat but the last, leo leans; kept in bar 5 as `verse`."""
+    at.ok("play")
+    to_bar(at, 2)
+    at.ok("ada plays knock every 1 times 7\nleo plays lean every 2 until 5|1")
+    to_bar(at, 5)
+    assert "verse.yaml" in at.ok("keep 2bar as verse").text
+
+
+def heard(at: Stepped, bar: int, count: int = 1) -> np.ndarray:
+    n = int(at.rate)
+    return at.sound[(bar - 1) * n : (bar - 1 + count) * n]
+
+
+def test_a_scene_comes_back_on_the_next_bar_and_begins_again(at: Stepped):
+    a_verse(at)
+    at.ok("leo plays knock every 1/2")
+    to_bar(at, 8)
+    reply = at.ok("scene verse")
+    assert reply.text == "ok 9|1 verse, from its beginning, again and again"
+    to_bar(at, 20)
+    piece = at.session.commits.running.version.piece
+    for player, first, times in (("ada", range(7), None), ("leo", range(0, 8, 2), None)):
+        found = [beat - 32.0 for beat, *_ in begun(piece, player) if 32.0 <= beat < 56.0]
+        wanted = [float(beat + 8 * turn) for turn in range(3) for beat in first]
+        assert found == pytest.approx(wanted), (player, times)
+    # Each round sounds as the one before, but for what still rings from before the scene.
+    rounds = [heard(at, bar, 2) for bar in (13, 15, 17)]
+    scale = np.abs(rounds[0]).max()
+    assert scale > 0
+    assert np.abs(rounds[1] - rounds[0]).max() < 0.05 * scale
+    assert np.abs(rounds[2] - rounds[1]).max() < 0.01 * scale
+
+
+def test_a_scene_takes_gestures_tempo_couplings_and_parameters_along(at: Stepped):
+    at.ok("set bell.m.f 330Hz\ncouple k1 k2 K=20N/m")
+    a_verse(at)
+    at.ok("knock = 0@0 smooth 2@60ms smooth 0@160ms")
+    at.ok("tempo 180")
+    at.ok("set bell.m.K 2kN/m")
+    at.ok("set drum.m.t60 0.5s")
+    at.ok("uncouple k1 k2")
+    at.run(2.0)
+    at.ok("scene verse")
+    at.run(2.0)
+    version = at.session.commits.running.version
+    kept = opened(str(Path(version.texts.path).with_name("verse.yaml")))[1]
+    assert version.piece.gestures["knock"].points == kept.gestures["knock"].points
+    assert version.piece.tempo_map.bpm(1000.0) == 240.0
+    for part in ("bell", "drum"):
+        own = [[*matter.quantities(one)] for one in version.piece.instruments[part].modules]
+        assert own == [[*matter.quantities(one)] for one in kept.instruments[part].modules]
+    assert len([one for one in version.piece.duet if one.until is None]) == 1
+    assert "# a bar is a second" in version.texts.text  # comments stay
+
+
+def test_from_one_scene_to_another_what_glides_glides(at: Stepped):
+    a_verse(at)
+    at.ok("set bell.m.f 440Hz\nada plays lean every 4\nleo plays knock every 2\ntempo 120")
+    at.run(8.0)
+    at.ok("keep 2bar as refrain")
+    at.ok("scene verse now")
+    at.run(4.0)
+    bar = at.session.state().bar + 1
+    reply = at.ok("scene verse -> refrain over 2bar")
+    assert reply.text == f"ok {bar}|1 verse, then refrain, from its beginning, again and again"
+    start = at.session.commits.head.piece.tempo_map.bars.start(bar)
+    at.run(0.5)
+    piece = at.session.commits.head.piece
+    whats = {b - start: what for b, what, *_ in begun(piece, "ada") if start <= b < start + 24}
+    assert whats == {
+        **{float(beat): "knock" for beat in range(7)},
+        **{float(beat): "lean" for beat in range(8, 24, 4)},
+    }
+    assert piece.tempo_map.bpm(start + 4) == pytest.approx(180.0, abs=20.0)
+    assert piece.tempo_map.bpm(start + 9) == pytest.approx(120.0)
+    at.run(1.5)
+    (glide,) = at.session.commits.running.glides
+    assert (glide.part, glide.module) == ("bell", "m")
+    ramp = piece.tempo_map.seconds(start + 8) - piece.tempo_map.seconds(start)
+    assert glide.stop - glide.start == pytest.approx(ramp)
+
+
+def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(at: Stepped, tmp_path: Path):
+    a_verse(at)
+    at.ok("set bell.m.f 440Hz\nada plays lean every 4")
+    at.run(3.0)
+    at.ok("keep 2bar as refrain")
+    at.ok("scene verse -> refrain over 2bar")
+    at.run(5.0)
+    at.ok("scene verse over 1bar")
+    at.run(2.6)
+    at.ok("undo")
+    at.run(2.2)
+    texts = at.session.commits.head.texts
+    (tmp_path / "verse.yaml").write_text("not a score")  # the journal needs no file
+    at.session.close()
+    assert np.array_equal(at.again(), at.sound)
+    again = Stepped.resumed(at.journal)
+    assert again.session.commits.head.texts.text == texts.text
+    again.ok("play")
+    again.run(3.0)
+    again.ok("redo")
+    again.run(2.0)
+    again.ok("save later")
+    assert opened(str(tmp_path / "later.yaml"))
+    again.ok("play from 3|1")
+    again.run(2.0)
+    again.close()
+    assert np.array_equal(again.again(), again.sound)
+
+
+def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(at: Stepped):
+    a_verse(at)
+    before = at.session.commits.head.texts.text
+    at.ok("scene verse")
+    assert at.session.commits.head.texts.text != before
+    at.run(2.0)
+    at.ok("undo")
+    at.run(2.0)
+    assert at.session.commits.head.texts.text == before
+
+
+@pytest.mark.parametrize(
+    ("line", "message", "try_"),
+    [
+        ("scene vers", "there is no scene vers beside the score", "scene verse"),
+        ("scene nothing-like-it", "`keep 8bar as nothing-like-it` makes one", None),
+        ("scene verse -> verse", "needs a length: scene A -> B over 4bar", None),
+        ("scene ../verse", "is not the name of a scene", None),
+        ("scene a -> b -> c over 1bar", "a scene goes to one other", None),
+        ("scene broken", "broken.yaml: ", None),
+    ],
+)
+def test_what_is_no_scene_is_refused(at: Stepped, tmp_path: Path, line, message, try_):
+    a_verse(at)
+    (tmp_path / "broken.yaml").write_text("ergon: 1\nkeys: nothing\n")
+    text = at.session.commits.head.texts.text
+    reply = at.type(line)
+    assert not reply.taken
+    assert message in reply.text
+    assert reply.try_ == try_
+    assert at.session.commits.head.texts.text == text
+
+
+def test_a_scene_whose_player_is_missing_is_refused(at: Stepped, tmp_path: Path):
+    other = SCORE.replace("leo", "mia").replace("  mia: []", "  mia: [{at: 1|1, play: knock}]")
+    (tmp_path / "other.yaml").write_text(other)
+    assert "no player mia" in at.type("scene other").text
+
+
+def test_names_of_scenes_and_files_are_completed(at: Stepped):
+    a_verse(at)
+    offered = {one.text for one in at.session.complete("scene ve", 8)}
+    assert "verse" in offered
+    assert "verse.yaml" in {one.text for one in at.session.complete("load ve", 7)}
+
+
+@pytest.mark.parametrize("path", SCORES)
+@pytest.mark.parametrize(("start", "stop"), [(0.0, 16.0), (8.0, 16.0), (12.0, 44.0)])
+def test_what_is_kept_of_any_score_comes_back_in_rounds(path, start, stop):
+    texts, piece = opened(path)
+    try:
+        said = keeping.keep(texts, piece, "verse-2", start, stop)
+    except EditError:
+        return
+    kept = piece_of(said)
+    scene = Scene.of(said, kept)
+    assert scene.beats == pytest.approx(stop - start)
+    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 100.0 + 2 * scene.beats))
+    for player in piece.players:
+        once = [(b, *rest) for b, *rest in begun(kept, player)]
+        wanted = sorted((b + turn * scene.beats, *rest) for turn in (0, 1) for b, *rest in once)
+        found = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0 - 1e-9]
+        found = [one for one in found if one[0] < 2 * scene.beats]
+        assert [rest for _, *rest in found] == [rest for _, *rest in wanted]
+        assert [b for b, *_ in found] == pytest.approx([b for b, *_ in wanted])
+
+
+STRUCK = SCORE.replace(
+    "gestures:",
+    """strikes:
+  rain: {to: [bell.m, drum.m], at: 1|1, until: 3|1, rate: 9Hz, impulse: 1uNs..4uNs}
+  tick: {to: drum.m, at: 1|2, every: 2, times: 5, impulse: 2uNs}
+  late: {to: drum.m, at: 2|2, until: 4|1, rate: 5Hz, impulse: 2uNs}
+gestures:""",
+)
+
+
+@pytest.mark.parametrize("until", [None, 101.5, 102.5, 120.0])
+def test_strikes_come_back_in_rounds(until: float | None):
+    texts, piece = opened("s.yaml", STRUCK + "marks: {end: 3|1}\n")
+    scene = Scene.of(texts, piece)
+    assert scene.beats == 8.0
+    back = piece_of(scenes.bring(texts, piece, scene, 100.0, until))
+    tempo = back.tempo_map
+    new = [
+        (one.name, tempo.resolve(one.at), tempo.resolve(one.until), one.every is None)
+        for one in back.strikes
+        if tempo.resolve(one.at) >= 100.0 and one.until is not None
+    ]
+    end = until or 3992.0  # 999|1
+    wanted = [
+        ("rain-2", 100.0, end, True),
+        *((f"tick-{2 + n}", 101.0 + 2 * n, end, False) for n in range(4)),
+        ("late-2", 105.0, min(108.0, end), True),
+    ]
+    assert new == [one for one in wanted if one[1] < end]
+
+
+# --- a score that is loaded ----------------------------------------------------------------------
+
+SHORT = SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1, times: 16}]")
+
+
+def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(at: Stepped, tmp_path: Path):
+    (tmp_path / "short.yaml").write_text(SHORT.replace("bpm: 240", "bpm: 120"))
+    at.ok("play")
+    to_bar(at, 9)
+    reply = at.ok(f"load {tmp_path / 'short.yaml'}")
+    assert reply.text == "ok 10|1 short.yaml begins at 1|1, for its bars are past"
+    at.run(1.0)
+    assert at.session.state().bar == 1
+    at.run(2.0)
+    assert np.abs(at.sound[-int(at.rate) :]).max() > 0
+    at.session.close()
+    assert np.array_equal(at.again(), at.sound)
+    again = Stepped.resumed(at.journal)
+    assert again.session.commits.running.clock.at == 4.0
+    again.close()
+
+
+def test_a_score_with_bars_to_come_goes_on_at_the_same_beat(at: Stepped, tmp_path: Path):
+    (tmp_path / "short.yaml").write_text(SHORT.replace("bpm: 240", "bpm: 120"))
+    at.ok("play")
+    to_bar(at, 2)
+    assert at.ok(f"load {tmp_path / 'short.yaml'}").text == "ok 3|1"
+    at.run(0.75 + 1.0)  # in the new tempo a bar takes two seconds
+    state = at.session.state()
+    assert (state.bar, state.beat) == (3, pytest.approx(3.0, abs=0.1))
+    assert np.abs(at.sound[-int(0.5 * at.rate) :]).max() > 0
+    at.session.close()
+    assert np.array_equal(at.again(), at.sound)

@@ -1,0 +1,104 @@
+"""`record audio`: what is heard goes into a file beside any output, as it is rendered."""
+
+import json
+import subprocess
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from commands import ERGON
+from patience import until
+from sessions import Stepped
+from tests.repl.test_repl_live import session_on
+from tests.repl.test_repl_session import SCORE
+
+from ergon.repl.session.session import Session
+
+
+def _heard(session: Session) -> list[str]:
+    said: list[str] = []
+    until(
+        lambda: any("-> " in (said.extend(session.messages()) or " ".join(said)) for _ in [0]),
+        "the file is whole",
+    )
+    return said
+
+
+def _frames(session: Session, count: int) -> None:
+    engine = session.commits.engine
+    goal = engine.frame + count
+    until(lambda: engine.frame >= goal, "it plays")
+
+
+@pytest.mark.parametrize("audio", ["null", "clock"])
+def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, audio: str):
+    output = audio if audio == "null" else f"clock:{tmp_path / 'output.wav'}"
+    with closing(session_on(tmp_path, output)) as session:
+        for line in ("play", "ada plays knock every 1 now", "leo plays lean every 1 now"):
+            assert session.submit(line).taken
+        _frames(session, 20_000)
+        assert session.submit("record audio part").text.startswith("ok recording what is heard in")
+        assert "still being recorded" in session.submit("record audio other").text
+        _frames(session, 60_000)
+        assert session.submit("record audio off").taken
+        said = _heard(session)
+        assert "no sound is being recorded" in session.submit("record audio off").text
+        assert "overwrites no file" in session.submit("record audio part.wav").text
+    assert any(one.startswith("sound of 1.") for one in said)
+    done = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    rows = map(json.loads, (tmp_path / "session.jsonl").read_text().splitlines())
+    sound = next(row for row in rows if row["event"] == "sound")
+    part, _ = soundfile.read(tmp_path / "part.wav", dtype="float32", always_2d=True)
+    again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
+    assert len(part) == sound["frames"] >= 60_000
+    assert np.abs(part).max() > 0.01
+    assert np.array_equal(part, again[sound["first"] :][: len(part)])
+
+
+def test_a_session_that_ends_closes_its_file(tmp_path: Path):
+    with closing(session_on(tmp_path, "null")) as session:
+        assert session.submit("record audio all.wav").taken
+        _frames(session, 10_000)
+    part, _ = soundfile.read(tmp_path / "all.wav", dtype="float32", always_2d=True)
+    assert len(part) >= 9_000
+
+
+@pytest.mark.parametrize(
+    ("file", "why"),
+    [
+        ("../x.wav", "a session writes in"),
+        ("/tmp/x.wav", "a session writes in"),
+        ("x.mp3", "does not end in .wav"),
+        ("folder/x.wav", "a session writes in"),
+    ],
+)
+def test_a_file_elsewhere_is_refused(tmp_path: Path, file: str, why: str):
+    with closing(session_on(tmp_path, "null")) as session:
+        reply = session.submit(f"record audio {file}")
+        assert not reply.taken
+        assert why in reply.text
+    assert {path.suffix for path in tmp_path.iterdir()} == {".yaml", ".jsonl"}
+
+
+def test_a_folder_that_takes_nothing_is_said(tmp_path: Path):
+    with closing(session_on(tmp_path, "null")) as session:
+        (tmp_path / f".x.wav.{__import__('os').getpid()}.part").mkdir()
+        reply = session.submit("record audio x.wav")
+        assert not reply.taken
+        assert "x.wav" in reply.text
+        assert session.submit("record audio y.wav").taken
+
+
+def test_where_nothing_is_heard_nothing_is_recorded(tmp_path: Path):
+    own = Stepped(SCORE, tmp_path)
+    assert "`ergon render` writes a file" in own.type("record audio x.wav").text
+    own.close()

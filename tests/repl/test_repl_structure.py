@@ -1,0 +1,232 @@
+"""Instruments, keys, links, players and routes that are typed while the piece plays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edited import DUET, opened
+from sessions import Stepped
+
+from ergon.scores.edits import structure
+
+SCORE = """\
+ergon: 1
+tempo:
+  - {at: 1|1, bpm: 240}                    # a bar is a second
+keys:
+  k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
+  k2: {like: k1}
+instruments:
+  bell:                                    # rings
+    modules:
+      m: {CEL: {M: 20g, f: 220Hz, t60: 0.6s}}
+      low: {CEL: {M: 20g, K: 5000N/m, Z: 0.1Ns/m}}
+      slow: {CEL: {M: 8g, f: 2Hz, t60: 1s}}
+      b: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: [m, low]}
+gestures:
+  knock: 0mm@0 smooth 6mm@60ms 0mm@160ms   # once
+  lean: {like: knock, do: [scale 0.5]}
+players:
+  ada: {key: k1}
+  leo: {key: k2}
+parts:
+  ada: [{at: 1|1, play: knock, every: 1, until: 99|1}]
+  leo: |                                   # a table
+    # at   what
+    1|1    knock every 2 times 4
+    5|1    lean
+mix: {channels: 4, route: [{from: bell, to: [1]}]}
+"""
+
+
+@pytest.fixture
+def at(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    stepped.ok("play")
+    yield stepped
+    stepped.close()
+
+
+def same_again(at: Stepped) -> None:
+    """Undone to the beginning, saved and resumed; the journal is the sound."""
+    text = at.session.commits.head.texts.text
+    at.ok("save typed")
+    at.run(0.3)
+    assert opened(str(at.journal.with_name("typed.yaml")))
+    at.session.close()
+    assert np.array_equal(at.again(), at.sound)
+    again = Stepped.resumed(at.journal)
+    assert again.session.commits.head.texts.text == text
+    again.ok("play from 2|1")
+    again.run(1.5)
+    count = len(again.session.history.numbers) - 1
+    again.ok(f"back {count}")
+    again.run(1.0)
+    assert again.session.commits.head.texts.text == SCORE
+    again.close()
+    assert np.array_equal(again.again(), again.sound)
+
+
+def level(at: Stepped, channel: int, seconds: float) -> float:
+    return float(np.abs(at.sound[-int(seconds * at.rate) :, channel - 1]).max())
+
+
+def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
+    at.run(1.2)
+    at.ok("bell2 = bell/bell transpose 7st")
+    at.ok("mia takes k3 like k1\nlink k3 bell2.hammer BUT K=4kN/m Z=2Ns/m")
+    at.ok("route bell2 3 4 gain 60dB")
+    at.ok("mia plays knock every 1/2")
+    at.run(4.0)
+    version = at.session.commits.running.version
+    bell2 = {module.name: module.fields for module in version.piece.instruments["bell2"].modules}
+    ratio = 2.0 ** (7.0 / 12.0)
+    assert bell2["prime"]["f"] == pytest.approx(440.0 * ratio, rel=1e-6)
+    assert bell2["prime"]["t60"] == 6.0
+    assert bell2["hammer"]["f"] == 1.0  # mechanics stay
+    assert [module.name for module in version.piece.instruments["links"].modules] == ["but-1"]
+    assert version.piece.players["mia"].key == "k3"
+    for comment in ("# a bar is a second", "# rings", "# once", "# a table"):
+        assert comment in version.texts.text
+    assert level(at, 1, 1.0) > 0
+    assert level(at, 3, 1.0) > 0
+    assert level(at, 2, 4.0) == 0
+    same_again(at)
+
+
+def test_an_instrument_like_another_is_transposed_where_it_sounds(at: Stepped):
+    at.ok("deep = bell transpose -12st")
+    piece = at.session.commits.head.piece
+    own = {module.name: module.fields for module in piece.instruments["deep"].modules}
+    assert own["m"]["f"] == pytest.approx(110.0)
+    assert own["low"]["K"] == pytest.approx(1250.0)
+    assert own["slow"]["f"] == 2.0
+    assert piece.instruments["bell"].modules[0].fields["f"] == 220.0
+
+
+def test_a_generator_takes_fields_of_its_own(at: Stepped):
+    at.ok("gong2 = gong/plate f=C2 t60=3s transpose 12st")
+    (module,) = at.session.commits.head.piece.instruments["gong2"].modules
+    assert module.fields["f"] == pytest.approx(2 * 65.406, rel=1e-3)
+    assert module.fields["t60"] == 3.0
+
+
+def test_a_link_comes_in_without_a_jump(at: Stepped):
+    at.ok("ada plays knock every 1")
+    at.run(2.0)
+    at.ok("link bell.m bell.low REF K=2kN/m now")
+    at.run(0.3)
+    (glide,) = at.session.commits.running.glides
+    assert (glide.part, glide.module, glide.before) == ("links", "ref-1", (0.0,))
+    at.run(1.0)
+    bends = np.abs(np.diff(at.sound[:, 0], 3))
+    n = int(at.rate)
+    before, within = bends[: 2 * n].max(), bends[2 * n : int(2.4 * n)].max()
+    assert within < 1.5 * before
+    same_again(at)
+
+
+def test_what_was_built_is_removed_with_what_belongs_to_it(at: Stepped):
+    at.ok("couple k1 k2 K=20N/m\nb2 = bell\nroute b2 2\nlink k2 b2.m BUT K=500N/m gap=1mm")
+    at.run(2.0)
+    assert "links" in at.session.commits.head.piece.instruments
+    at.ok("remove links.but-1")
+    assert "links" not in at.session.commits.head.piece.instruments
+    at.ok("remove b2")
+    assert [route.part for route in at.session.commits.head.piece.mix.routes] == ["bell"]
+    at.ok("remove leo\nremove k2")
+    piece = at.session.commits.head.piece
+    assert [*piece.players] == ["ada"]
+    assert [*piece.keys] == ["k1"]
+    assert piece.duet == ()
+    at.run(2.0)
+    assert level(at, 1, 1.0) > 0
+    same_again(at)
+
+
+def test_what_is_renamed_is_renamed_wherever_it_is_named(at: Stepped):
+    at.run(1.1)
+    at.ok("rename knock tap2")
+    piece = at.session.commits.head.piece
+    assert [*piece.gestures] == ["tap2", "lean"]
+    assert {play.what for play in piece.parts} == {"tap2", "lean"}
+    at.ok("rename leo eva")
+    piece = at.session.commits.head.piece
+    assert [*piece.players] == ["ada", "eva"]
+    assert [play.what for play in piece.parts if play.player == "eva"] == ["tap2", "lean"]
+    text = at.session.commits.head.texts.text
+    assert text.replace("tap2", "knock").replace("eva:", "leo:") == SCORE
+    at.run(2.0)
+    same_again(at)
+
+
+def test_what_is_renamed_is_renamed_in_patterns(at: Stepped):
+    at.ok("ada plays knock (lean knock) ~ every 1")
+    at.ok("leo plays choose knock lean every 1 chance 0.5")
+    at.run(1.0)
+    at.ok("rename knock tap2")
+    text = at.session.commits.head.texts.text
+    assert "tap2 (lean tap2) ~" in text
+    assert "choose tap2 lean" in text
+    assert "knock" not in text.partition("gestures:")[2]
+    at.run(1.0)
+
+
+def test_a_player_takes_another_key(at: Stepped):
+    at.ok("leo takes k1")
+    assert at.session.commits.head.piece.players["leo"].key == "k1"
+    at.run(1.5)
+    at.ok("leo takes k9")
+    assert at.session.commits.head.piece.keys["k9"].travel == (-0.015, 0.015)
+
+
+def test_without_routes_what_sounds_stays_where_it_is():
+    text = SCORE[: SCORE.index("mix:")] + "mix: {channels: 4}\n"
+    texts, piece = opened("s.yaml", text)
+    made = structure.build(texts, piece, "b2", "bell", {})
+    made = structure.route(made, opened("s.yaml", made.text)[1], "b2", ["3"], None)
+    _, after = opened("s.yaml", made.text)
+    assert [(route.part, route.to) for route in after.mix.routes] == [("bell", (1,)), ("b2", (3,))]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("bell = bell/bell", "bell exists: `remove bell` first"),
+        ("b2 = bel", "is not an instrument or a file"),
+        ("b2 = nothing/bell", "names no file 'nothing'"),
+        ("b2 = bell/nothing", "has no 'nothing'"),
+        ("b2 = bell transpose 7", "needs semitones"),
+        ("b2 = bell f", "'f' is not a field"),
+        ("b2 = gong/plate f=2kg", "'kg'"),
+        ("link k1 bell.q BUT K=1kN/m", "nothing is called 'bell.q'"),
+        ("link k1 k1 BUT K=1kN/m", "is named twice"),
+        ("link k1 bell.m BUT K=1kg", "'kg'"),
+        ("link k1 bell.m BUT k=1kN/m", "BUT has no field 'k'"),
+        ("link k1 bell.m BAT K=1kN/m", "is not a kind of link"),
+        ("link on", "cannot share its tempo with other machines"),
+        ("mia takes k2 like k1", "k2 exists already"),
+        ("route bell 9", "channel 9 does not exist; the mix has 4"),
+        ("route bell three", "is not a channel"),
+        ("route drum 1", "is not an instrument"),
+        ("remove k1", "no key is called"),
+        ("remove bell", "is the last instrument that is heard"),
+        ("remove nothing", "is not a name of this score"),
+        ("rename bell chime", "is not a gesture, a take or a player"),
+        ("rename knock lean", "the name 'lean' is in use"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_changes_nothing(at: Stepped, line: str, message: str):
+    reply = at.type(line)
+    assert not reply.taken, reply.text
+    assert message in reply.text
+    assert at.session.commits.head.texts.text == SCORE
+
+
+def test_what_ships_keeps_its_own_text():
+    texts, piece = opened(DUET)
+    made = structure.build(texts, piece, "gong2", "gong", {})
+    assert made.overlay == texts.overlay

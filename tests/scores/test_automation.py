@@ -1,0 +1,251 @@
+"""Automation: parameters that follow patterns of values, and those that swing."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from ergon.notation.text.errors import Collector, TextError
+from ergon.scores.pattern.values import SCALES, parse_values
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.automating import GLIDE, automated
+from ergon.scores.staging.hands import Window
+from ergon.scores.staging.stage import Span, prepare, stage
+
+SCORE = """\
+ergon: 1
+seed: {seed}
+tempo: [{{at: 1|1, bpm: 60, meter: 4/4}}]
+keys: {{k: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}}}
+instruments:
+  bell:
+    modules:
+      m: {{CEL: {{M: 2g, f: 220Hz, X0: 1mm}}}}
+      n: {{CEL: {{M: 2g, K: 900N/m, Z: 0.2Ns/m}}}}
+      b: {{BUT: {{between: [k, m], K: 900N/m, gap: 9mm}}}}
+    out: {{SOX: m}}
+automation: [{lines}]
+render: {{tail: {tail}s}}
+"""
+
+
+def piece(lines: str, seed: int = 5, tail: float = 8.0) -> Piece:
+    loaded = load("s.yaml", text=SCORE.format(lines=lines, seed=seed, tail=tail))
+    assert loaded.piece is not None, loaded.diagnostics
+    return loaded.piece
+
+
+def points(of: Piece, module: str = "m", since: float = -math.inf, until: float = 8.0):
+    collector = Collector()
+    found = automated(of, since, until, collector)
+    assert not collector.has_errors()
+    return found["bell", module]
+
+
+def frequency(k: float, z: float, m: float) -> float:
+    return math.sqrt(k / m - (z / (2 * m)) ** 2) / (2 * math.pi)
+
+
+def pitch(sound: np.ndarray, rate: float) -> float:
+    """By its zero crossings, an independent measure."""
+    rising = np.flatnonzero((sound[:-1] < 0) & (sound[1:] >= 0))
+    at = rising - sound[rising] / (sound[rising + 1] - sound[rising])
+    return rate * (len(at) - 1) / (at[-1] - at[0])
+
+
+def test_a_pattern_of_notes_is_heard():
+    of = piece("{set: bell.m.f, to: A3 C4 (E4 A4), at: 1|1, every: 1, times: 2}", tail=7.0)
+    whole = stage(of)
+    sound = np.zeros((whole.n_frames, whole.simulation.n_out))
+    whole.simulation.process(sound)
+    rate = int(whole.rate)
+
+    def heard(begin: float, end: float) -> float:
+        return pitch(sound[int((begin + 0.05) * rate) : int((end - 0.02) * rate), 0], rate)
+
+    spans = [(0, 1), (1, 2), (2, 2.5), (2.5, 3), (3, 4), (4, 5), (5, 5.5), (5.5, 6), (6.0, 7.0)]
+    notes = [220.0, 261.6256, 329.6276, 440.0] * 2 + [220.0]
+    assert [heard(*span) for span in spans] == [pytest.approx(f, rel=2e-4) for f in notes]
+
+
+def test_values_and_factors_are_set_in_twenty_milliseconds():
+    found = points(piece("{set: bell.n.K, to: 1kN/m x0.5 ~, at: 1|2, every: 1/2, times: 1}"), "n")
+    assert [(t, k) for t, k, _, _ in found] == [
+        (1.0, 900.0),
+        (1.0 + GLIDE, 1000.0),
+        (1.5, 1000.0),
+        (1.5 + GLIDE, 450.0),
+        (2.5, 450.0),
+        (2.5 + GLIDE, 900.0),
+    ]
+    assert {(z, m) for _, _, z, m in found} == {(0.2, 0.002)}
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        ("sine", lambda p: 1.0 + 0.2 * math.sin(2 * math.pi * p)),
+        ("triangle", lambda p: 1.0 + 0.2 * (1 - 4 * abs((p + 0.25) % 1.0 - 0.5))),
+        ("square", lambda p: 1.2 if p < 0.5 else 0.8),
+        ("ramp", lambda p: 0.8 + 0.4 * p),
+    ],
+)
+def test_a_swing_goes_between_its_ends(shape, expected):
+    of = piece(f"{{lfo: bell.n.K, range: 0.8..1.2, period: 4, shape: {shape}, at: 1|1}}")
+    found = points(of, "n")
+    t, k = [p[0] for p in found], [p[1] / 900.0 for p in found]
+    for at in np.arange(0.2, 7.99, 0.037):
+        if min(abs(at % 2.0), 2.0 - at % 2.0) < 0.07:  # on its way from end to end
+            continue
+        assert np.interp(at, t, k) == pytest.approx(expected(at / 4 % 1.0), abs=1e-3)
+    assert found[0][:2] == (0.0, 900.0)  # from its own value
+
+
+def test_a_phase_begins_in_the_middle_of_a_swing():
+    half = "{lfo: bell.n.K, range: 1kN/m..2kN/m, period: 4, phase: 0.25, at: 1|1, until: 2|1}"
+    found = points(piece(half), "n")
+    t, k = [p[0] for p in found], [p[1] for p in found]
+    for at in np.arange(0.1, 3.9, 0.1):
+        expected = 1500 + 500 * math.cos(math.pi * at / 2)
+        assert np.interp(at, t, k) == pytest.approx(expected, abs=1.5)
+    assert found[-1][:2] == (4.0 + GLIDE, 900.0)  # its own again
+
+
+def test_lines_follow_one_another_and_parameters_go_together():
+    lines = (
+        "{set: bell.m.f, to: A3 A4, at: 1|1, every: 1, until: 2|1},"
+        "{lfo: bell.m.t60, range: 1s..3s, period: 2, at: 1|1, until: 2|1},"
+        "{set: bell.m.f, to: E4, at: 2|1, every: 4, until: 3|1}"
+    )
+    found = points(piece(lines))
+
+    def at(instant: float) -> tuple[float, float]:
+        t = [p[0] for p in found]
+        k, z, m = (float(np.interp(instant, t, [p[i] for p in found])) for i in (1, 2, 3))
+        return frequency(k, z, m), 6.907755278982137 / (z / (2 * m)) if z else math.inf
+
+    assert at(0.5) == (pytest.approx(220.0, rel=1e-5), pytest.approx(3.0, rel=1e-3))
+    assert at(1.5) == (pytest.approx(440.0, rel=1e-5), pytest.approx(1.0, rel=1e-3))
+    assert at(4.5)[0] == pytest.approx(329.6276, rel=1e-5)
+    assert frequency(*found[-1][1:]) == pytest.approx(220.0)
+    assert all(a[0] <= b[0] for a, b in pairwise(found))
+
+
+def test_chance_and_choices_are_those_of_the_seed():
+    line = "{set: bell.m.f, to: choose A3 C4 E4, at: 1|1, every: 1/4, until: 3|1, chance: 0.7}"
+    assert points(piece(line)) == points(piece(line))
+    assert points(piece(line)) != points(piece(line, 6))
+    walk = "{set: bell.m.f, to: walk A3.minor, at: 1|1, every: 1/4, until: 3|1}"
+    heard = {round(frequency(*p[1:]), 2) for p in points(piece(walk))}
+    scale = {round(220 * 2 ** (n / 12), 2) for n in SCALES["minor"]}
+    assert heard <= scale
+    assert len(heard) > 2
+
+
+@pytest.mark.parametrize("since", [2.0, 3.1, 5.77])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "{set: bell.n.K, to: choose 1kN/m 2kN/m x3, at: 1|1, every: 1/4, until: 3|1, chance: 0.6}",
+        "{lfo: bell.n.K, range: 0.5..1.5, period: 3, at: 1|1}",
+        "{lfo: bell.n.K, range: 0.5..1.5, period: 3, at: 1|1, shape: square}",
+    ],
+)
+def test_what_is_entered_in_the_middle_has_the_values_of_the_whole(line, since):
+    of = piece(line)
+    whole, rest = points(of, "n"), points(of, "n", since)
+    for at in np.arange(since, 7.9, 0.003):
+        values = [
+            np.interp(at, [p[0] for p in some], [p[1] for p in some]) for some in (whole, rest)
+        ]
+        assert values[0] == pytest.approx(values[1], rel=1e-12), at
+
+
+def test_scales_and_chords_have_names():
+    order, amounts = parse_values("A3.minor ~ C4.maj*2", lambda text: 0.0, is_pitch=True)
+    assert order.places == 7 + 1 + 6
+    found = [amounts[leaf.name].value for leaf in order.leaves()]
+    assert found[:3] == [220.0, pytest.approx(246.94165), pytest.approx(261.62557)]
+    assert found[7:10] == found[10:]
+    assert all(0 in steps and list(steps) == sorted(set(steps)) for steps in SCALES.values())
+    with pytest.raises(TextError) as caught:
+        parse_values("A3 C4.mayor", lambda text: 1.0, is_pitch=True)
+    assert caught.value.suggestion == "major"
+    assert caught.value.offset == 6
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "words"),
+    [
+        ("{at: 1|1}", "E103", "either `set` or `lfo`"),
+        ("{set: bell.m.f, at: 1|1}", "E103", "`to` is missing"),
+        ("{lfo: bell.m.f, range: 1..2, at: 1|1}", "E103", "`period` is missing"),
+        ("{set: bell.m.f, to: A3 C4, at: 1|1}", "E103", "write `every`"),
+        ("{set: bell.m.f, to: A3 H4, every: 1, at: 1|1}", "E201", "neither a frequency"),
+        ("{set: bell.m.K, to: 3N, every: 1, at: 1|1}", "E203", "does not measure stiffness"),
+        ("{set: bell.b.K, to: 3N/m, every: 1, at: 1|1}", "E304", "bell.b"),
+        ("{set: bell.m.X0, to: 3mm, every: 1, at: 1|1}", "E301", "not a parameter of a CEL"),
+        ("{set: bell.q.f, to: A3, every: 1, at: 1|1}", "E301", "bell.q"),
+        ("{lfo: bell.m.f, range: 0.8, period: 1, at: 1|1}", "E201", "is not a range"),
+        ("{lfo: bell.m.f, range: 0.8..1.2, period: 0, at: 1|1}", "E202", "above 0"),
+        ("{lfo: bell.m.f, range: 1..2, period: 1, every: 1, at: 1|1}", "E111", "does not belong"),
+        ("{set: bell.m.f, to: A3, every: 1, at: Z}", "E301", "no mark is called"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_told(line, code, words):
+    loaded = load("s.yaml", text=SCORE.format(lines=line, seed=1, tail=1))
+    assert loaded.piece is None
+    assert (loaded.diagnostics[0].code, words in loaded.diagnostics[0].message) == (code, True), (
+        loaded.diagnostics
+    )
+
+
+def test_automation_is_part_of_what_a_score_says():
+    one, other = piece("{set: bell.m.f, to: A3, every: 1, at: 1|1}"), piece("")
+    assert one.digest() != other.digest()
+    assert prepare(other).paths == {}
+    spans = [Span(one, Window(0.0, 4.0))]
+    assert prepare(one, spans=spans).paths.keys() == {("bell", "m")}
+
+
+def test_notes_strike_at_their_pitch():
+    strikes = "strikes: {tune: {to: bell.m, at: 1|1, notes: A3 C4 ~ (E4 A4), every: 1, times: 1,"
+    text = SCORE.format(lines="", seed=1, tail=3.0).replace(", X0: 1mm", ", t60: 300ms")
+    loaded = load("s.yaml", text=f"{text}{strikes} impulse: 0.1mNs}}}}\n")
+    assert loaded.piece is not None, loaded.diagnostics
+    whole = stage(loaded.piece)
+    sound = np.zeros((whole.n_frames, whole.simulation.n_out))
+    whole.simulation.process(sound)
+    rate = int(whole.rate)
+    level = [np.abs(sound[int(t * rate) : int((t + 0.05) * rate), 0]).max() for t in range(4)]
+    assert min(level[0], level[1], level[3]) > 20 * level[2]  # a rest
+    for begin, f in ((0.0, 220.0), (1.0, 261.6256), (3.0, 329.6276), (3.5, 440.0), (4.5, 440.0)):
+        # From the strike on: the pitch is there when it falls, and stays after the last one.
+        own = sound[int(begin * rate) + 2 : int((begin + 0.3) * rate), 0]
+        assert pitch(own, rate) == pytest.approx(f, rel=3e-3), begin
+
+
+@pytest.mark.parametrize(
+    ("fields", "code", "words"),
+    [
+        ("to: bell.m, notes: A3 H4, every: 1", "E201", "neither a frequency"),
+        ("to: bell.m, notes: A3", "E103", "write `every`"),
+        ("to: bell.m, notes: A3, rate: 1Hz, for: 4", "E111", "strikes by chance have no steps"),
+        ("to: drum, notes: A3, every: 1", "E304", "has no pitch of its own"),
+    ],
+)
+def test_mistakes_in_notes_are_told(fields, code, words):
+    text = SCORE.format(lines="", seed=1, tail=3.0).replace(
+        "automation:",
+        "  drum: {BANK: {count: 3, f: 99Hz, t60: 1s, M: 1g}, out: {SOX: drum.all}}\nautomation:",
+    )
+    fields = fields.replace("to: drum", "to: drum.all")
+    strikes = f"strikes: {{tune: {{at: 1|1, impulse: 1mNs, {fields}}}}}\n"
+    loaded = load("s.yaml", text=text + strikes)
+    assert loaded.piece is None
+    found = loaded.diagnostics[0]
+    assert (found.code, words in found.message) == (code, True), found

@@ -1,0 +1,90 @@
+"""What a new user types first and is refused: one message, at its place, with what is meant."""
+
+from __future__ import annotations
+
+import pytest
+
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+SCORE = """\
+ergon: 1
+use: [instruments/bell.yaml]
+tempo:
+  - {at: 1|1, bpm: 72}
+  - {at: 3|1, bpm: 72 -> 40, over: 2bar}
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}}
+gestures: {knock: 0mm@0 smooth 6mm@60ms 0mm@120ms}
+players: {ada: {key: k}, bob: {key: k}}
+parts:
+  ada: [{at: 1|1, play: knock}]
+strikes: {tap: {at: 1|1, to: bell.hum, every: 1, times: 2, impulse: 1mNs}}
+mix: {channels: 1, route: [{from: bell, to: 1, gain: -6dB}]}
+render: {tail: 4s}
+"""
+
+
+def read(old: str = "", new: str = ""):
+    assert old in SCORE
+    return load("s.yaml", text=SCORE.replace(old, new, 1))
+
+
+def test_the_score_itself_is_right():
+    assert not read().diagnostics
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "column", "suggestion"),
+    [
+        ("instruments/bell.yaml", "bell.yaml", 2, 7, "instruments/bell.yaml"),
+        ("instruments/bell.yaml", "instruments/bel.yaml", 2, 7, "instruments/bell.yaml"),
+        ("72 -> 40", "72..40", 5, 20, "72 -> 40"),
+        ("2bar", "2 bars", 5, 36, "2bars"),
+        ("-6dB", "0.5", 12, 54, "x0.5"),
+        ("4s", "4,5s", 13, 16, "4.5s"),
+        ("1.2Ns/m", "1,2Ns/m", 6, 34, "1.2Ns/m"),
+        ("-15mm", "\u221215mm", 6, 51, "-15mm"),
+        ("{at: 1|1, play", "{at: '5:1', play", 10, 15, "5|1"),
+    ],
+)
+def test_one_message_with_a_suggestion(old, new, line, column, suggestion):
+    (error,) = read(old, new).diagnostics
+    assert (error.place.line, error.place.column) == (line, column)
+    assert error.suggestion == suggestion
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "help"),
+    [
+        ("{at: 1|1, play", "{at: [0, 1, 2], play", "repeat the entry, once for each value"),
+        ("play: knock", "play: knock, loud: 3", "known here: at, play, every, times, until"),
+        (
+            "{tap: {at: 1|1, to: bell.hum, every: 1, times: 2, impulse: 1mNs}}",
+            "{tap: [{at: 1|1}]}",
+            "a group of fields is written: to, at",
+        ),
+    ],
+)
+def test_one_message_with_help(old, new, help):
+    (error,) = read(old, new).diagnostics
+    assert error.help is not None
+    assert help in error.help
+
+
+def test_a_name_without_a_colon_is_shown_on_its_own_line():
+    (error,) = load("s.yaml", text="ergon: 1\ntitle Base\nkeys: {}\n").diagnostics
+    assert (error.place.line, error.message) == (2, "the name has no ':' after it")
+
+
+def test_two_players_on_one_key_are_named_with_the_key():
+    loaded = read("strikes", "  bob: [{at: 1|1.05, play: knock}]\nstrikes")
+    assert loaded.piece is not None
+    (found,) = stage(loaded.piece).diagnostics
+    assert "'knock' at 1|1.05 cuts 'knock' of 'ada' on key 'k'" in found.message
+    assert found.help == "write `layer: true` to play both, or give each player a key"
+
+
+def test_a_group_whose_commas_part_fields_is_read_as_before():
+    """`a: 4, 5s: 1` has a space: a mistake of another kind."""
+    found = [d.code for d in read("tail: 4s", "tail: 4s, 5s: 1").diagnostics]
+    assert found == ["E101"]
