@@ -9,7 +9,7 @@ from .outcome import Refused
 
 @click.command()
 def lsp() -> None:
-    """Serve an editor: mistakes as one types, completion, explanations, definitions.
+    """Serve an editor: mistakes as one types, completion, explanations.
 
     The server speaks the Language Server Protocol on stdin and stdout; an editor starts it.
     """
