@@ -61,6 +61,7 @@ COMMANDS: Table = {
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
+    "lsp": ("lsp", "lsp", "Serve an editor: mistakes as one types, completion, explanations."),
     "fmt": ("fmt", "fmt", "Put the layout of scores in order; comments stay."),
     "demo": ("demo", "demo", "Render a score that ships with ergon, and play it."),
     "completion": ("completion", "completion", "Print a completion script for bash, zsh or fish."),

@@ -53,7 +53,9 @@ def _law(text: str) -> str:
 
 
 LAW = Text(_law, "a law, such as k*d + q*d**3, or the name of one", types=("string",))
-ENDPOINT = Reference("a module, such as m, bell.m, gong.centre or a key")
+ENDPOINT = Reference(
+    "a module, such as m, bell.m, gong.centre or a key", ("modules", "instruments", "keys")
+)
 BETWEEN = Field(
     "between", ListOf(ENDPOINT, 2, 2), "the two MATs that it joins: [a, b]", required=True
 )

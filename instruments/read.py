@@ -47,7 +47,7 @@ class Listening:
     place: Place
 
 
-_HEARD = ListOf(Reference("a module, or several in brackets"), least=1, single=True)
+_HEARD = ListOf(Reference("a module, or several in brackets", ("modules",)), least=1, single=True)
 _SOF = Record(
     "SOF",
     "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
@@ -79,6 +79,9 @@ def _listening(values: Values) -> Any:
 _LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
 
 
+_NAMED = NamesOf(_LISTENER, "output")
+
+
 @dataclass(frozen=True)
 class Outputs(Shape):
     """`{SOX: m}`, or names, each with such a one."""
@@ -87,11 +90,11 @@ class Outputs(Shape):
         """Read a node."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        if any(word in _LISTENERS for word in node.entries):
+        if self.chosen(node) is _LISTENER:
             bare = Context(context.collector, f"out of {context.owner}", "", node.place)
             value = _LISTENER.read(node, name, bare)
             return MISSING if value is MISSING else (value,)
-        named = NamesOf(_LISTENER, "output").read(node, name, context)
+        named = _NAMED.read(node, name, context)
         if named is MISSING:
             return MISSING
         return tuple(value for value in named.values() if value is not MISSING)
@@ -105,11 +108,20 @@ class Outputs(Shape):
         """In words."""
         return "{SOX: m}, {SOF: b}, or names, each with such a one"
 
+    def chosen(self, node: Node) -> Shape:
+        """One output, or names of several."""
+        words = node.entries if isinstance(node, document.Mapping) else {}
+        return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED
+
 
 def instrument_table(ca: bool) -> Record:
     """The fields of an instrument, in SI units or under `units: ca`."""
     fields = (
-        Field("like", Reference("an instrument"), "begin with another one's modules and outputs"),
+        Field(
+            "like",
+            Reference("an instrument", ("instruments",)),
+            "begin with another one's modules and outputs",
+        ),
         Field("from", Reference("file/name"), "an instrument of a file that `use:` names"),
         Field("modules", NamesOf(module_table(ca), "module"), MODULES_DOC),
         Field("out", Outputs(), "what is heard of it", shown="nothing"),
@@ -132,9 +144,7 @@ class InstrumentShape(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        units = node.get("units") if isinstance(node, document.Mapping) else None
-        is_ca = isinstance(units, document.Scalar) and units.text == "ca"
-        return (self.ca if is_ca else self.si).read(node, name, context)
+        return self.chosen(node).read(node, name, context)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -143,6 +153,12 @@ class InstrumentShape(Shape):
     def words(self) -> str:
         """In words."""
         return self.si.words()
+
+    def chosen(self, node: Node) -> Shape:
+        """The table of the units that are written."""
+        units = node.get("units") if isinstance(node, document.Mapping) else None
+        is_ca = isinstance(units, document.Scalar) and units.text == "ca"
+        return self.ca if is_ca else self.si
 
 
 INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))

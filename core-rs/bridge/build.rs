@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-const PARTS: [&str; 12] = [
+const PARTS: [&str; 13] = [
     "api",
     "cli",
     "common",
@@ -10,6 +10,7 @@ const PARTS: [&str; 12] = [
     "instruments",
     "lab",
     "live",
+    "lsp",
     "notation",
     "rendering",
     "repl",

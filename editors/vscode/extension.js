@@ -1,11 +1,13 @@
-// Commands of VS Code that send lines of an editor to a session of ergon.
+// Scores in VS Code: the language server, and commands that send lines to a session of ergon.
 "use strict";
 
 const vscode = require("vscode");
 const { Client, place } = require("./client");
+const { startServer } = require("./languages");
 
 let channel;
 let client;
+let server;
 
 function say(text, isError) {
   channel.appendLine(text);
@@ -65,10 +67,13 @@ function activate(context) {
     context.subscriptions.push(vscode.commands.registerCommand(name, act));
   }
   context.subscriptions.push(channel, { dispose: () => client.leave() });
+  server = startServer(say);
 }
 
-function deactivate() {
+async function deactivate() {
   if (client !== undefined) client.leave();
+  const started = await server;
+  if (started) await started.stop();
 }
 
 module.exports = { activate, deactivate, block };

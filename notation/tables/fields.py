@@ -229,3 +229,9 @@ class Record(Shape):
     def words(self) -> str:
         """In words."""
         return self.noun if self.noun in _NO_ARTICLE else with_article(self.noun)
+
+    def inner(self, name: str | int) -> Shape | None:
+        """The shape of a field, of a kind, or of a free name."""
+        if name in self.by_name:
+            return self.by_name[str(name)].shape
+        return self.kinds.get(str(name), self.free)

@@ -37,7 +37,8 @@ def quantity(dimension: q.Dimension, doc: str = "") -> Text:
     words = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
     units = f" *({_units(dimension)}){'?' if dimension.bare else ''}" if dimension.units else ""
     pattern = f"^({_NUMBER}{units}{'' if dimension.bare else '|0'})$"
-    return Text(_cached(lambda text: q.quantity(text, dimension)), words, pattern)
+    parse = _cached(lambda text: q.quantity(text, dimension))
+    return Text(parse, words, pattern, units=tuple(dimension.units))
 
 
 def span(dimension: q.Dimension, example: str) -> Text:

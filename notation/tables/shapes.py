@@ -93,6 +93,14 @@ class Shape(ABC):
     def words(self) -> str:
         """What is written, for the reference and for messages: `a mass, such as 400g`."""
 
+    def chosen(self, node: Node) -> Shape:
+        """The shape that reads a node, where there are several for one name."""
+        return self
+
+    def inner(self, name: str | int) -> Shape | None:
+        """The shape below a name or an item's number; None where nothing may stand."""
+        return None
+
 
 @dataclass(frozen=True)
 class Text(Shape):
@@ -103,6 +111,7 @@ class Text(Shape):
     pattern: str | None = None
     types: tuple[str, ...] = ("string", "number")
     choices: tuple[str | int, ...] = ()
+    units: tuple[str, ...] = ()
     inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
 
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -149,9 +158,13 @@ def choice(*words: str) -> Text:
 
 @dataclass(frozen=True)
 class Reference(Shape):
-    """The name of something; whether it exists is asked when everything is read."""
+    """The name of something; whether it exists is asked when everything is read.
+
+    `sections` are those of a score whose names may stand here; `modules` are those of instruments.
+    """
 
     what: str
+    sections: tuple[str, ...] = ()
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -214,6 +227,15 @@ class ListOf(Shape):
         """In words."""
         return f"a list, each {self.item.words()}"
 
+    def chosen(self, node: Node) -> Shape:
+        """A lone item is read by the item's shape."""
+        is_lone = self.single and not isinstance(node, document.Sequence)
+        return self.item.chosen(node) if is_lone else self
+
+    def inner(self, name: str | int) -> Shape | None:
+        """Items have one shape."""
+        return self.item
+
 
 @dataclass(frozen=True)
 class Pair(Shape):
@@ -239,6 +261,10 @@ class Pair(Shape):
         """In words."""
         return f"[{self.first.words()}; {self.second.words()}]"
 
+    def inner(self, name: str | int) -> Shape | None:
+        """The shape of the first or of the second item."""
+        return self.second if name == 1 else self.first
+
 
 @dataclass(frozen=True)
 class Either(Shape):
@@ -250,14 +276,20 @@ class Either(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        shape = self.scalar
-        if isinstance(node, document.Mapping):
-            shape = self.mapping
-        elif isinstance(node, document.Sequence):
-            shape = self.sequence
+        shape = self._of(node)
         if shape is None:
             return wrong_shape(self, node, name, context)
         return shape.read(node, name, context)
+
+    def _of(self, node: Node) -> Shape | None:
+        if isinstance(node, document.Mapping):
+            return self.mapping
+        return self.sequence if isinstance(node, document.Sequence) else self.scalar
+
+    def chosen(self, node: Node) -> Shape:
+        """The shape of texts, of mappings or of lists."""
+        shape = self._of(node)
+        return self if shape is None else shape.chosen(node)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -306,6 +338,10 @@ class NamesOf(Shape):
     def words(self) -> str:
         """In words."""
         return f"names, each {self.item.words()}"
+
+    def inner(self, name: str | int) -> Shape | None:
+        """Every name has the same shape."""
+        return self.item
 
 
 def merged(*schemas: dict[str, Any]) -> dict[str, Any]:

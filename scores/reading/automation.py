@@ -75,12 +75,18 @@ AUTOMATION = Record(
     "automation",
     "a parameter of a CEL that follows a pattern of values (`set`), or swings (`lfo`)",
     (
-        Field("set", Reference("a parameter of a CEL, such as bell.m.f"), "what follows a pattern"),
+        Field(
+            "set",
+            Reference("a parameter of a CEL, such as bell.m.f", ("modules",)),
+            "what follows a pattern",
+        ),
         Field("to", Text(str, "values, such as A3 C4 E4 or x1 x1.5"), "the pattern of its values"),
         Field("every", k.LENGTH, "length of a step"),
         Field("times", k.TIMES, "number of rounds", shown="once, or until `until`"),
         *OF_PATTERN,
-        Field("lfo", Reference("a parameter of a CEL, such as bell.m.K"), "what swings"),
+        Field(
+            "lfo", Reference("a parameter of a CEL, such as bell.m.K", ("modules",)), "what swings"
+        ),
         Field("range", Text(str, "two values or factors, such as 0.8..1.2"), "between what"),
         Field("period", k.LENGTH, "length of one swing"),
         Field("shape", choice(*SHAPES), "the way from one end to the other and back", "sine"),

@@ -96,7 +96,9 @@ class _PlayedShape(Reference):
         return Played(" ".join(text.split()), order, node.place)
 
 
-_PLAYED = _PlayedShape("a gesture or a take, or several, such as knock lean knock")
+_PLAYED = _PlayedShape(
+    "a gesture or a take, or several, such as knock lean knock", ("gestures", "takes")
+)
 _TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror")
 _AT = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
@@ -153,6 +155,10 @@ class Part(Shape):
     def words(self) -> str:
         """In words."""
         return "a list of entries, or a table below '|' with rows such as A  knock every 1"
+
+    def chosen(self, node: Node) -> Shape:
+        """The list of entries, unless a table is written."""
+        return self if isinstance(node, Scalar) and not node.is_empty else self.entries
 
 
 def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:

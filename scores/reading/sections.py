@@ -60,7 +60,7 @@ GESTURE = Record(
         Field("notation", Raw("points x@t, such as 0mm@0 smooth 6mm@1/8"), "points in one line"),
         Field("points", Raw("a table below '|': rows of t, x and a curve"), "points in rows"),
         Field("curve", CURVE, "the way into points without a curve word", "smooth"),
-        Field("like", Reference("a gesture"), "begin with another gesture"),
+        Field("like", Reference("a gesture", ("gestures",)), "begin with another gesture"),
         Field("do", DO, "transformations, left to right (after those of `like`)"),
         *OF_GESTURE,
     ),
@@ -89,12 +89,16 @@ class GestureShape(Shape):
         """In words."""
         return "points such as 0mm@0 smooth 6mm@1/8, or a gesture's fields"
 
+    def chosen(self, node: Node) -> Shape:
+        """The table of fields, unless a notation stands alone."""
+        return self if isinstance(node, Scalar) and not node.is_empty else GESTURE
+
 
 KEY = Record(
     "key",
     "a force-feedback key (TGR), real or emulated: a mass with spring and viscosity, or a network",
     (
-        Field("like", Reference("a key"), "begin with another key's values"),
+        Field("like", Reference("a key", ("keys",)), "begin with another key's values"),
         Field("calib", k.PATH, "a file with M, K and Z as measured"),
         Field("M", k.MASS, "mass"),
         Field("K", k.STIFFNESS, "stiffness of its spring"),
@@ -122,7 +126,7 @@ TAKE = Record(
         Field("rate", k.HERTZ, "sample rate of a file without a column t [s]"),
     ),
 )
-_TARGETS = ListOf(Reference("modules, such as sky.all"), 1, single=True)
+_TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
 STRIKES = Record(
     "strikes",
     "ergons that hit modules directly, without a key",
@@ -146,9 +150,13 @@ PLAYER = Record(
     "a hand on a key",
     (
         Field("hand", choice("virtual", "live"), "emulated, or a real hand", "virtual"),
-        Field("key", Reference("a key"), "the key that it plays", required=True),
+        Field("key", Reference("a key", ("keys",)), "the key that it plays", required=True),
         Field("device", k.TITLE, "a live hand's axis, such as tgr0.3"),
-        Field("standin", Reference("a take or gesture"), "what plays in place of a real hand"),
+        Field(
+            "standin",
+            Reference("a take or gesture", ("takes", "gestures")),
+            "what plays in place of a real hand",
+        ),
         Field("tick", k.TICK_RATE, "rate at which the device is read", shown="1000 Hz"),
     ),
     refused={
@@ -166,7 +174,7 @@ COUPLING = Record(
     "coupling",
     "a link through which two keys act on each other",
     (
-        Field("couple", ListOf(Reference("a key"), 2, 2), "the two keys", required=True),
+        Field("couple", ListOf(Reference("a key", ("keys",)), 2, 2), "the two keys", required=True),
         Field("at", k.WHEN, "beginning of the link", shown="the beginning"),
         Field("until", k.WHEN, "end of the link", shown="the end"),
     ),
@@ -199,7 +207,13 @@ ROUTE = Record(
     "route",
     "from an instrument to loudspeakers",
     (
-        Field("from", Reference("an instrument or one of its outputs"), "what", None, True),
+        Field(
+            "from",
+            Reference("an instrument or one of its outputs", ("instruments",)),
+            "what",
+            None,
+            True,
+        ),
         Field("to", _TO, "channels, or the loudspeaker nearest to each module", required=True),
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),

@@ -99,11 +99,21 @@ const vscode = {
     setStatusBarMessage() {},
     activeTextEditor: editor,
   },
-  workspace: { getConfiguration: () => ({ get: () => "there.sock" }) },
+  workspace: {
+    getConfiguration: () => ({ get: (name) => (name === "socket" ? "there.sock" : "") }),
+  },
   commands: { registerCommand: (name, act) => ((commands[name] = act), { dispose() {} }) },
 };
+const started = [];
+class LanguageClient {
+  constructor(id, name, server, documents) {
+    this.start = async () => started.push({ server, documents });
+  }
+}
+const languages = { LanguageClient, TransportKind: { stdio: 0 } };
+const mocked = { vscode, "vscode-languageclient/node": languages };
 const load = Module._load;
-Module._load = (name, ...rest) => (name === "vscode" ? vscode : load(name, ...rest));
+Module._load = (name, ...rest) => mocked[name] ?? load(name, ...rest);
 const extension = require(process.argv[2] + "/extension.js");
 extension.activate({ subscriptions: [] });
 const until = async (count) => {
@@ -126,7 +136,7 @@ const until = async (count) => {
   commands["ergon.leave"]();
   const other = new Client(() => {});
   await other.connect("nowhere.sock").catch((error) => told.push(error.message));
-  console.log(JSON.stringify({ told, commands: Object.keys(commands) }));
+  console.log(JSON.stringify({ told, started, commands: Object.keys(commands) }));
 })();
 """
 
@@ -138,6 +148,9 @@ def test_vs_code(tmp_path: Path):
     with serving(tmp_path / "there.sock") as session:
         said = json.loads(run(["node", "test.js", str(EDITORS / "vscode")], tmp_path))
     block = "ada plays knock\nleo plays lean  # ü"
+    [server] = said["started"]
+    assert server["server"] == {"command": "ergon", "args": ["lsp"], "transport": 0}
+    assert server["documents"] == {"documentSelector": [{"language": "yaml"}]}
     assert said["told"] == [
         "joined s",
         "ok tempo 72",
@@ -230,3 +243,20 @@ def _forms(text: str):
                 yield text[start : at + 1]
         at += 1
     assert depth == 0, text[start:]
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "found"),
+    [
+        ("knock: 0mm@0 smooth 6mm@1/8 -2mm@250ms", 0, ["0mm@0", "6mm@1/8", "-2mm@250ms"]),
+        ("knock: 0mm@0 smooth 6mm@1/8 hold 0mm@1", 1, ["smooth", "hold"]),
+        ("m: {CEL: {M: 2g, f: 220Hz, t60: 2.5s}}", 2, ["2g", "220Hz", "2.5s"]),
+        ("m: {CEL: {M: 2g}}, out: {SOX: m}", 3, ["CEL", "SOX"]),
+        ("f: C#4, notes: A3 C4+20cents E4", 4, ["C#4", "A3", "C4+20cents", "E4"]),
+        ("smooth-bell: {like: line}", 1, []),
+    ],
+)
+def test_the_notation_is_coloured(line: str, name: int, found: list[str]):
+    grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
+    pattern = re.compile(grammar["patterns"][name]["match"])
+    assert [match.group() for match in pattern.finditer(line)] == found

@@ -52,8 +52,10 @@ MAY = {
         "repl",
         "_core",
     },
+    "lsp": {"api", "notation", "scores", "_core"},
     "cli": {
         "api",
+        "lsp",
         "notation",
         "instruments",
         "scores",

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# So many equal frames in a row are no accident.
-SURE = 64
+# So many equal samples in a row are no accident, in at least so many frames.
+SURE_SAMPLES, SURE_FRAMES = 64, 3
 # After so many wrong frames the comparison ends: each is searched for in a second of sound.
 MOST_WRONG = 1000
 
@@ -74,10 +74,11 @@ def _gap(
     if after == len(sounding):
         return None
     silent = int(sounding[after]) - at
-    behind = captured[at + silent : at + silent + SURE]
+    sure = max(SURE_FRAMES, -(-SURE_SAMPLES // captured.shape[1]))
+    behind = captured[at + silent : at + silent + sure]
     # The first frame is looked for everywhere, the others only where it is found.
     for lost in np.flatnonzero((expected == behind[0]).all(axis=1)):
         there = expected[lost : lost + len(behind)]
-        if len(behind) == SURE and np.array_equal(there, behind) and (silent or lost):
+        if len(behind) == sure and np.array_equal(there, behind) and (silent or lost):
             return Gap(frame, silent, int(lost))
     return None

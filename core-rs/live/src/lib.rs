@@ -8,12 +8,12 @@ pub mod device;
 pub mod doctor;
 pub mod emulate;
 pub mod faults;
-#[cfg(test)]
-#[path = "tests/fuzz.rs"]
-mod fuzz;
 pub mod perform;
 pub mod realtime;
 pub mod recording;
 pub mod safety;
 pub mod stop;
 pub mod wire;
+
+#[cfg(test)]
+mod tests;

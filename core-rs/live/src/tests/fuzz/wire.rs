@@ -1,0 +1,199 @@
+//! Bytes of devices, and an emulated board that is fed with them.
+
+use std::time::Duration;
+
+use crate::device::MAX_AXES;
+use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
+use crate::wire::{Inbox, Parsed, firefader, frame, haply};
+
+use super::dice::{Dice, damaged, text};
+
+/// Feed bytes in pieces; the calls of the parser are counted, for they are its work.
+fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
+    let calls = std::cell::Cell::new(0_usize);
+    let mut inbox = Inbox::<512>::new();
+    let counted = |bytes: &[u8]| {
+        calls.set(calls.get() + 1);
+        let found = parse(bytes);
+        match found {
+            Parsed::Packet(_, len) | Parsed::Garbage(len) => {
+                assert!((1..=bytes.len()).contains(&len), "a length of {len}");
+            }
+            Parsed::Incomplete => {}
+        }
+        found
+    };
+    for piece in bytes.chunks(piece) {
+        inbox.feed(piece, counted, &mut each);
+    }
+    // At most one call for each byte that is passed over, and one more for each piece.
+    let most = bytes.len() + bytes.len().div_ceil(piece) + 512;
+    assert!(calls.get() <= most, "{} calls of {most}", calls.get());
+}
+
+/// A stream of sound packets, damaged.
+fn stream(dice: &mut Dice, packet: impl Fn(&mut Dice) -> Vec<u8>) -> (Vec<u8>, usize) {
+    let packets = 1 + dice.below(4);
+    let whole: Vec<u8> = (0..packets).flat_map(|_| packet(dice)).collect();
+    (damaged(dice, &whole), 1 + dice.below(80))
+}
+
+pub(super) fn firefader_bytes(dice: &mut Dice) {
+    let (bytes, piece) = stream(dice, |dice| {
+        if dice.below(2) == 0 {
+            let mut reply = [0xFF; 7];
+            reply[1..].fill_with(|| dice.byte().min(254));
+            reply.to_vec()
+        } else {
+            vec![0x7F, dice.byte(), dice.byte()]
+        }
+    });
+    fed(&bytes, piece, firefader::parse_reply, |reply| {
+        assert!((0..2).all(|axis| reply.metres(axis).abs() < 0.05));
+    });
+    fed(&bytes, piece, firefader::parse_request, |force| {
+        assert!(force.iter().all(|force| force.abs() <= 1.58));
+    });
+}
+
+fn frame_packet(dice: &mut Dice) -> Vec<u8> {
+    let mut bytes = [0; frame::LONGEST];
+    let (n, wide, seq) = (dice.below(MAX_AXES + 1), dice.below(2) == 0, 77);
+    let len = match dice.below(3) {
+        0 => {
+            let force = std::array::from_fn(|axis| axis as f64 - 1.0);
+            let flags = dice.byte();
+            frame::Request {
+                seq,
+                n,
+                wide,
+                flags,
+                force,
+            }
+            .write(2.0, &mut bytes)
+        }
+        1 => {
+            let position = std::array::from_fn(|axis| axis as f64 * 1e-3);
+            let (t_us, status) = (dice.next() as u32, dice.byte());
+            frame::Reply {
+                seq,
+                t_us,
+                n,
+                wide,
+                status,
+                position,
+            }
+            .write(&mut bytes)
+        }
+        _ => {
+            let (numbers, traits) = ([1.0; 8], dice.byte());
+            frame::DeviceInfo {
+                seq,
+                n: n.max(1),
+                traits,
+                numbers,
+            }
+            .write(&mut bytes)
+        }
+    };
+    let mut packet = bytes[..len].to_vec();
+    if dice.below(3) == 0 {
+        // Damage that the check sum does not tell: what stands behind it is read too.
+        let at = 2 + dice.below(len - 4);
+        packet[at] = dice.byte();
+        let crc = frame::crc(&packet[2..len - 2]).to_le_bytes();
+        packet[len - 2..].copy_from_slice(&crc);
+    }
+    packet
+}
+
+pub(super) fn frame_bytes(dice: &mut Dice) {
+    let (bytes, piece) = stream(dice, frame_packet);
+    fed(&bytes, piece, frame::Reply::parse, |reply| {
+        assert!(reply.position.iter().all(|x| x.is_finite()));
+        assert!(reply.n <= MAX_AXES);
+    });
+    let request = |bytes: &[u8]| frame::Request::parse(bytes, 2.0);
+    fed(&bytes, piece, request, |request| {
+        assert!(request.force.iter().all(|x| x.is_finite()));
+    });
+    fed(&bytes, piece, frame::DeviceInfo::parse, |who| {
+        assert!((1..=MAX_AXES).contains(&who.n));
+    });
+}
+
+pub(super) fn haply_text(dice: &mut Dice) {
+    const WORDS: [&str; 22] = [
+        "{",
+        "}",
+        "[",
+        "]",
+        ":",
+        ",",
+        "\"inverse3\"",
+        "\"device_id\"",
+        "\"A14\"",
+        "\"state\"",
+        "\"commands\"",
+        "\"cursor_position\"",
+        "\"set_cursor_force\"",
+        "\"vector\"",
+        "\"x\"",
+        "\"y\"",
+        "\"z\"",
+        "1e999",
+        "null",
+        "-0.0",
+        "[[[[",
+        "\\ud800",
+    ];
+    let state = haply::state("A14", [0.1, -0.2, 0.0], [1.0, 2.0, 3.0], true);
+    let command = haply::command("A14", [1.0, 2.0, 3.0]);
+    let mut said = text(dice, &[&state, &command], &WORDS);
+    if dice.below(500) == 0 {
+        said = "[".repeat(60_000);
+    }
+    for id in [None, Some("A14")] {
+        if let Some(state) = haply::parse_state(&said, id) {
+            assert!(state.position.iter().all(|x| x.is_finite()));
+        }
+    }
+    if let Some(force) = haply::parse_command(&said, "A14") {
+        assert!(force.iter().all(|x| x.is_finite()));
+    }
+}
+
+pub(super) fn board_bytes(dice: &mut Dice) {
+    let protocol = match dice.below(3) {
+        0 => Protocol::FireFader,
+        1 => Protocol::Frame,
+        _ => Protocol::Haply,
+    };
+    let board = Board {
+        protocol,
+        lockstep: dice.below(2) == 0,
+        touch_gate: protocol == Protocol::FireFader,
+        force_max: 10.0,
+        resolution: 0.0,
+        watchdog: Duration::from_millis(50),
+        known: [0.05, 1.0],
+        range: Key::default().range,
+    };
+    let keys = Keys::new(3, Key::default(), 1000.0, vec![Hand::Resting; 3]).unwrap();
+    let mut firmware = Firmware::new(board, keys);
+    let bytes = match protocol {
+        Protocol::FireFader => damaged(dice, &[0x7F, 9, 200, 0x7F, 1, 2]),
+        Protocol::Frame => stream(dice, frame_packet).0,
+        Protocol::Haply => damaged(dice, haply::command("EMUL", [1.0, 2.0, 3.0]).as_bytes()),
+    };
+    let piece = if protocol == Protocol::Haply {
+        bytes.len().max(1)
+    } else {
+        1 + dice.below(40)
+    };
+    for (i, piece) in bytes.chunks(piece).enumerate() {
+        firmware.hear(piece, Duration::from_millis(i as u64), &mut |_| ());
+    }
+    assert!(firmware.forces().iter().all(|force| force.abs() <= 10.0));
+    assert!(firmware.keys().positions().iter().all(|x| x.is_finite()));
+}

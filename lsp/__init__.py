@@ -1,0 +1,1 @@
+"""A language server: what an editor asks while a score is written."""

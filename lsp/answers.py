@@ -1,0 +1,149 @@
+"""What is known about a place in a score: completions, explanations, definitions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.shapes import Reference, Shape, Text
+from ergon.notation.text.document import Document
+from ergon.notation.text.errors import TextError
+from ergon.scores.reading.part import SHAPES, Part
+from ergon.scores.reading.sections import CURVE, GestureShape, Raw
+
+from . import cursor as cursors
+from .catalogue import Catalogue, Definition
+from .cursor import Cursor
+
+_NOTES = [f"{letter}{octave}" for octave in range(1, 7) for letter in "CDEFGAB"]
+_PLAYED = ("gestures", "takes")
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """A word that may stand at the cursor."""
+
+    word: str
+    kind: Literal["field", "kind", "name", "value", "unit"]
+    detail: str
+    more: str = ""  # what is put in after the word
+
+
+def completions(text: str, index: int, file: Document, known: Catalogue) -> list[Completion]:
+    """Words that may be written at a character of a score."""
+    number = _number_before(text, index)
+    found: dict[str, Completion] = {}
+    in_text = cursors.at(file, index)
+    if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
+        return list(_values(in_text.shape, known, number))
+    for cursor, _ in cursors.at_unwritten(text, index, file):
+        words = _names(cursor) if cursor.is_name else _values(cursor.shape, known, number)
+        for word in words:
+            found.setdefault(word.word, word)
+    return list(found.values())
+
+
+def _names(cursor: Cursor) -> Iterator[Completion]:
+    """Fields and kinds that the table has, and that are not written yet."""
+    if cursor.table is None:
+        return
+    for field in cursor.table.fields:
+        if field.name not in cursor.written:
+            yield Completion(field.name, "field", _explained(field), ": ")
+    if cursor.written.isdisjoint(cursor.table.kinds):
+        for kind, shape in cursor.table.kinds.items():
+            yield Completion(kind, "kind", _doc(shape), ": ")
+
+
+def _values(shape: Shape | None, known: Catalogue, number: str) -> Iterator[Completion]:
+    if isinstance(shape, Text) and number:
+        for unit in shape.units or (("Hz", "kHz") if shape is k.PITCH else ()):
+            yield Completion(number + unit, "unit", shape.words())
+    elif isinstance(shape, Text):
+        for choice in shape.choices:
+            yield Completion(str(choice), "value", shape.words())
+        if shape is k.TRUTH:
+            yield from (Completion(word, "value", shape.words()) for word in ("true", "false"))
+        if shape is k.PITCH:
+            yield from (Completion(note, "value", f"{hertz(note):.2f} Hz") for note in _NOTES)
+        if shape is k.WHEN:
+            yield from _named(known.of("marks"))
+    elif isinstance(shape, Reference):
+        yield from _named(known.of(*shape.sections))
+    elif isinstance(shape, Part):
+        yield from _named(known.of("marks", *_PLAYED))
+        for word, option in SHAPES.items():
+            yield Completion(word, "field", option.words(), " ")
+    elif isinstance(shape, (GestureShape, Raw)):
+        yield from (Completion(str(word), "value", "a curve") for word in CURVE.choices)
+    elif shape is not None and (item := shape.inner(0)) is not None and item is not shape:
+        yield from _values(item, known, number)
+
+
+def _named(definitions: Iterable[Definition]) -> Iterator[Completion]:
+    for one in definitions:
+        yield Completion(one.name, "name", f"{one.noun}, {one.place.file}:{one.place.line}")
+
+
+def _number_before(text: str, index: int) -> str:
+    """The digits that end at a character: a unit may follow them."""
+    start = index
+    while start > 0 and (text[start - 1].isdigit() or text[start - 1] in ".-+/"):
+        start -= 1
+    digits = text[start:index]
+    return digits if any(c.isdigit() for c in digits) else ""
+
+
+def explanation(index: int, file: Document, known: Catalogue) -> str | None:
+    """What is under a character, in Markdown."""
+    cursor = cursors.at(file, index)
+    if cursor is None:
+        return None
+    if cursor.is_name:
+        if cursor.field is not None:
+            return f"**{cursor.field.name}**: {_explained(cursor.field)}"
+        if cursor.table is not None and cursor.node.text in cursor.table.kinds:
+            return f"**{cursor.node.text}**: {_doc(cursor.table.kinds[cursor.node.text])}"
+    elif cursor.shape is k.PITCH:
+        try:
+            return f"{hertz(cursor.node.text):.3f} Hz"
+        except TextError:
+            return None
+    found = definition(index, file, known)
+    if found is None:
+        return None
+    line = file.line(found.place.line).strip() if found.place.file == file.file else ""
+    source = f"\n```yaml\n{line}\n```" if line else f" of {found.place.file}"
+    return f"{found.noun} **{found.name}**{source}"
+
+
+def definition(index: int, file: Document, known: Catalogue) -> Definition | None:
+    """Where the name under a character is defined."""
+    cursor = cursors.at(file, index)
+    word = cursors.word_at(file.text, index).strip("/-")
+    if cursor is None or cursor.is_name or not word:
+        return None
+    shape = cursor.shape
+    if isinstance(shape, Reference) and "modules" in shape.sections and len(cursor.path) > 1:
+        inside = known.find(f"{cursor.path[1]}.{word}", ("modules",))  # a module of the same one
+        if inside is not None:
+            return inside
+    return known.find(word, shape.sections if isinstance(shape, Reference) else ())
+
+
+def hertz(text: str) -> float:
+    """The frequency of a note or of a number with its unit [Hz]. Raises TextError."""
+    value: float = k.PITCH.parse(text)
+    return value
+
+
+def _explained(field: Field) -> str:
+    default = f"; default: {field.shown}" if field.shown else ""
+    return f"{field.doc} ({field.shape.words()}{'; required' if field.required else default})"
+
+
+def _doc(shape: Shape) -> str:
+    return shape.doc if isinstance(shape, Record) else shape.words()

@@ -1,0 +1,86 @@
+"""The names that a score defines or brings in, each with its place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ergon.notation.tables.fields import Values
+from ergon.notation.text import document
+from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.document import Document
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.files import Files
+from ergon.notation.text.values import Place
+from ergon.scores.reading.uses import NOUNS, Names, Uses
+
+# Sections whose names stay in their file, and what one of them is called.
+_OWN = {"marks": "mark", "players": "player", "strikes": "strikes"}
+MODULES = "modules"
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """A name, what it names ("gesture", "CEL" …), and where it is defined."""
+
+    name: str
+    noun: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Catalogue:
+    """Definitions by section and name; those of `modules` are written `instrument.module`."""
+
+    sections: Mapping[str, Mapping[str, Definition]] = field(default_factory=dict)
+
+    def of(self, *sections: str) -> list[Definition]:
+        """All definitions of some sections, in their order."""
+        return [one for name in sections for one in self.sections.get(name, {}).values()]
+
+    def find(self, word: str, sections: tuple[str, ...] = ()) -> Definition | None:
+        """The definition of a word, or of the longest part before one of its dots."""
+        searched = sections or tuple(self.sections)
+        while word:
+            for section in searched:
+                if (found := self.sections.get(section, {}).get(word)) is not None:
+                    return found
+            word = word.rpartition(".")[0]
+        return None
+
+
+def catalogue(path: Path, file: Document, bounds: Bounds) -> Catalogue:
+    """The names of a score. Files that cannot be read bring in none."""
+    if file.root is None:
+        return Catalogue()
+    collector = Collector()
+    uses = Uses(Files(collector, path.parent, None, None, bounds), collector)
+    names = uses.read(file)
+    sections: dict[str, dict[str, Definition]] = {MODULES: {}}
+    for section, noun in NOUNS.items():
+        sections[section] = {
+            name: Definition(name, noun, _place(entry.values, entry.brought, names))
+            for name, entry in names.tables[section].items()
+        }
+    for section, noun in _OWN.items():
+        node = file.root.get(section) if isinstance(file.root, document.Mapping) else None
+        entries = node.entries if isinstance(node, document.Mapping) else {}
+        sections[section] = {
+            name: Definition(name, noun, key.place) for name, (key, _) in entries.items()
+        }
+    for section in ("instruments", "keys"):
+        for name, entry in names.tables[section].items():
+            values, _ = uses.resolved(section, entry)
+            modules = None if values is None else values.given.get("modules")
+            for module, one in (modules or {}).items():
+                if isinstance(one, Values):
+                    full = f"{name}.{module}"
+                    sections[MODULES][full] = Definition(full, one.kind or "module", one.place)
+    return Catalogue(sections)
+
+
+def _place(values: object, brought: Place | None, names: Names) -> Place:
+    if isinstance(values, Values):
+        return values.place
+    return brought or Place(names.document.file, 1, 1)

@@ -1,0 +1,129 @@
+"""Where a cursor stands in a score: the node, the table that reads it, and the field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.shapes import Shape
+from ergon.notation.text import document
+from ergon.notation.text.document import Document, Node, Scalar
+from ergon.notation.text.errors import Collector
+from ergon.scores.reading.sections import SCORE
+
+_T = TypeVar("_T")
+WORD = re.compile(r"[\w.#/-]*")
+_WORD_BEFORE = re.compile(r"[\w.#/-]*$")
+# It stands for what is not written yet; no score has such a name.
+_PLACEHOLDER = "erg0n-placeh0lder"
+_LONGEST = 200  # characters of a word
+_CLOSING = {"{": "}", "[": "]"}
+
+
+@dataclass(frozen=True, slots=True)
+class Cursor:
+    """What is under a cursor."""
+
+    node: Scalar
+    is_name: bool  # the text before a ':'
+    shape: Shape | None  # of the value, or of what stands below the name
+    table: Record | None  # the innermost table round it
+    field: Field | None  # of that table
+    path: tuple[str, ...]  # the names round it, outermost first
+    written: frozenset[str]  # names that stand beside it in the same mapping
+
+
+def at(file: Document, index: int) -> Cursor | None:
+    """What is under the character `index`; None between values."""
+    if file.root is None:
+        return None
+    node: Node = file.root
+    shape: Shape | None = SCORE
+    table: Record | None = None
+    field: Field | None = None
+    path: tuple[str, ...] = ()
+    written: frozenset[str] = frozenset()
+    while True:
+        shape = None if shape is None else shape.chosen(node)
+        if isinstance(node, document.Mapping):
+            if isinstance(shape, Record):
+                table = shape
+            entry = _last(
+                ((key.start, (key, child)) for key, child in node.entries.values()), index
+            )
+            if entry is None:
+                return None
+            key, child = entry
+            written = frozenset(node.entries)
+            inner = None if shape is None else shape.inner(key.text)
+            field = shape.by_name.get(key.text) if isinstance(shape, Record) else None
+            if key.start <= index <= key.end:
+                beside = written - {key.text}
+                own = table if isinstance(shape, Record) else None
+                return Cursor(key, True, inner, own, field, path, beside)
+            path = (*path, key.text)
+            node, shape = child, inner
+        elif isinstance(node, document.Sequence):
+            found = _last(((item.start, (i, item)) for i, item in enumerate(node.items)), index)
+            if found is None:
+                return None
+            number, node = found
+            shape = None if shape is None else shape.inner(number)
+        elif isinstance(node, Scalar) and node.start <= index <= node.end:
+            return Cursor(node, False, shape, table, field, path, written)
+        else:
+            return None
+
+
+def at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cursor, Document]]:
+    """What the word that is being written at `index` may be: a value, a name, or both.
+
+    The word is taken to be a placeholder, and brackets that the line leaves open are closed.
+    """
+    begin = text.rfind("\n", 0, index) + 1
+    end = text.find("\n", index)
+    before, after = text[begin:index], text[index : len(text) if end < 0 else end]
+    before = before.removesuffix(word_before(before, len(before)))
+    rest = WORD.sub("", after, count=1)
+    closing = "" if rest.strip() else _closing(before)
+    found = []
+    for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
+        line = before + placeholder + (closing or rest)
+        changed = text[:begin] + line + ("" if end < 0 else text[end:])
+        read = document.compose(changed, file.file, Collector())
+        cursor = at(read, begin + len(before))
+        if cursor is not None and _PLACEHOLDER in cursor.node.text:
+            found.append((cursor, read))
+    return found
+
+
+def _last(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:
+    """The last of what begins before a character; aliases stand where they are defined."""
+    begun = [(start, value) for start, value in entries if start <= index]
+    return max(begun, key=lambda entry: entry[0])[1] if begun else None
+
+
+def _closing(line: str) -> str:
+    """The brackets that close those that a line leaves open."""
+    opened = []
+    for character in line:
+        if character in _CLOSING:
+            opened.append(_CLOSING[character])
+        elif opened and character == opened[-1]:
+            opened.pop()
+    return "".join(reversed(opened))
+
+
+def word_before(text: str, index: int) -> str:
+    """What is written of a word before a character."""
+    match = _WORD_BEFORE.search(text, max(0, index - _LONGEST), index)
+    return match.group() if match else ""
+
+
+def word_at(text: str, index: int) -> str:
+    """The word round a character: a name with its dots, empty where there is none."""
+    match = WORD.match(text, index - len(word_before(text, index)))
+    return match.group() if match else ""

@@ -1,0 +1,306 @@
+"""The Language Server Protocol: documents of an editor, and what is answered about them.
+
+As one types a score is read; when it is saved the engine checks it too, as `ergon check` does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlparse
+
+from lsprotocol import types as t
+from pygls.lsp.server import LanguageServer
+from pygls.uris import from_fs_path
+from pygls.workspace import TextDocument
+
+from ergon import _core
+from ergon.api import score as scores
+from ergon.api.check import try_stage
+from ergon.notation.text import document
+from ergon.notation.text.document import Document
+from ergon.notation.text.errors import Collector, Diagnostic, TextError
+from ergon.notation.text.files import installed
+from ergon.notation.text.format import formatted
+from ergon.notation.text.values import Place
+from ergon.scores.reading.load import Loaded, load
+
+from . import answers, cursor
+from .catalogue import Catalogue, catalogue
+
+# An editor sends every key; a score is read once the typing rests for so long.
+REST_S = 0.15
+_IS_SCORE = re.compile(r"^ergon[ \t]*:", re.MULTILINE)
+_SEVERITIES = {
+    "error": t.DiagnosticSeverity.Error,
+    "warning": t.DiagnosticSeverity.Warning,
+    "note": t.DiagnosticSeverity.Information,
+}
+_KINDS = {
+    "field": t.CompletionItemKind.Field,
+    "kind": t.CompletionItemKind.Class,
+    "name": t.CompletionItemKind.Reference,
+    "value": t.CompletionItemKind.Value,
+    "unit": t.CompletionItemKind.Unit,
+}
+
+
+@dataclass(slots=True)
+class _Open:
+    """What is kept of an open document."""
+
+    known: Catalogue = field(default_factory=Catalogue)  # of the last text that could be read
+    shown: set[str] = field(default_factory=set)  # documents that its diagnostics stand in
+    version: int = 0
+
+
+class Server(LanguageServer):
+    """Answers about the open documents."""
+
+    def __init__(self) -> None:
+        """Start with no document."""
+        super().__init__(
+            "ergon", _core.__version__, text_document_sync_kind=t.TextDocumentSyncKind.Incremental
+        )
+        self._open: dict[str, _Open] = {}
+
+    # --- reading ----------------------------------------------------------------------------------
+
+    async def changed(self, uri: str, *, saved: bool = False) -> None:
+        """Read a document, unless it changes meanwhile; after saving, ask the engine too."""
+        kept = self._open.setdefault(uri, _Open())
+        kept.version += 1
+        version = kept.version
+        await asyncio.sleep(0 if saved else REST_S)
+        if kept.version != version:
+            return
+        if not self.is_score(uri):
+            self._show(uri, kept, [])
+            return
+        loaded = self._loaded(uri)
+        self._show(uri, kept, loaded.diagnostics)
+        self._learn(uri, kept, loaded)
+        if saved and loaded.piece is not None:
+            _, more = await asyncio.to_thread(try_stage, loaded, None)
+            if kept.version == version:
+                self._show(uri, kept, [*loaded.diagnostics, *more])
+
+    def closed(self, uri: str) -> None:
+        """Forget a document, and what was shown of it."""
+        kept = self._open.pop(uri, _Open())
+        kept.version += 1
+        self._show(uri, kept, [])
+
+    def is_score(self, uri: str) -> bool:
+        """Whether a document is a score; an editor sends every YAML file that is open."""
+        text = self.workspace.get_text_document(uri)
+        return text.language_id == "ergon" or _IS_SCORE.search(text.source) is not None
+
+    def _loaded(self, uri: str) -> Loaded:
+        path = _path(uri)
+        overlay = {
+            str(_path(other)): own.source for other, own in self.workspace.text_documents.items()
+        }
+        text = self.workspace.get_text_document(uri).source
+        return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
+
+    def _learn(self, uri: str, kept: _Open, loaded: Loaded) -> None:
+        path = _path(uri)
+        file = loaded.files.get(str(path))
+        if file is not None and file.root is not None:
+            kept.known = catalogue(path, file, scores.bounds(str(path), False))
+
+    def _show(self, uri: str, kept: _Open, found: Sequence[Diagnostic]) -> None:
+        """Diagnostics in the documents that they are about; those of before are taken away."""
+        by_uri: dict[str, list[t.Diagnostic]] = {uri: [], **{old: [] for old in kept.shown}}
+        for one in found:
+            own = _uri(one.place.file, uri)
+            by_uri.setdefault(own, []).append(self._diagnostic(own, one))
+        kept.shown = {own for own, diagnostics in by_uri.items() if diagnostics}
+        for own, diagnostics in by_uri.items():
+            self.text_document_publish_diagnostics(t.PublishDiagnosticsParams(own, diagnostics))
+
+    def _diagnostic(self, uri: str, one: Diagnostic) -> t.Diagnostic:
+        message = one.message + (f"; did you mean '{one.suggestion}'?" if one.suggestion else "")
+        return t.Diagnostic(
+            self.range(uri, one.place),
+            message + (f"\n{one.help}" if one.help else ""),
+            severity=_SEVERITIES[one.severity],
+            code=one.code,
+            source="ergon",
+            data=one.suggestion,
+        )
+
+    # --- places -----------------------------------------------------------------------------------
+
+    def range(self, uri: str, place: Place) -> t.Range:
+        """A place in the units of the client."""
+        text = self.workspace.get_text_document(uri)
+        start = t.Position(place.line - 1, place.column - 1)
+        end = t.Position(place.line - 1, place.column - 1 + place.length)
+        return text.position_codec.range_to_client_units(text.lines, t.Range(start, end))
+
+    def at(self, uri: str, position: t.Position) -> tuple[TextDocument, int, Document, Catalogue]:
+        """An open document, the index of a position in it, its nodes, and the names it knows."""
+        text = self.workspace.get_text_document(uri)
+        file = document.compose(text.source, str(_path(uri)), Collector())
+        known = self._open.setdefault(uri, _Open()).known
+        return text, text.offset_at_position(position), file, known
+
+
+def serve() -> None:
+    """Answer an editor on stdin and stdout, until it says goodbye."""
+    server().start_io()
+
+
+def server() -> Server:
+    """A server with all its answers."""
+    made = Server()
+    for method, answer in _ANSWERS.items():
+        made.feature(method, *_OPTIONS.get(method, ()))(answer)
+    return made
+
+
+# --- answers, one for each request ----------------------------------------------------------------
+
+
+async def _opened(ls: Server, params: t.DidOpenTextDocumentParams) -> None:
+    await ls.changed(params.text_document.uri, saved=True)
+
+
+async def _changed(ls: Server, params: t.DidChangeTextDocumentParams) -> None:
+    await ls.changed(params.text_document.uri)
+
+
+async def _saved(ls: Server, params: t.DidSaveTextDocumentParams) -> None:
+    await ls.changed(params.text_document.uri, saved=True)
+
+
+def _closed(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
+    ls.closed(params.text_document.uri)
+
+
+def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
+    text, index, file, known = ls.at(params.text_document.uri, params.position)
+    is_score = ls.is_score(params.text_document.uri)
+    found = answers.completions(text.source, index, file, known) if is_score else []
+    begin = index - len(cursor.word_before(text.source, index))
+    start = text.client_position_at_offset(begin)
+    here = t.Range(start, params.position)
+    return t.CompletionList(is_incomplete=True, items=list(_items(found, here)))
+
+
+def _items(found: Iterable[answers.Completion], here: t.Range) -> Iterable[t.CompletionItem]:
+    for number, one in enumerate(found):
+        yield t.CompletionItem(
+            one.word,
+            kind=_KINDS[one.kind],
+            detail=one.detail,
+            sort_text=f"{number:05d}",
+            filter_text=one.word,
+            text_edit=t.TextEdit(here, one.word + one.more),
+        )
+
+
+def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
+    uri = params.text_document.uri
+    _, index, file, known = ls.at(uri, params.position)
+    found = answers.explanation(index, file, known) if ls.is_score(uri) else None
+    return None if found is None else t.Hover(t.MarkupContent(t.MarkupKind.Markdown, found))
+
+
+def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
+    uri = params.text_document.uri
+    _, index, file, known = ls.at(uri, params.position)
+    found = answers.definition(index, file, known)
+    if found is None:
+        return None
+    own = _uri(found.place.file, uri)
+    return t.Location(own, ls.range(own, found.place))
+
+
+def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
+    """A suggestion takes the place of what is wrong."""
+    uri = params.text_document.uri
+    return [
+        t.CodeAction(
+            f"Write '{one.data}'",
+            kind=t.CodeActionKind.QuickFix,
+            diagnostics=[one],
+            edit=t.WorkspaceEdit({uri: [t.TextEdit(one.range, one.data)]}),
+        )
+        for one in params.context.diagnostics
+        if one.source == "ergon" and isinstance(one.data, str)
+    ]
+
+
+def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbol]:
+    """Sections, and the names below them."""
+    uri = params.text_document.uri
+    root = ls.at(uri, t.Position(0, 0))[2].root if ls.is_score(uri) else None
+    entries = root.entries.items() if isinstance(root, document.Mapping) else ()
+    found = []
+    for name, (key, child) in entries:
+        inner = child.entries.items() if isinstance(child, document.Mapping) else ()
+        children = [_symbol(ls, uri, word, node.place) for word, (node, _) in inner]
+        found.append(_symbol(ls, uri, name, key.place, children))
+    return found
+
+
+def _symbol(
+    ls: Server, uri: str, name: str, place: Place, children: Sequence[t.DocumentSymbol] = ()
+) -> t.DocumentSymbol:
+    here = ls.range(uri, place)
+    kind = t.SymbolKind.Namespace if children else t.SymbolKind.Field
+    return t.DocumentSymbol(name, kind, here, here, children=children)
+
+
+def _format(ls: Server, params: t.DocumentFormattingParams) -> list[t.TextEdit] | None:
+    text = ls.workspace.get_text_document(params.text_document.uri)
+    if not ls.is_score(params.text_document.uri):
+        return None
+    try:
+        result = formatted(text.source)
+    except TextError:  # its place is among the diagnostics
+        return None
+    if result == text.source:
+        return None
+    whole = t.Range(t.Position(0, 0), t.Position(len(text.lines), 0))
+    return [t.TextEdit(whole, result)]
+
+
+def _path(uri: str) -> Path:
+    """The file of a document; one that is not saved yet stands in the working folder."""
+    parts = urlparse(uri)
+    path = unquote(parts.path)
+    return Path(path) if parts.scheme == "file" else Path(Path(path).name or "untitled.yaml")
+
+
+def _uri(file: str, open_uri: str) -> str:
+    """The document of a file that a score names; the library's have names of their own."""
+    path = Path(file)
+    if path == _path(open_uri):
+        return open_uri
+    return from_fs_path(str((path if path.exists() else installed(file)).resolve())) or open_uri
+
+
+_ANSWERS: dict[str, Callable[..., Any]] = {
+    t.TEXT_DOCUMENT_DID_OPEN: _opened,
+    t.TEXT_DOCUMENT_DID_CHANGE: _changed,
+    t.TEXT_DOCUMENT_DID_SAVE: _saved,
+    t.TEXT_DOCUMENT_DID_CLOSE: _closed,
+    t.TEXT_DOCUMENT_COMPLETION: _complete,
+    t.TEXT_DOCUMENT_HOVER: _hover,
+    t.TEXT_DOCUMENT_DEFINITION: _definition,
+    t.TEXT_DOCUMENT_CODE_ACTION: _actions,
+    t.TEXT_DOCUMENT_DOCUMENT_SYMBOL: _symbols,
+    t.TEXT_DOCUMENT_FORMATTING: _format,
+}
+_OPTIONS = {
+    t.TEXT_DOCUMENT_COMPLETION: (t.CompletionOptions(trigger_characters=[" ", "{", "[", "."]),),
+    t.TEXT_DOCUMENT_CODE_ACTION: (t.CodeActionOptions([t.CodeActionKind.QuickFix]),),
+}

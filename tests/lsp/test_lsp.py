@@ -1,0 +1,272 @@
+"""`ergon lsp` as an editor meets it: a process, and a session of the protocol."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+from commands import ERGON
+from lsprotocol import types as t
+from patience import PATIENCE
+from pygls.lsp.client import LanguageClient
+
+SCORE = """\
+ergon: 1
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: A3, t60: 2s}}
+      b: {BUT: {between: [k, m], K: 4kN/m, gap: 1mm}}
+    out: {SOX: m}
+gestures:
+  knock: 0mm@0 smooth 6mm@1/8 0mm@1/2
+marks: {B: 5|1}
+players: {ada: {key: k}}
+parts:
+  ada:
+    - {at: 0, play: knock, times: 2}
+mix: {route: [{from: bell, to: 1}]}
+"""
+
+
+class Editor:
+    """A client with one document."""
+
+    def __init__(self, client: LanguageClient, path: Path) -> None:
+        self.client = client
+        self.uri = path.as_uri()
+        self.text = path.read_text(encoding="utf-8")
+        self.told: asyncio.Queue[t.PublishDiagnosticsParams] = asyncio.Queue()
+
+        @client.feature(t.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
+        def told(params: t.PublishDiagnosticsParams) -> None:
+            self.told.put_nowait(params)
+
+    async def begin(self) -> None:
+        await self.client.start_io(*ERGON, "lsp")
+        await self.client.initialize_async(t.InitializeParams(t.ClientCapabilities()))
+        self.client.initialized(t.InitializedParams())
+        item = t.TextDocumentItem(self.uri, "yaml", 1, self.text)
+        self.client.text_document_did_open(t.DidOpenTextDocumentParams(item))
+
+    def type(self, text: str) -> None:
+        self.text = text
+        document = t.VersionedTextDocumentIdentifier(2, self.uri)
+        change = t.TextDocumentContentChangeWholeDocument(text)
+        self.client.text_document_did_change(t.DidChangeTextDocumentParams(document, [change]))
+
+    async def diagnostics(self, wanted: Callable[[list[t.Diagnostic]], bool]) -> list[t.Diagnostic]:
+        """The next ones that are wanted."""
+        while True:
+            told = await asyncio.wait_for(self.told.get(), PATIENCE)
+            if told.uri == self.uri and wanted(list(told.diagnostics)):
+                return list(told.diagnostics)
+
+    def at(self, before: str) -> t.Position:
+        """Behind the first occurrence of some words."""
+        index = self.text.index(before) + len(before)
+        line = self.text.count("\n", 0, index)
+        begin = self.text.rfind("\n", 0, index) + 1
+        return t.Position(line, len(self.text[begin:index].encode("utf-16-le")) // 2)
+
+    async def completed(self, before: str) -> dict[str, t.CompletionItem]:
+        document = t.TextDocumentIdentifier(self.uri)
+        params = t.CompletionParams(document, self.at(before))
+        found = await self.client.text_document_completion_async(params)
+        assert isinstance(found, t.CompletionList)
+        return {item.label: item for item in found.items}
+
+    async def hovered(self, before: str) -> str:
+        params = t.HoverParams(t.TextDocumentIdentifier(self.uri), self.at(before))
+        found = await self.client.text_document_hover_async(params)
+        assert found is not None
+        assert isinstance(found.contents, t.MarkupContent)
+        return found.contents.value
+
+    async def defined(self, before: str) -> t.Location:
+        params = t.DefinitionParams(t.TextDocumentIdentifier(self.uri), self.at(before))
+        found = await self.client.text_document_definition_async(params)
+        assert isinstance(found, t.Location)
+        return found
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Callable[[str, Callable[[Editor], Awaitable[None]]], None]:
+    """Open a score in an editor, and do something there."""
+
+    def run(score: str, act: Callable[[Editor], Awaitable[None]]) -> None:
+        path = tmp_path / "score.yaml"
+        path.write_text(score, encoding="utf-8")
+
+        async def main() -> None:
+            editor = Editor(LanguageClient("test", "1"), path)
+            await editor.begin()
+            await act(editor)
+            await editor.client.shutdown_async(None)
+            editor.client.exit(None)
+            await editor.client.stop()
+
+        asyncio.run(main())
+
+    return run
+
+
+def test_mistakes_are_told_as_one_types_and_go_when_they_are_mended(session):
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        editor.type(editor.text.replace("play: knock", "play: knok"))
+        [wrong] = await editor.diagnostics(bool)
+        assert wrong.code == "E301"
+        assert wrong.severity == t.DiagnosticSeverity.Error
+        assert (wrong.range.start.line, wrong.range.start.character) == (14, 20)
+        assert wrong.range.end.character == 24
+        params = t.CodeActionParams(
+            t.TextDocumentIdentifier(editor.uri), wrong.range, t.CodeActionContext([wrong])
+        )
+        actions = await editor.client.text_document_code_action_async(params)
+        assert actions is not None
+        [action] = actions
+        assert isinstance(action, t.CodeAction)
+        assert action.edit is not None
+        assert action.edit.changes is not None
+        [edit] = action.edit.changes[editor.uri]
+        assert (edit.new_text, edit.range) == ("knock", wrong.range)
+        editor.type(editor.text.replace("play: knok", "play: knock"))
+        await editor.diagnostics(lambda found: not found)
+
+    session(SCORE, act)
+
+
+def test_columns_are_those_of_the_editor(session):
+    # U+1D11E takes two UTF-16 units, and one character of the checker's.
+    async def act(editor: Editor) -> None:
+        found = await editor.diagnostics(bool)
+        assert found[-1].range.start == editor.at("nott: 1, ")
+        assert found[-1].range.end == editor.at("nott: 1, nope")
+
+    session(SCORE.replace("{key: k}", '{key: k, "\U0001d11e": 2, nott: 1, nope: 2}'), act)
+
+
+def test_names_fields_notes_and_units_are_completed(session):
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        editor.type(editor.text.replace("times: 2}", "times: 2, }").replace("t60: 2s", "t60: 2"))
+        assert "knock" in await editor.completed("play: ")
+        fields = await editor.completed("times: 2, ")
+        assert {"every", "do", "until"} <= set(fields)
+        assert not {"at", "play", "times"} & set(fields)
+        assert "repetitions" in (fields["every"].detail or "")
+        assert set(await editor.completed("ada: {key: ")) == {"k"}
+        assert "A3" in await editor.completed("f: ")
+        assert {"2s", "2ms"} <= set(await editor.completed("t60: 2"))
+        assert {"CEL", "MAS", "STRING"} <= set(await editor.completed("      m: {"))
+        kinds = await editor.completed("  bell:\n    ")
+        assert "like" in kinds
+        assert "out" not in kinds
+
+    session(SCORE, act)
+
+
+def test_a_line_that_is_no_yaml_yet_is_completed(session):
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        editor.type(SCORE.replace("mix: {route: [{from: bell, to: 1}]}", "mix: {route: [{from: be"))
+        assert set(await editor.completed("{from: be")) == {"bell"}
+        editor.type(SCORE + "acc")
+        words = await editor.completed("acc")
+        assert "accuracy" in words
+        edit = words["accuracy"].text_edit
+        assert isinstance(edit, t.TextEdit)
+        assert edit.new_text == "accuracy: "
+        assert edit.range.start.character == 0
+
+    session(SCORE, act)
+
+
+def test_a_table_of_a_part_completes_names_and_words(session):
+    table = SCORE.replace(
+        "\n    - {at: 0, play: knock, times: 2}", " |\n    0  knock every 1 times 2"
+    )
+
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        words = await editor.completed("    0  kn")
+        assert {"knock", "B", "every", "times"} <= set(words)
+        place = await editor.defined("    0  kn")
+        assert place.range.start.line == 9
+
+    session(table, act)
+
+
+def test_what_is_under_the_cursor_is_explained(session):
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        assert "decay" in await editor.hovered("t6")
+        assert "220.000 Hz" in await editor.hovered("f: A")
+        assert "knock: 0mm@0 smooth" in await editor.hovered("play: kn")
+        assert "contact" in await editor.hovered("{BU")
+
+    session(SCORE, act)
+
+
+def test_definitions_are_found_in_the_score_and_in_what_it_uses(session, tmp_path: Path):
+    (tmp_path / "other.yaml").write_text("ergon: 1\ngestures: {lean: 0mm@0 3mm@1}\n")
+    score = SCORE.replace("gestures:", "use: other.yaml\ngestures:").replace(
+        "times: 2}", "times: 2}\n    - {at: 3, play: lean}"
+    )
+
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        module = await editor.defined("between: [k, m")
+        assert (module.uri, module.range.start.line) == (editor.uri, 5)
+        lean = await editor.defined("play: le")
+        assert lean.uri == (tmp_path / "other.yaml").as_uri()
+        assert lean.range.start == t.Position(1, 11)
+
+    session(score, act)
+
+
+def test_the_engine_is_asked_when_a_score_is_opened(session):
+    stiff = SCORE.replace("K: 4kN/m, gap", "K: 4e12N/m, gap") + "accuracy: {method: ca}\n"
+
+    async def act(editor: Editor) -> None:
+        found = await editor.diagnostics(bool)
+        assert found[0].severity == t.DiagnosticSeverity.Error
+
+    session(stiff, act)
+
+
+def test_sections_are_listed_and_the_layout_is_put_in_order(session):
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        document = t.TextDocumentIdentifier(editor.uri)
+        symbols = await editor.client.text_document_document_symbol_async(
+            t.DocumentSymbolParams(document)
+        )
+        assert symbols is not None
+        names = {
+            one.name: [inner.name for inner in one.children or ()]
+            for one in symbols
+            if isinstance(one, t.DocumentSymbol)
+        }
+        assert names["gestures"] == ["knock"]
+        editor.type(SCORE.replace("{at: 0, play", "{at:   0,   play"))
+        params = t.DocumentFormattingParams(document, t.FormattingOptions(2, True))
+        edits = await editor.client.text_document_formatting_async(params)
+        assert edits is not None
+        assert edits[0].new_text == SCORE
+
+    session(SCORE, act)
+
+
+def test_yaml_that_is_no_score_is_left_alone(session):
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        editor.type("services:\n  web: {image: x}\n")
+        assert not await editor.completed("services")
+        editor.type("ergon: 1\nservices:\n  web: {image: x}\n")
+        [wrong] = await editor.diagnostics(bool)
+        assert "unknown section 'services'" in wrong.message
+
+    session("services:\n  web: {image: x}\n", act)
