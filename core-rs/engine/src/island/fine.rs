@@ -375,10 +375,10 @@ impl Fine {
                     for (x_at, (from, to)) in values.iter_mut().zip(&joint.way) {
                         *x_at = rest + (x * from + then * to);
                     }
-                    if joint.bends {
+                    if joint.cell.is_some() {
                         // A mesh bends the way of its port all through the frame too.
                         bend += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
-                    } else if joint.cell.is_none() {
+                    } else {
                         bend = 0.0;
                     }
                 }

@@ -161,15 +161,6 @@ impl RunningBody {
         }
     }
 
-    /// Whether a MAT is its port, and it goes by a method that is stable at any rate: the force on the port may swing
-    /// faster than frames, and does not last through one.
-    pub(crate) fn leaps(&self, mat: usize) -> bool {
-        match self {
-            Self::Mesh(mesh) => mesh.leaps(mat),
-            Self::Modal(_) | Self::Slow(_) => false,
-        }
-    }
-
     /// Its modes, where it goes by them.
     pub(crate) fn modal(&self) -> Option<&modal::RunningModal> {
         match self {

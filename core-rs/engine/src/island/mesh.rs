@@ -40,6 +40,11 @@ pub(crate) struct RunningMesh {
 }
 
 impl Mesh {
+    /// Whether its method steps over motions that are faster than frames.
+    pub(crate) fn leaps(&self) -> bool {
+        matches!(self.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
+    }
+
     /// Whether it goes as another does: what strikes it may differ.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let how = |mesh: &Self| (mesh.rate.hertz(), mesh.way, mesh.substeps);
@@ -73,12 +78,6 @@ impl RunningMesh {
             integrator,
             plan: Arc::new(plan.clone()),
         })
-    }
-
-    /// Whether a MAT of the island is its port, and its method is stable at any rate.
-    pub(crate) fn leaps(&self, mat: usize) -> bool {
-        matches!(self.plan.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
-            && self.plan.ports.iter().any(|&(_, port)| port == mat)
     }
 
     /// Let its motion fade by a factor more a frame.

@@ -16,8 +16,6 @@ pub(super) struct Joint {
     /// Of a MAT that is stepped: its own motion, and where it rests [m].
     pub(super) cell: Option<Cell>,
     pub(super) rest: f64,
-    /// Whether what its own mesh pulls it by lasts through a frame, and bends its way.
-    pub(super) bends: bool,
     /// Weights of where it is, and of where it goes, at each instant   (n)
     pub(super) way: Vec<(f64, f64)>,
     /// Forces of this frame and of the next [N] that stand for an impulse at each instant [N·s]   (n)
@@ -84,7 +82,6 @@ pub(super) fn joint(
         mat,
         port,
         rest,
-        bends: cell.is_some() && !bodies.iter().any(|body| body.leaps(mat)),
         way,
         split: cell.as_ref().map(split).unwrap_or_default(),
         cell,

@@ -59,7 +59,16 @@ impl Assembled {
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways, memo);
         let mut found = None;
         if let Some(cut) = cut {
-            match hub(&cut.hub.network, rate, budget) {
+            // A contact that is followed between frames takes a port for a free mass: it swings up with a mesh that
+            // holds the port faster than frames.
+            let leaps =
+                |found: &PortedBody| matches!(&found.inside, BodyPlan::Mesh(mesh) if mesh.leaps());
+            let once = cut.bodies.iter().any(leaps).then_some(1);
+            let by = |most| hub(&cut.hub.network, rate, budget, most);
+            match once
+                .map_or_else(|| by(Budget::STEPS_MAX), by)
+                .or_else(|_| by(Budget::STEPS_MAX))
+            {
                 Ok(stable) => found = Some((cut, stable)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
@@ -67,7 +76,7 @@ impl Assembled {
         let (cut, (contact_substeps, may_collocate, certificate)) = match found {
             Some(found) => found,
             None => {
-                let stable = hub(&subset.network, rate, budget)?;
+                let stable = hub(&subset.network, rate, budget, Budget::STEPS_MAX)?;
                 (ported::whole(subset, own, timeline), stable)
             }
         };
@@ -160,11 +169,13 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
     })
 }
 
-/// How finely the contacts of a network are computed, whether laws may be too, and whether the rest of it is stable.
+/// How finely the contacts of a network are computed, `most` times a frame at most, whether laws may be too, and whether
+/// the rest of it is stable.
 fn hub(
     network: &Network,
     rate: Rate,
     budget: &Budget,
+    most: usize,
 ) -> Result<(usize, bool, Certificate), Error> {
     let mut scheme = Scheme::new(network, rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
@@ -173,14 +184,14 @@ fn hub(
     let is_discrete = truths.any(|truth| truth.is_some());
     let (has_contacts, has_laws) = scheme.has_fine();
     let contact_substeps = if has_contacts && !is_discrete {
-        budget.contact_substeps()
+        budget.contact_substeps().min(most)
     } else {
         1
     };
     if contact_substeps > 1 {
         scheme.take_fine();
     }
-    let may_collocate = has_laws && !is_discrete;
+    let may_collocate = has_laws && !is_discrete && most > 1;
     Ok((contact_substeps, may_collocate, scheme.certify(network)?))
 }
 

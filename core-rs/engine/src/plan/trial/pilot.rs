@@ -117,13 +117,13 @@ pub(in crate::plan) fn pilot(
         }
         None => None,
     };
-    let how = (search.once, n_frames);
     let Some(start) = start else {
         if found.take.is_lost
-            && let Some((island, take)) = safe(assemble, how, allowance)?
+            && let Some((island, take)) = safe(assemble, n_frames, allowance)?
         {
+            let steps = island.island_plan.contact_substeps;
             let island = match take {
-                Some(take) => fewer(&island, (search.once, &take), n_frames, budget, allowance)?,
+                Some(take) => fewer(&island, (steps, &take), n_frames, budget, allowance)?,
                 None => island,
             };
             return Ok(Piloted {
@@ -143,7 +143,7 @@ pub(in crate::plan) fn pilot(
     };
     let mut best = search.climb(start, budget)?;
     if best.take.is_lost
-        && let Some((island, take)) = safe(assemble, how, allowance)?
+        && let Some((island, take)) = safe(assemble, n_frames, allowance)?
     {
         let Some(take) = take else {
             return Ok(Piloted {
@@ -152,8 +152,8 @@ pub(in crate::plan) fn pilot(
             });
         };
         best = Standing {
+            contact_substeps: island.island_plan.contact_substeps,
             island,
-            contact_substeps: search.once,
             take,
             own: f64::NAN,
             parting: None,
@@ -181,14 +181,14 @@ pub(in crate::plan) fn pilot(
 /// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.
 fn safe(
     assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
-    (contact_substeps, n_frames): (usize, usize),
+    n_frames: usize,
     allowance: &Allowance,
 ) -> Result<Option<(Assembled, Option<Take>)>, Error> {
     let Ok(island) = assemble((1, Ways::Safe)) else {
         return Ok(None);
     };
-    let take = play(&island.island_plan, contact_substeps, n_frames, allowance);
-    let take = unless_spent(take)?;
+    let steps = island.island_plan.contact_substeps;
+    let take = unless_spent(play(&island.island_plan, steps, n_frames, allowance))?;
     let is_lost = take.as_ref().is_some_and(|take| take.is_lost);
     Ok((!is_lost).then_some((island, take)))
 }
