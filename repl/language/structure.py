@@ -158,7 +158,14 @@ def _channels(text: str, *_: Any) -> tuple[str, ...]:
 
 
 def _removable(scope: Scope) -> dict[str, str]:
-    sections = (scope.players, scope.gestures, scope.takes, scope.instruments, scope.marks)
+    sections = (
+        scope.players,
+        scope.gestures,
+        scope.takes,
+        scope.instruments,
+        scope.marks,
+        scope.blocks,
+    )
     return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
 
 

@@ -263,6 +263,22 @@ LAW = Record(
     ),
     free=k.CONSTANT,
 )
+MAX_BLOCK = 50  # lines that a block has at most
+
+
+def _line(text: str) -> str:
+    """A line of a session, which is read when the block is run."""
+    if not text.strip() or "\n" in text.strip():
+        raise TextError("a block is a list of lines, each a line of a session", length=len(text))
+    return text.strip()
+
+
+BLOCK = ListOf(
+    Text(_line, "a line of a session, such as ada plays knock every 1/2", types=("string",)),
+    1,
+    MAX_BLOCK,
+    single=True,
+)
 _FILE = Raw("the name of a file")
 USE = Either(scalar=_FILE, mapping=NamesOf(_FILE, "prefix"), sequence=ListOf(_FILE))
 
@@ -331,6 +347,7 @@ SCORE = Record(
         Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
         Field("duet", ListOf(COUPLING, single=True), "links between keys"),
         Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
+        Field("blocks", NamesOf(BLOCK, "block"), "lines that a session runs together, by a name"),
         Field("mix", MIX, "loudspeakers and the ways to them"),
         Field("render", RENDER, "the file that is written"),
         Field("accuracy", ACCURACY, "error and cost that the plan may have"),
