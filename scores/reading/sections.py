@@ -133,7 +133,7 @@ STRIKES = Record(
         Field("until", k.WHEN, "when they end, instead of `for`"),
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
-        Field("times", k.TIMES, "number of strikes, with `every`; of rounds, with `euclid`"),
+        Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
         *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
         Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
