@@ -173,6 +173,10 @@ COUPLING = Record(
     kinds={name: _without_between(table) for name, table in tables(False, LINKS).items()},
     kind_required=True,
 )
+_LINK = (
+    "Ableton Link is no part of ergon, because all bindings to it contain code under the GPL "
+    "(docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
+)
 TEMPO = Record(
     "tempo entry",
     "a tempo, a ramp or a meter from a position on",
@@ -182,7 +186,7 @@ TEMPO = Record(
         Field("over", k.LENGTH, "length of the ramp"),
         Field("meter", k.METER, "meter from this position on", shown="4/4"),
     ),
-    refused={"link": "Ableton Link is not built yet"},
+    refused={"link": _LINK},
 )
 
 
@@ -352,7 +356,7 @@ SCORE = Record(
         Field("render", RENDER, "the file that is written"),
         Field("accuracy", ACCURACY, "error and cost that the plan may have"),
     ),
-    refused={"link": "Ableton Link is not built yet"},
+    refused={"link": _LINK},
     foreign={
         **dict.fromkeys(_own_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"),
         **dict.fromkeys(_own_fields(LAYOUT), "a layout is named by the mix: `layout: FILE`"),
