@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ class Scope:
     targets: Mapping[str, Text] = field(default_factory=dict)
     folder: Path | None = None
     strikes: Mapping[str, str] = field(default_factory=dict)
+    blocks: Mapping[str, str] = field(default_factory=dict)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -60,6 +61,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         targets=dict(_targets(piece)),
         folder=folder,
         strikes={one.name: "strikes" for one in piece.strikes},
+        blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 
 
@@ -70,6 +72,10 @@ def with_name(scope: Scope, section: str, name: str) -> Scope:
         return scope
     added: Any = {section: {**known, name: "defined above"}}
     return replace(scope, **added)
+
+
+def _lines(block: Sequence[str]) -> str:
+    return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
 
 def _about(gesture: Gesture) -> str:

@@ -14,7 +14,10 @@ from ergon.repl.language import values as v
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.values import Completion, CompletionContext, Value
 
-_TEMPO = "ergon cannot share its tempo with other machines (link) yet"
+_TEMPO = (
+    "a link joins two modules; Ableton Link is no part of ergon, because all bindings to it contain "
+    "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
+)
 _SEMITONES = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))st")
 _FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
 _MOST_SEMITONES = 120.0
@@ -158,7 +161,14 @@ def _channels(text: str, *_: Any) -> tuple[str, ...]:
 
 
 def _removable(scope: Scope) -> dict[str, str]:
-    sections = (scope.players, scope.gestures, scope.takes, scope.instruments, scope.marks)
+    sections = (
+        scope.players,
+        scope.gestures,
+        scope.takes,
+        scope.instruments,
+        scope.marks,
+        scope.blocks,
+    )
     return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
 
 

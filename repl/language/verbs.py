@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import automating, forms
+from ergon.repl.language import automating, blocks, forms
 from ergon.repl.language import commands as c
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
@@ -98,6 +98,22 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "nudge -10ms", c.Nudge, Slot("by", "TIME", v.SHIFT), timed=False),
         _form("quant", "qua", "sets where lines take effect that do not say when",
               "quant 2bar", c.Quant, Slot("grid", "now|beat|bar|LENGTH", v.GRID), timed=False),
+    ),
+    "blocks": (
+        _form("def", "de", "gives one line a name, or those below it up to `end`",
+              "def fill: ada plays lean times 2", blocks.define,
+              Slot("name", "NAME:", blocks.NEW_BLOCK),
+              Slot("lines", "LINE …", blocks.LINES, many=True), timed=False),
+        _form("run", "ru", "does all lines of a block; its name alone does the same",
+              "run fill", c.RunBlock, Slot("name", "NAME", blocks.BLOCK)),
+        _form("every", "ev", "runs a block again and again, the first time from here on",
+              "fill every 4bar", blocks.run_every, Slot("name", "NAME", blocks.BLOCK),
+              Slot("trigger", "LENGTH", blocks.EVERY), subject=True),
+        _form("when", "w", "runs a block where a condition on bar or beat holds",
+              "when bar % 4 == 3 fill", blocks.run_when,
+              Slot("rule", "CONDITION NAME", blocks.RULE, many=True)),
+        _form("stop", "st", "runs a block no further by itself", "stop fill", c.StopBlock,
+              Slot("name", "NAME", blocks.BLOCK)),
     ),
     "matter": (
         _form("set", "set", "a parameter of a CEL follows a pattern of values",

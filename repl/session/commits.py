@@ -60,6 +60,7 @@ class Waiting:
     made: Running | None = None
     on: Running | None = None  # the version that `made` follows
     number: int = 0
+    version: Version | None = None  # what the texts are from this line on
 
     def is_before(self, other: Waiting) -> bool:
         """Whether it takes effect before a line that was typed later.
@@ -152,6 +153,14 @@ class Commits:
         tempo, every = self.head.piece.tempo_map, self.engine.tick_frames
         return int(self.running.clock.seconds(tempo, beat) * self.rate) // every * every
 
+    def version_at(self, beat: float) -> Version:
+        """The version of a beat from now on: with all lines that take effect by then."""
+        version = self.running.version
+        for one in self.waiting:
+            if one.beat <= beat + SAME and one.version is not None:
+                version = one.version
+        return version
+
     def _resolved(self, position: Position) -> float:
         try:
             return self.head.piece.tempo_map.resolve(position)
@@ -185,13 +194,15 @@ class Commits:
     ) -> None:
         """Replace the waiting lines: `queue`, whose versions are `made`, and `after`."""
         version = made[-1][0].version if made else self.running.version
+        further = []
         for one in after:
             version = self._version(version, one)
+            further.append(version)
         # From here on nothing can fail, so the queue may change.
         for one, (running, on) in zip(queue, made, strict=True):
-            one.made, one.on = running, on
-        for one in after:
-            one.made = one.on = None
+            one.made, one.on, one.version = running, on, running.version
+        for one, of_one in zip(after, further, strict=True):
+            one.made, one.on, one.version = None, None, of_one
         self.waiting = [*queue, *after]
         self.head = version
 
@@ -338,7 +349,7 @@ class Commits:
         version = self.running.version
         for one in self.waiting[:]:
             try:
-                version = self._version(version, one)
+                one.version = version = self._version(version, one)
             except REFUSALS as error:  # a line before it was dropped
                 self.dropped.append((one, str(error)))
                 self.waiting.remove(one)

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
-from ergon.repl.language.commands import NOW, Command, Guide, When
+from ergon.repl.language.commands import NOW, Command, DefineBlock, Guide, When
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import computing, inspection, version_edits
+from ergon.repl.session.block_runs import BlockRuns
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
@@ -104,6 +105,7 @@ class SessionCore:
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
         self.movements = Movements(self)
+        self.block_runs = BlockRuns(self)
         self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
         self.traced: str | None = None  # whose key is drawn while it moves
@@ -155,6 +157,8 @@ class SessionCore:
             if isinstance(command, Guide):
                 allow(command, self.commits)
         when: When = next((c.when for c in commands if c.when is not None), None)
+        if when is None and all(isinstance(command, DefineBlock) for command in commands):
+            when = NOW  # nothing is heard of it
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
         said = [version_edits.summary(command, made, where) for command in commands]
@@ -201,12 +205,13 @@ class SessionCore:
         is_limited: bool = True,
         redoes: bool = False,
         replaces: int | None = None,
+        is_typed: bool = True,
     ) -> tuple[str, Running]:
         """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
-        In the history it `replaces` a line. Returns the beat as written, and the version staged.
-        Texts read from files are kept in the journal. Raises StoppedError where a line that
-        `is_limited` takes too long.
+        In the history it `replaces` a line; one that nobody typed has no place
+        there. Returns the beat as written, and the version staged. Texts read from files are kept
+        in the journal. Raises StoppedError where a line that `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self.number += 1
@@ -247,9 +252,10 @@ class SessionCore:
             restores=restores,
             where=where,
             **({} if replaces is None else {"replaces": replaces}),
+            **({} if is_typed else {"typed": False}),
             **(self._fields_read(made.version) if is_read else {}),
         )
-        if restores is None:
+        if restores is None and is_typed:
             self.history.add(number)
             if replaces is not None:
                 self.history.remove(replaces)
@@ -307,6 +313,8 @@ class SessionCore:
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
             self.movements.turn()
+            if not self.stops.panicked:
+                self.block_runs.turn()
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
             said, closed = self.sound_file.turn(self.commits.engine, self.commits.rate)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
+from ergon.repl.session import block_edits as block_edits
 from ergon.repl.session import midi_maps
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
@@ -44,9 +45,9 @@ def combined(commands: Sequence[c.Command]) -> VersionEdit:
 
 
 def hushed(version: Version, beat: float) -> Version:
-    """No player plays on, and no strikes follow."""
+    """No player plays on, no strikes follow, and no block runs by itself."""
     texts = parts.hush(version.texts, version.piece, beat)
-    return replace(with_texts(version, texts), cuts=True)
+    return replace(with_texts(version, texts), cuts=True, rules={})
 
 
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:

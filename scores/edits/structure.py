@@ -170,7 +170,16 @@ def _routed(texts: Texts, piece: Piece) -> Texts:
 def _written(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
     """The section in which the score itself defines a name, and its path. Raises EditError."""
     part, _, module = name.partition(".")
-    for section in ("players", "gestures", "takes", "keys", "instruments", "strikes", "marks"):
+    for section in (
+        "players",
+        "gestures",
+        "takes",
+        "keys",
+        "instruments",
+        "strikes",
+        "marks",
+        "blocks",
+    ):
         if _has(texts, (section, name)):
             return section, (section, name)
         if module and _has(texts, (section, part, "modules", module)):

@@ -96,6 +96,7 @@ class Checker:
             place=score.place,
             tempo_map=times.map,
             automation=tuple(changes),
+            blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():

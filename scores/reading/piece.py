@@ -315,6 +315,8 @@ class Piece:
     # Of each part: the beats on which it is played; None where a take's file says how long it is.
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
     automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
+    # Lines that a session runs, by the name of their block; nothing else reads them.
+    blocks: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False, repr=False)
 
     def modules(self) -> Iterator[tuple[str, Module]]:
         """Every module of the keys and instruments, with the name of its part."""
@@ -353,7 +355,7 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     TakeFile: ("places",),
     Position: ("text",),
     Target: ("text",),
-    Piece: ("tempo_map", "starts"),  # follow from the others
+    Piece: ("tempo_map", "starts", "blocks"),  # follow from the others, or are never computed
     RenderSpec: ("file",),
 }
 

@@ -137,7 +137,7 @@ STRIKES = Record(
         Field("until", k.WHEN, "when they end, instead of `for`"),
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
-        Field("times", k.TIMES, "number of strikes, with `every`; of rounds, with `euclid`"),
+        Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
         *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
         Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
@@ -181,6 +181,10 @@ COUPLING = Record(
     kinds={name: _without_between(table) for name, table in tables(False, LINKS).items()},
     kind_required=True,
 )
+_LINK = (
+    "Ableton Link is no part of ergon, because all bindings to it contain code under the GPL "
+    "(docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
+)
 TEMPO = Record(
     "tempo entry",
     "a tempo, a ramp or a meter from a position on",
@@ -190,7 +194,7 @@ TEMPO = Record(
         Field("over", k.LENGTH, "length of the ramp"),
         Field("meter", k.METER, "meter from this position on", shown="4/4"),
     ),
-    refused={"link": "Ableton Link is not built yet"},
+    refused={"link": _LINK},
 )
 
 
@@ -277,6 +281,22 @@ LAW = Record(
     ),
     free=k.CONSTANT,
 )
+MAX_BLOCK = 50  # lines that a block has at most
+
+
+def _line(text: str) -> str:
+    """A line of a session, which is read when the block is run."""
+    if not text.strip() or "\n" in text.strip():
+        raise TextError("a block is a list of lines, each a line of a session", length=len(text))
+    return text.strip()
+
+
+BLOCK = ListOf(
+    Text(_line, "a line of a session, such as ada plays knock every 1/2", types=("string",)),
+    1,
+    MAX_BLOCK,
+    single=True,
+)
 _FILE = Raw("the name of a file")
 USE = Either(scalar=_FILE, mapping=NamesOf(_FILE, "prefix"), sequence=ListOf(_FILE))
 
@@ -345,11 +365,12 @@ SCORE = Record(
         Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
         Field("duet", ListOf(COUPLING, single=True), "links between keys"),
         Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
+        Field("blocks", NamesOf(BLOCK, "block"), "lines that a session runs together, by a name"),
         Field("mix", MIX, "loudspeakers and the ways to them"),
         Field("render", RENDER, "the file that is written"),
         Field("accuracy", ACCURACY, "error and cost that the plan may have"),
     ),
-    refused={"link": "Ableton Link is not built yet"},
+    refused={"link": _LINK},
     foreign={
         **dict.fromkeys(_own_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"),
         **dict.fromkeys(_own_fields(LAYOUT), "a layout is named by the mix: `layout: FILE`"),

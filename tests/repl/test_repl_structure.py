@@ -207,7 +207,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("link k1 bell.m BUT K=1kg", "'kg'"),
         ("link k1 bell.m BUT k=1kN/m", "BUT has no field 'k'"),
         ("link k1 bell.m BAT K=1kN/m", "is not a kind of link"),
-        ("link on", "cannot share its tempo with other machines"),
+        ("link on", "--midi-clock-to PORT` shares the tempo"),
         ("mia takes k2 like k1", "k2 exists already"),
         ("route bell 9", "channel 9 does not exist; the mix has 4"),
         ("route bell three", "is not a channel"),

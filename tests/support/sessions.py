@@ -63,9 +63,8 @@ class Stepped:
         )
         if written is not None:
             heard = 1.0, 1.0, None, past, version.base
-            opening = SessionStart(
-                version.texts, clock.at, version.faders, EVERY, *heard, maps=version.maps
-            )
+            beside = {"maps": version.maps, "rules": version.rules}
+            opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard, **beside)
             known = self.session.disk.hashes_by_name(version.texts)
             written.tell("session", **opening.fields(), disk=known)
         self._sound: list[np.ndarray] = []
