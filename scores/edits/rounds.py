@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ergon._core import poll
 from ergon.notation.clock.meter import SAME
+from ergon.notation.text.edit import EditError
 from ergon.scores.edits.entries import Entry
 from ergon.scores.pattern import words
 from ergon.scores.pattern.order import REST, Group, Leaf
@@ -13,6 +13,7 @@ from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.turns import parse as parse_turns
 
 _MOST_STEPS = 192  # of a round that is written out
+_MOST_PLACES = 10_000  # of a pattern in a scene
 # Fields that say what and when a pattern plays; a round that is written out says it by its steps.
 _OF_PATTERNS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))
 
@@ -21,8 +22,9 @@ def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[t
     """The entries that play the first places of a pattern every so many beats.
 
     Each with the first beat on which it plays. What the pattern leaves to chance is as it is in
-    these places.
+    these places. Raises EditError where they are too many.
     """
+    _check(count)
     if not count:
         return
     course = places.course
@@ -33,8 +35,6 @@ def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[t
     text = entry.fields.get(words.NTH, "")
     played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for place in range(count):
-        if not place % 1024:
-            poll()
         if (name := course.played(place)) is not None:
             number = course.round(place) + 1
             due = (one for turn in turns if number % turn.nth == 0 for one in turn.do)
@@ -54,6 +54,7 @@ def strikes(
     Each with the first beat; `notes` are those of the pattern as texts, none where it has none.
     What the strikes leave to chance is drawn again in every round.
     """
+    _check(count)
     if not count:
         return
     if _is_periodic(places, count, beats):
@@ -69,6 +70,13 @@ def strikes(
         return
     for begin, _ in found:
         yield begin, {**plain, "every": f"{beats:.12g}"}
+
+
+def _check(count: int) -> None:
+    if count > _MOST_PLACES:
+        raise EditError(
+            f"a pattern has {count:,} places in this scene, and {_MOST_PLACES:,} at most come back"
+        )
 
 
 def _is_periodic(places: Steps, count: int, beats: float) -> bool:

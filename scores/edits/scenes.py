@@ -224,8 +224,8 @@ def _struck(
         found = [(beat, again) for beat in begins if beat < scene.beats - SAME]
     for beat, fields in found:
         if at + beat < last:
-            stop = fields.get("until", until)
-            said = {**fields, "at": written(piece, at + beat), "until": stop}
+            said = {"until": until, **fields, "at": written(piece, at + beat)}
+            said["until"] = said.pop("until")  # where it is written by hand
             texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
     return texts
 
