@@ -24,6 +24,7 @@ _OF_SET = {
     "chance": "0.6",
     "euclid": "3 8",
     "swing": "0.6",
+    "skip": "5",
 }
 _OF_LFO = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
 

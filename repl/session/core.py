@@ -263,9 +263,16 @@ class SessionCore:
             if not redoes:
                 self.cancelled.clear()
             self.history.sort(self.commits.order())
+        self._tell_moved()
         self._rescope()
         self.pump()
         return where, made
+
+    def _tell_moved(self) -> None:
+        """Note in the journal which lines wait for another frame now."""
+        for one in self.commits.moved:
+            self._tell("late", number=one.number, beat=one.beat, start=one.start)
+        self.commits.moved.clear()
 
     def _fields_read(self, version: Version) -> dict[str, object]:
         disk: dict[str, object] = {}
@@ -281,6 +288,7 @@ class SessionCore:
         """Remove a line that has not taken effect."""
         self.commits.drop(waiting)
         self.note_dropped(waiting)
+        self._tell_moved()
         self._rescope()
 
     def note_dropped(self, waiting: Waiting) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ergon.instruments.model import Instrument
@@ -13,11 +14,13 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, matter, parts, times
+from ergon.scores.edits import entries, matter, parts, rounds, times
 from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.positions import end, written
 from ergon.scores.edits.texts import Texts
+from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.piece import Key, Piece, Strikes
 
 END = "end"  # the mark at which a scene begins again
@@ -100,7 +103,11 @@ def sounds_from(piece: Piece, beat: float) -> bool:
 
 def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
     """The entries that play an entry again every so many beats: the first beat of each."""
-    entry = line.entry.with_fields(times=None, until=None, every=f"{beats:.12g}")
+    entry = line.entry.with_fields(times=None, until=None)
+    if isinstance(line.starts, Steps):
+        yield from rounds.entries(entry, line.starts, line.count_before(beats), beats)
+        return
+    entry = entry.with_fields(every=f"{beats:.12g}")
     begins = [line.begin] if line.starts is None else [*line.starts]
     begins = [begin for begin in begins if begin < beats - SAME]
     step = beats / len(begins) if begins else beats
@@ -198,29 +205,34 @@ def _struck(
     body = said[strikes.name]
     assert isinstance(body, dict)
     body = {name: value for name, value in body.items() if name not in ("for", "until", "times")}
+    found: list[tuple[float, Mapping[str, object]]]
     if strikes.rate is not None:
         fills = begin < SAME and stop >= scene.beats - SAME
         end_ = at + min(stop, scene.beats)
         ends = until if fills or end_ > last else written(piece, end_)
-        rounds = [{**body, "at": written(piece, at + begin), "until": ends}]
-        rounds = rounds if begin < scene.beats - SAME and at + begin < last else []
+        found = [(begin, {**body, "until": ends})] if begin < scene.beats - SAME else []
+    elif strikes.pattern is not None:
+        places = strikes.steps(scene.piece)
+        count = bisect_left(places, scene.beats - SAME)
+        notes = {name: _note(name, amount) for name, amount in strikes.notes.items()}
+        found = [*rounds.strikes(body, places, count, scene.beats, notes)]
     else:
         limit = None if strikes.until is None and strikes.span is None else stop
-        every, count = strikes.every, strikes.times
-        found = starts(tempo, begin, Time(), every=every, times=count, until=limit)
-        rounds = [
-            {
-                **body,
-                "at": written(piece, at + beat),
-                "every": f"{scene.beats:.12g}",
-                "until": until,
-            }
-            for beat in found
-            if beat < scene.beats - SAME and at + beat < last
-        ]
-    for one in rounds:
-        texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(one))
+        every, most = strikes.every, strikes.times
+        begins = starts(tempo, begin, Time(), every=every, times=most, until=limit)
+        again = {**body, "every": f"{scene.beats:.12g}"}
+        found = [(beat, again) for beat in begins if beat < scene.beats - SAME]
+    for beat, fields in found:
+        if at + beat < last:
+            said = {"until": until, **fields, "at": written(piece, at + beat)}
+            said["until"] = said.pop("until")  # where it is written by hand
+            texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
     return texts
+
+
+def _note(name: str, amount: Amount) -> str:
+    """A note of a pattern as it is written by itself; those of a scale have no names."""
+    return f"{amount.value!r}Hz" if "." in name else name
 
 
 def _free(texts: Texts, name: str) -> str:

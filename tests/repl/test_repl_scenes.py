@@ -300,3 +300,68 @@ def test_a_score_with_bars_to_come_goes_on_at_the_same_beat(at: Stepped, tmp_pat
     assert np.abs(at.sound[-int(0.5 * at.rate) :]).max() > 0
     at.session.close()
     assert np.array_equal(at.again(), at.sound)
+
+
+PATTERNS = [
+    "ada plays knock ~ (knock lean) every 1/2",
+    "ada plays choose knock lean every 1 chance 0.7",
+    "ada plays walk knock lean ~ every 1/3\nleo plays shuffle lean knock euclid 3 8 rotate 1",
+    "ada plays knock euclid 5 8",
+    "ada plays knock lean every 1/2 swing 0.6 every 3rd do mirror, scale 0.5",
+]
+
+
+@pytest.mark.parametrize("line", PATTERNS)
+def test_patterns_of_a_scene_are_what_was_kept_in_every_round(at: Stepped, line: str):
+    at.ok("play")
+    to_bar(at, 2)
+    at.ok(line)
+    to_bar(at, 5)
+    at.ok("keep 2bar as verse")
+    kept = started(at, 8.0, 16.0)
+    assert len(kept) > 3
+    at.ok("scene verse")
+    to_bar(at, 11)
+    for round_ in range(3):
+        again = started(at, 20.0 + 8.0 * round_, 28.0 + 8.0 * round_)
+        assert again == [(who, what, (beat - 8.0) % 8.0 + 8.0) for who, what, beat in kept]
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def started(at: Stepped, since: float, until: float) -> list[tuple[str, str, float]]:
+    """Who begins what between two beats, as beats from 8 on."""
+    running = at.session.commits.running
+    found = {
+        (g.player, g.name, round(running.beat(round(g.start * at.rate)), 2))
+        for g in running.stage.gestures
+    }
+    return sorted((p, n, round(b - since + 8.0, 2)) for p, n, b in found if since <= b < until)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "rain strikes bell.m euclid 5 8 impulse 1mNs",
+        "rain strikes bell.m euclid 3 7 impulse 1mNs",  # lasts no whole number of rounds
+        "rain strikes bell.m every 1/2 impulse 1mNs swing 0.6",
+        "bell notes A3 (C4 E4) ~ every 1",
+        "bell notes walk A3.minor every 1/2",
+    ],
+)
+def test_strikes_by_patterns_come_back(at: Stepped, line: str):
+    """`scene` was an internal error, or its strikes had the scene's length as their step."""
+    at.ok("play")
+    to_bar(at, 2)
+    at.ok(line)
+    to_bar(at, 6)
+    at.ok("keep 2bar as verse")
+    at.ok("scene verse")
+    to_bar(at, 13)
+    first, second = heard(at, 9, 2), heard(at, 11, 2)
+    assert np.abs(first).max() > 1e-5
+    assert np.max(np.abs(first[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
+    kept = heard(at, 4, 2)
+    assert np.max(np.abs(kept[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
+    at.close()
+    assert np.array_equal(at.again(), at.sound)

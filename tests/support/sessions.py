@@ -113,7 +113,8 @@ class Stepped:
 
     def again(self) -> np.ndarray:
         """The journal, computed anew."""
-        return np.concatenate(list(self._blocks()))
+        none = np.zeros((0, self.engine.n_channels))  # a session that was killed at once
+        return np.concatenate([none, *self._blocks()])
 
     def hash_again(self) -> str:
         """The hash of all samples of the journal, computed anew."""
