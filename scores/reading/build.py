@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
+from ergon.instruments.read import modules as read_modules
 from ergon.notation.clock.positions import Position
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Values
@@ -70,12 +71,7 @@ def key(values: Values, files: Files) -> Key:
                 f"{values.context.of('')} has no `struck`; write the module that ergons strike"
             )
             values.error("E103", message)
-        bodies = (values["modules"] or {}).items()
-        modules = tuple(
-            module(name, body.kind, body.given[body.kind])
-            for name, body in bodies
-            if body is not MISSING
-        )
+        modules = read_modules(values)
     else:
         if not values.written("M"):
             values.error("E103", f"{values.context.of('')} has no 'M': its mass, such as 400g")
