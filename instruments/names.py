@@ -54,13 +54,13 @@ class Scene:
 
     def members(self, name: Name) -> list[Name]:
         """A name, or of an instrument with notes (`string`, `string.body.12`) that of each."""
-        found = self._family(name)
+        found = self.family(name)
         if found is None:
             return [name]
         parts, rest = found
         return [Name(".".join(filter(None, (part, rest))), name.place) for part in parts.values()]
 
-    def _family(self, path: str) -> tuple[dict[int, str], str] | None:
+    def family(self, path: str) -> tuple[dict[int, str], str] | None:
         """An instrument with notes whose notes a path leaves out, and the rest of the path."""
         words = path.split(".")
         for count in range(len(words), 0, -1):
@@ -68,6 +68,10 @@ class Scene:
             if parts is not None and (count == len(words) or number(words[count]) is None):
                 return parts, ".".join(words[count:])
         return None
+
+    def is_known(self, name: str) -> bool:
+        """Whether a key or an instrument has a name, or a module of one."""
+        return self._find(name, None, "") is not None
 
     def spelled(self, path: str) -> str:
         """A path whose note is written as the instrument has it: `string.Gb3` for `string.F#3`."""
@@ -89,7 +93,7 @@ class Scene:
         match = _MEMBERS.fullmatch(name)
         path = self.spelled(match[1] if match else str(name))
         found = self._find(path, part, prefix or (part.prefix if part else ""))
-        if found is None and (family := self._family(path)) is not None:
+        if found is None and (family := self.family(path)) is not None:
             examples = ", ".join([*family[0].values()][:4])
             message = (
                 f"{who}: {quote(name)} has {len(family[0])} notes; write one of them: {examples}"

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
-from ergon.notation.clock.positions import Position
+from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
@@ -26,6 +26,7 @@ from ergon.scores.reading.piece import (
     Accuracy,
     Coupling,
     Gesture,
+    Hit,
     Key,
     Master,
     Mix,
@@ -230,6 +231,28 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         place=v.place,
         pattern=pattern,
         notes=notes,
+    )
+
+
+def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:
+    """A melody whose strikes are known, in `length` that of a phrase."""
+    v = values
+    targets = dict.fromkeys(target for hit in hits for target in hit.to)
+    return Strikes(
+        name=v.context.name,
+        to=tuple(targets),
+        at=v["at"] or START,
+        span=None,
+        until=v["until"],
+        rate=None,
+        every=v["every"],
+        times=v["times"],
+        impulse=None,
+        mass=None,
+        speed=None,
+        place=v.place,
+        hits=hits,
+        length=length,
     )
 
 

@@ -19,7 +19,7 @@ from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import automation, build
+from ergon.scores.reading import automation, build, melodies
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import (
     Coupling,
@@ -71,7 +71,7 @@ class Checker:
         times = Times(score, self.collector)
         self._played()
         self._parts()
-        strikes = [self._strikes(v) for v in self._own("strikes")]
+        strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
         players = {v.context.name: self._player(v) for v in self._own("players")}
         mix = self._mix()
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
@@ -321,7 +321,12 @@ class Checker:
                 plays.append(play)
         return plays
 
-    def _strikes(self, values: Values) -> Strikes:
+    def _strikes(self, values: Values) -> Strikes | None:
+        if not melodies.is_whole(values):
+            return None
+        if melodies.kind_of(values):
+            found = melodies.hits_of(values, self.scene, self._phrases())
+            return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
         targets = tuple(t for name in names for t in self.scene.targets(name, "mats", who))
@@ -329,6 +334,9 @@ class Checker:
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
+
+    def _phrases(self) -> dict[str, Any]:
+        return {name: entry.values for name, entry in self.names.tables["phrases"].items()}
 
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""

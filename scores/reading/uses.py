@@ -17,10 +17,11 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.overlay import overlaid
 from ergon.scores.reading.sections import SCORE
 
-SECTIONS = ("keys", "instruments", "gestures", "takes", "laws")  # whose names other files may use
+# Sections whose names other files may use.
+SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
 MAX_USES = 20  # files deep
 MAX_LIKE = 32  # things that begin with another
-NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "take", "law"), strict=True))
+NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
 
 
 @dataclass(slots=True)
