@@ -18,6 +18,7 @@ from ergon.notation.text.values import Time
 from ergon.scores.edits import entries
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.scenes import END
+from ergon.scores.edits.strikes import only
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -87,6 +88,10 @@ class _Window:
         """Strikes as far as they fall here."""
         path = ("strikes", strikes.name)
         begin = self.map.resolve(strikes.at)
+        if strikes.hits and strikes.length is None:
+            falls = [beat for beat, *_ in strikes.falls(self.map)]
+            kept = only(texts, self.piece, strikes, self.start, self.stop, self.at)
+            return kept, bool(self.within(falls))
         stop = begin if strikes.until is None else self.map.resolve(strikes.until)
         if strikes.span is not None:
             stop = self.map.after(begin, strikes.span)
@@ -105,12 +110,16 @@ class _Window:
         else:
             end = stop if strikes.until is not None or strikes.span is not None else None
             every, times = strikes.every, strikes.times
-            found = starts(self.map, begin, Time(), every=every, times=times, until=end)
+            found = (
+                strikes.rounds(self.map)
+                if strikes.hits
+                else starts(self.map, begin, Time(), every=every, times=times, until=end)
+            )
             inside = self.within(found)
             if not inside:
                 return texts.remove(path), False
             said |= {"at": self.at(inside[0])}
-            if every is not None:
+            if every is not None or strikes.hits:
                 said |= {"times": str(len(inside))}
         return self._said(texts, path, said), True
 

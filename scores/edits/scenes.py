@@ -18,6 +18,7 @@ from ergon.scores.edits import entries, matter, parts, rounds, times
 from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.positions import end, written
+from ergon.scores.edits.strikes import row
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
@@ -95,6 +96,7 @@ def sounds_from(piece: Piece, beat: float) -> bool:
     ends += [found[-1] for found in piece.starts if found]
     for strikes in piece.strikes:
         begin = tempo.resolve(strikes.at)
+        ends += [beat for beat, *_ in strikes.falls(tempo)]
         ends.append(begin if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
             ends.append(tempo.after(begin, strikes.span))
@@ -199,6 +201,8 @@ def _struck(
     stop = begin if strikes.until is None else tempo.resolve(strikes.until)
     if strikes.span is not None:
         stop = tempo.after(begin, strikes.span)
+    if strikes.hits:
+        return _melody(texts, piece, scene, strikes, at, last, until)
     node = scene.texts.section("strikes")
     said = edit.tree(node)
     assert isinstance(said, dict)
@@ -235,9 +239,30 @@ def _note(name: str, amount: Amount) -> str:
     return f"{amount.value!r}Hz" if "." in name else name
 
 
-def _free(texts: Texts, name: str) -> str:
+def _melody(
+    texts: Texts,
+    piece: Piece,
+    scene: Scene,
+    strikes: Strikes,
+    at: float,
+    last: float,
+    until: str,
+) -> Texts:
+    """A melody of a scene as a phrase as long as the scene, under a name that is free."""
+    falls = [(beat, hit) for beat, _, hit in strikes.falls(scene.piece.tempo_map)]
+    rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
+    if not rows or at >= last:
+        return texts
+    name = _free(texts, strikes.name, "phrases")
+    phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": rows}
+    texts = texts.put(("phrases", name), edit.flow(phrase))
+    said: edit.Tree = {"play": name, "at": written(piece, at), "until": until}
+    return texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
+
+
+def _free(texts: Texts, name: str, section: str = "strikes") -> str:
     """A name of strikes that is free: `rain`, `rain-2`, …"""
-    said = edit.tree(texts.section("strikes"))
+    said = edit.tree(texts.section(section))
     taken = said if isinstance(said, dict) else {}
     count = 1
     while (free := name if count == 1 else f"{name}-{count}") in taken:

@@ -8,15 +8,12 @@ from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
-from ergon.scores.edits import matter
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
 from ergon.scores.reading.piece import Piece
 
 LINKS = "links"  # the instrument that holds links between others
-_AUDIBLE = 20.0  # [Hz] slower modules are mechanics, which a transposition leaves alone
-_SEMITONES = 12.0
 
 Fields = Mapping[str, str]
 
@@ -26,13 +23,13 @@ def build(
 ) -> Texts:
     """Add an instrument like another (`bell`), or one from a file (`bell/bell`).
 
-    Its own `fields` replace those of the other; a transposition moves every cell and generator
-    that is heard. Raises EditError.
+    Its own `fields` replace those of the other. Raises EditError.
     """
     said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
+    if semitones:
+        said["transpose"] = f"{semitones:g}st"
     texts = texts if piece.mix.routes else _routed(texts, piece)
-    made = texts.put(("instruments", name), edit.flow(said))
-    return _transposed(made, name, semitones) if semitones else made
+    return texts.put(("instruments", name), edit.flow(said))
 
 
 def key(texts: Texts, name: str, like: str) -> Texts:
@@ -125,34 +122,6 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
     for start, stop in places:
         text, after = f"{text}{texts.text[after:start]}{new}", stop
     return texts.changed(text + texts.text[after:])
-
-
-def _transposed(texts: Texts, name: str, semitones: float) -> Texts:
-    """An instrument, every cell and generator of which is moved by so many semitones."""
-    loaded = texts.load()
-    if loaded.piece is None:
-        first = next(found for found in loaded.diagnostics if found.severity == "error")
-        raise EditError(first.message)
-    instrument, ratio = loaded.piece.instruments[name], 2.0 ** (semitones / _SEMITONES)
-    count = 0
-    for module in instrument.modules:
-        f, stiffness, mass = (module.fields.get(field) for field in ("f", "K", "M"))
-        path = ".".join(filter(None, (name, module.name)))
-        if isinstance(f, float):
-            target, factor, is_heard = f"{path}.f", ratio, f >= _AUDIBLE
-        elif module.kind == "CEL" and isinstance(stiffness, float) and isinstance(mass, float):
-            target, factor = f"{path}.K", ratio * ratio
-            is_heard = stiffness > mass * (2.0 * 3.141592653589793 * _AUDIBLE) ** 2
-        elif isinstance(f, tuple):  # a bank's range
-            target, factor, is_heard = f"{path}.f", ratio, f[1] >= _AUDIBLE
-        else:
-            continue
-        if is_heard:
-            texts = matter.set_value(texts, loaded.piece, target, f"x{factor:.17g}")
-            count += 1
-    if not count:
-        raise EditError(f"{name} has no cell and no generator that could be transposed")
-    return texts
 
 
 def _routed(texts: Texts, piece: Piece) -> Texts:

@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
-from ergon.notation.clock.positions import Position
+from ergon.instruments.read import modules as read_modules
+from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
@@ -25,6 +26,7 @@ from ergon.scores.reading.piece import (
     Accuracy,
     Coupling,
     Gesture,
+    Hit,
     Key,
     Master,
     Mix,
@@ -70,12 +72,7 @@ def key(values: Values, files: Files) -> Key:
                 f"{values.context.of('')} has no `struck`; write the module that ergons strike"
             )
             values.error("E103", message)
-        bodies = (values["modules"] or {}).items()
-        modules = tuple(
-            module(name, body.kind, body.given[body.kind])
-            for name, body in bodies
-            if body is not MISSING
-        )
+        modules = read_modules(values)
     else:
         if not values.written("M"):
             values.error("E103", f"{values.context.of('')} has no 'M': its mass, such as 400g")
@@ -234,6 +231,28 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         place=v.place,
         pattern=pattern,
         notes=notes,
+    )
+
+
+def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:
+    """A melody whose strikes are known, in `length` that of a phrase."""
+    v = values
+    targets = dict.fromkeys(target for hit in hits for target in hit.to)
+    return Strikes(
+        name=v.context.name,
+        to=tuple(targets),
+        at=v["at"] or START,
+        span=None,
+        until=v["until"],
+        rate=None,
+        every=v["every"],
+        times=v["times"],
+        impulse=None,
+        mass=None,
+        speed=None,
+        place=v.place,
+        hits=hits,
+        length=length,
     )
 
 

@@ -12,12 +12,14 @@ from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
+from ergon.instruments.transpose import at_note, named_pitch
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import automation, build
+from ergon.scores.reading import automation, build, melodies
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import (
     Coupling,
@@ -27,6 +29,7 @@ from ergon.scores.reading.piece import (
     Piece,
     Play,
     Player,
+    Route,
     Strikes,
     TakeFile,
 )
@@ -68,7 +71,7 @@ class Checker:
         times = Times(score, self.collector)
         self._played()
         self._parts()
-        strikes = [self._strikes(v) for v in self._own("strikes")]
+        strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
         players = {v.context.name: self._player(v) for v in self._own("players")}
         mix = self._mix()
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
@@ -165,16 +168,40 @@ class Checker:
                 if values is None:
                     self.scene.broken.add(name)
                     continue
-                part_object = _called(self._made(section, entry, values), name)
-                struck = part_object.struck if isinstance(part_object, Key) else None
-                modules = {module.name: module for module in part_object.modules}
-                written = values["modules"] or {}
-                broken = frozenset(n for n, body in written.items() if body is MISSING)
-                part = Part(name, modules, struck, entry.prefix, broken, selves)
-                self.scene.parts[name] = part
-                self._written[name] = (entry, part_object)
-                self.bodies[name] = _bodies(values)
-                self.written[name] = values
+                if section == "instruments" and values.written("notes"):
+                    self._notes(name, entry, values, selves)
+                else:
+                    self._part(section, name, entry, values, selves)
+
+    def _part(
+        self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
+    ) -> None:
+        part_object = _called(self._made(section, entry, values), name)
+        struck = part_object.struck if isinstance(part_object, Key) else None
+        modules = {module.name: module for module in part_object.modules}
+        broken = frozenset(values["modules"] or {}).difference(modules)
+        self.scene.parts[name] = Part(name, modules, struck, entry.prefix, broken, selves)
+        self._written[name] = (entry, part_object)
+        self.bodies[name] = _bodies(values)
+        self.written[name] = values
+
+    def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
+        """An instrument of each note, which is called by it: `string.F3`."""
+        notes = values["notes"]
+        if notes is None:
+            self.scene.broken.add(name)
+            return
+        if named_pitch(values) is None:
+            reason = "its modules have no named pitch; write `f`, at which they are written"
+            if values.kind == "BANK":
+                reason = "a BANK has pitches of its own"
+            values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
+            self.scene.broken.add(name)
+            return
+        self.scene.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
+        for note in notes:
+            at = at_note(values, note)
+            self._part("instruments", f"{name}.{note}", entry, at, selves | {name})
 
     def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
         if section == "keys":
@@ -295,13 +322,22 @@ class Checker:
                 plays.append(play)
         return plays
 
-    def _strikes(self, values: Values) -> Strikes:
+    def _strikes(self, values: Values) -> Strikes | None:
+        if not melodies.is_whole(values):
+            return None
+        if melodies.kind_of(values):
+            found = melodies.hits_of(values, self.scene, self._phrases())
+            return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
-        targets = (self.scene.target(name, "mats", who) for name in values["to"] or ())
-        made = build.strikes(values, tuple(t for t in targets if t is not None))
+        names = values["to"] or ()
+        targets = tuple(t for name in names for t in self.scene.targets(name, "mats", who))
+        made = build.strikes(values, targets)
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
+
+    def _phrases(self) -> dict[str, Any]:
+        return {name: entry.values for name, entry in self.names.tables["phrases"].items()}
 
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
@@ -363,7 +399,8 @@ class Checker:
     def _mix(self) -> Mix:
         mix = build.mix(self.score["mix"], self.uses.files)
         routes = []
-        for route in mix.routes:
+        written = [r for route in mix.routes for r in self._each_note(route)]
+        for route in written:
             part, out = str(route.part), None
             if part not in self._written and "." in part:
                 part, _, out = part.rpartition(".")
@@ -387,6 +424,11 @@ class Checker:
             self.scene.reached.add(part)
             routes.append(replace(route, part=part, out=out))
         return replace(mix, routes=tuple(routes))
+
+    def _each_note(self, route: Route) -> list[Route]:
+        """A route, or one from each note of an instrument that has notes."""
+        name = Name(self.scene.spelled(route.part), route.place)
+        return [replace(route, part=each) for each in self.scene.members(name)]
 
 
 def _called(made: _Named, name: str) -> _Named:

@@ -5,17 +5,19 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
+from math import inf
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from ergon.instruments.kinds import LATER_FIELDS
 from ergon.instruments.model import Instrument, Layout, Module, Target
-from ergon.notation.clock.meter import Meter
+from ergon.notation.clock.meter import SAME, Meter
+from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.document import Scalar
-from ergon.notation.text.values import Place, Point
+from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
@@ -129,10 +131,25 @@ class TakeFile:
 
 
 @dataclass(frozen=True, slots=True)
+class Hit:
+    """One strike of a melody: at a position, or so long after the beginning of a phrase.
+
+    The impulse [N·s] lies between two values.
+    """
+
+    at: Position | Length
+    to: tuple[Target, ...]
+    impulse: tuple[float, float]
+    place: Place
+    what: str = ""  # as it is written
+
+
+@dataclass(frozen=True, slots=True)
 class Strikes:
     """Ergons that hit modules directly: a Poisson `rate` [Hz] for each, or `every` so often.
 
-    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s].
+    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s]. A melody has
+    `hits`; with a `length` it is a phrase that begins at `at`, `every` so often.
     """
 
     name: str
@@ -149,11 +166,34 @@ class Strikes:
     place: Place
     pattern: Pattern | None = field(default=None, metadata=UNTOLD)
     notes: Mapping[str, Amount] = field(default_factory=dict, metadata=UNTOLD)  # of the pattern
+    hits: tuple[Hit, ...] = field(default=(), metadata=UNTOLD)
+    length: Length | None = field(default=None, metadata=UNTOLD)
 
     @property
     def who(self) -> str:
         """Whose draws a pattern makes."""
         return f"strikes/{self.name}"
+
+    def rounds(self, tempo: TempoMap) -> list[float]:
+        """Beats on which a melody begins: a phrase every time it is played. Raises TextError."""
+        if self.length is None:
+            return [0.0]
+        until = None if self.until is None else tempo.resolve(self.until)
+        at, every, times = tempo.resolve(self.at), self.every, self.times
+        if self.length.bars and every is None:
+            every = self.length
+        own = Time(self.length.beats, self.length.seconds)
+        return starts(tempo, at, own, every=every, times=times, until=until)
+
+    def falls(self, tempo: TempoMap) -> Iterator[tuple[float, int, Hit]]:
+        """Every strike of a melody: its beat, its number and what it strikes. Raises TextError."""
+        until = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
+        for turn, start in enumerate(self.rounds(tempo)):
+            for number, hit in enumerate(self.hits):
+                at = hit.at
+                beat = tempo.resolve(at) if isinstance(at, Position) else tempo.after(start, at)
+                if beat < until:
+                    yield beat, turn * len(self.hits) + number, hit
 
     def steps(self, piece: Piece) -> Steps:
         """When a pattern strikes: its places. Raises TextError."""
@@ -355,6 +395,7 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     TakeFile: ("places",),
     Position: ("text",),
     Target: ("text",),
+    Hit: ("what",),
     Piece: ("tempo_map", "starts", "blocks"),  # follow from the others, or are never computed
     RenderSpec: ("file",),
 }

@@ -7,9 +7,11 @@ from typing import Any
 
 from ergon.instruments.kinds import LINKS, tables
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
+from ergon.instruments.transpose import INTERVAL
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
+    MISSING,
     Context,
     Either,
     ListOf,
@@ -20,10 +22,11 @@ from ergon.notation.tables.shapes import (
     choice,
     wrong_shape,
 )
-from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.manner import DO, OF_GESTURE
+from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.part import PART
 from ergon.scores.reading.patterns import OF_PATTERN
 from ergon.scores.reading.piece import METHODS
@@ -131,8 +134,8 @@ STRIKES = Record(
     "strikes",
     "ergons that hit modules directly, without a key",
     (
-        Field("to", _TARGETS, "what", required=True),
-        Field("at", k.WHEN, "when they begin", required=True),
+        Field("to", _TARGETS, "what; of a melody the instrument whose notes are struck"),
+        Field("at", k.WHEN, "when they begin"),
         Field("for", k.LENGTH, "how long"),
         Field("until", k.WHEN, "when they end, instead of `for`"),
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
@@ -141,10 +144,55 @@ STRIKES = Record(
         *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
         Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
+        Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
+        Field("play", Reference("a phrase"), "a phrase, `every` so often"),
+        Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
+        Field("do", DO, "transformations of the phrase, left to right"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
     ),
 )
+PHRASE = Record(
+    "phrase",
+    "a melody with a length of its own, which `strikes` play",
+    (
+        Field("entries", Entries(PHRASE_ENTRY), "its strikes", required=True),
+        Field("length", k.LENGTH, "its length", shown="to the beat after its last strike"),
+        Field("to", _TARGETS, "the instrument whose notes are struck"),
+        Field("impulse", k.IMPULSES, "impulse of strikes that say none"),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class MelodyShape(Shape):
+    """Fields of a record, or a list or a table that stands for its `entries`."""
+
+    record: Record
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
+        if not is_bare:
+            return self.record.read(node, name, context)
+        values = Values(self.record, node, context)
+        entries = self.record.by_name["entries"].shape.read(node, name, context)
+        if entries is MISSING:
+            return MISSING
+        values.given["entries"], values.nodes["entries"] = entries, node
+        return values
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        own = self.record.schema()
+        return {**self.record.by_name["entries"].shape.schema(), **own, "type": _ANY}
+
+    def words(self) -> str:
+        """In words."""
+        return f"{self.record.words()}, or its entries alone"
+
+
+_ANY = ["object", "array", "string", "null"]
 PLAYER = Record(
     "player",
     "a hand on a key",
@@ -360,7 +408,8 @@ SCORE = Record(
         Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),
         Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
         Field("takes", NamesOf(TAKE, "take"), "captured hands"),
-        Field("strikes", NamesOf(STRIKES, "strikes"), "ergons without a key"),
+        Field("phrases", NamesOf(MelodyShape(PHRASE), "phrase"), "melodies that strikes play"),
+        Field("strikes", NamesOf(MelodyShape(STRIKES), "strikes"), "ergons without a key"),
         Field("automation", ListOf(AUTOMATION, single=True), "parameters that change in time"),
         Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
         Field("duet", ListOf(COUPLING, single=True), "links between keys"),

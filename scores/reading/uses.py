@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
+from ergon.instruments.transpose import sounding_at
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.kinds import PATH
 from ergon.notation.tables.shapes import MISSING, Context, Name
@@ -14,17 +14,14 @@ from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
+from ergon.scores.reading.overlay import overlaid
 from ergon.scores.reading.sections import SCORE
 
-SECTIONS = ("keys", "instruments", "gestures", "takes", "laws")  # whose names other files may use
+# Sections whose names other files may use.
+SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
 MAX_USES = 20  # files deep
 MAX_LIKE = 32  # things that begin with another
-NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "take", "law"), strict=True))
-# What is written here replaces what stands for the same in the other: K for f, a table for a line.
-_EXCLUSIVE = (
-    (("K", "Z"), ("f", "t60"), ("modules", "struck")),
-    (("notation",), ("points",)),
-)
+NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
 
 
 @dataclass(slots=True)
@@ -154,8 +151,13 @@ class Uses:
                 return None, frozenset()
             entry = base
         result = chain[-1]
+        is_instrument = section == "instruments"
+        if is_instrument:
+            result = sounding_at(result, result, is_root=True)
         for values in reversed(chain[:-1]):
-            result = _overlaid(result, values)
+            if is_instrument:
+                result = sounding_at(result, values, is_root=False)
+            result = overlaid(result, values)
         return result, frozenset(values.context.name for values in chain)
 
     def _base(self, section: str, values: Values, home: Names) -> Entry | None:
@@ -199,28 +201,6 @@ class Uses:
             names = used.names(section)
             self.collector.error("E301", message, name.place, word=word, names=names)
         return entry
-
-
-def _overlaid(base: Values, own: Values) -> Values:
-    """The base's fields under one's own; modules merge by name, transformations add up."""
-    hidden: set[str] = set()
-    for groups in _EXCLUSIVE:
-        if any(own.written(*group) for group in groups):
-            for group in groups:
-                if not own.written(*group):
-                    hidden.update(group)
-    given = {name: value for name, value in base.given.items() if name not in hidden}
-    nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
-    merged: dict[str, Callable[[Any, Any], Any]] = {
-        "modules": lambda a, b: {**a, **b},
-        "do": lambda a, b: (*a, *b),
-    }
-    for name, value in own.given.items():
-        join = merged.get(name)
-        given[name] = join(given[name], value) if join and name in given else value
-    nodes.update(own.nodes)
-    kind = own.kind or base.kind
-    return Values(own.record, own.node, own.context, given, nodes, {**base.free, **own.free}, kind)
 
 
 def _files(score: Values) -> list[tuple[str, Place, str]]:

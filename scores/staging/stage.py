@@ -352,7 +352,7 @@ def _play(
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
             mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_itself, strikes.place))
-            striking = Striking(played, timeline, strikes, mats, source, within)
+            striking = Striking(played, timeline, strikes, mats, source, within, assembly)
             ends.append(striking.play(hands.collector))
     for link, (at, until) in zip(couplings, acting(piece), strict=True):
         if until == OVER:

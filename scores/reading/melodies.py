@@ -1,0 +1,117 @@
+"""From `entries` and `play` of strikes to hits: rows, transformed, with what they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ergon.instruments.names import Scene
+from ergon.notation.clock.positions import Length
+from ergon.notation.tables.fields import Values
+from ergon.notation.text.errors import TextError, quote
+from ergon.scores.reading.melody import Row, Voices, length_of, transformed
+from ergon.scores.reading.piece import Hit
+
+_OWN = {
+    "entries": ("entries", "to", "impulse", "until"),
+    "play": ("play", "to", "impulse", "at", "every", "times", "until", "transpose", "do"),
+}
+_OF_PHRASE = ("transpose", "do")
+
+
+def kind_of(values: Values) -> str:
+    """`entries` or `play` of a melody, "" of other strikes."""
+    return next(iter(values.written(*_OWN)), "")
+
+
+def is_whole(values: Values) -> bool:
+    """Whether strikes have the fields that their kind needs, and no others; reports."""
+    v, kind = values, kind_of(values)
+    needed = {"entries": ("entries",), "play": ("play", "at")}.get(kind, ("to", "at"))
+    for name in needed:
+        if name not in v.nodes:
+            message = f"{v.context.of('')} has no '{name}': {v.record.by_name[name].shape.words()}"
+            v.error("E103", message)
+    own = _OWN.get(kind, tuple(name for name in v.record.by_name if name not in _OF_PHRASE))
+    for name in v.nodes:
+        if name not in own:
+            which = f"strikes with `{kind}` have" if kind else "only strikes that `play` have"
+            message = f"{v.context.of(name)}: {which} {'no such' if kind else 'this'} field"
+            v.error("E111", f"{message}; remove it", name)
+            return False
+    return all(name in v.given for name in (*needed, *v.written("to", "play", "impulse", "do")))
+
+
+def hits_of(
+    values: Values, scene: Scene, phrases: Mapping[str, Any]
+) -> tuple[tuple[Hit, ...], Length | None] | None:
+    """The hits of a melody and, of a phrase, its length; None after a report."""
+    who = f"strikes {quote(values.context.name)}"
+    if kind_of(values) == "entries":
+        voices = Voices(scene, values["to"] or ())
+        rows = _strong(values["entries"], values["impulse"], values)
+        return None if rows is None else (_hits(rows, voices, who), None)
+    phrase = phrases.get(values["play"])
+    if not isinstance(phrase, Values):
+        if values["play"] not in phrases:
+            message = f"{who}: no phrase is called {quote(values['play'])}"
+            names = tuple(phrases)
+            values.error("E301", message, "play", word=str(values["play"]), names=names)
+        return None
+    found = played(phrase, values, Voices(scene, values["to"] or phrase["to"] or ()))
+    return None if found is None else (_hits(found[0], found[1], who), found[2])
+
+
+def played(
+    phrase: Values, values: Values, voices: Voices
+) -> tuple[Sequence[Row], Voices, Length] | None:
+    """The rows of a phrase as strikes play them, and its length; None after a report."""
+    rows = _strong(phrase["entries"], values["impulse"] or phrase["impulse"], phrase)
+    if rows is None:
+        return None
+    length = length_of(rows, phrase["length"])
+    if length is None:
+        message = f"{phrase.context.of('')} has no 'length': not all its entries are in beats"
+        phrase.error("E103", message, "entries")
+        return None
+    try:
+        if (interval := values["transpose"]) is not None:
+            steps = None if interval.cents is None else interval.cents / 100.0
+            if steps is None or not steps.is_integer():
+                raise TextError("notes move by whole semitones, such as 7st")
+            rows = tuple(
+                voices.renamed(row, [voices.moved(word, int(steps)) for word in row.what])
+                for row in rows
+            )
+    except TextError as error:
+        values.error("E306", f"{values.context.of('transpose')}: {error.message}", "transpose")
+        return None
+    try:
+        rows, length = transformed(rows, length, values["do"] or (), voices.mirrored)
+    except TextError as error:
+        values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
+        return None
+    return rows, voices, length
+
+
+def _strong(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...] | None:
+    """Rows, each with an impulse: its own, or that of the one before."""
+    found = []
+    for row in rows:
+        impulse = row.impulse or impulse
+        if impulse is None:
+            message = f"{values.context.of('')}: the first strike has no impulse; write it beside "
+            message += "its notes, such as 2mNs, or write `impulse`"
+            values.context.error("E103", message, row.place)
+            return None
+        found.append(replace(row, impulse=impulse))
+    return tuple(found)
+
+
+def _hits(rows: Sequence[Row], voices: Voices, who: str) -> tuple[Hit, ...]:
+    found = []
+    for row in rows:
+        what, impulse = " ".join(row.what), row.impulse or (0.0, 0.0)
+        found.append(Hit(row.at, voices.targets(row, who), impulse, row.place, what))
+    return tuple(found)
