@@ -9,7 +9,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.scores.staging.automating import value_at
 from ergon.scores.staging.gliding import Glide
+from ergon.scores.staging.leading import Points
 from ergon.scores.staging.scene import OVER, acting
 
 if TYPE_CHECKING:
@@ -125,11 +127,11 @@ class Guard:
         """
         if not self._real:
             return ()
-        if stage.paths:
+        if stage.paths and any(not one.points for one in stage.piece.automation):
             raise _core.EngineError(
-                "automation cannot be played while a real hand is connected: the force that the "
-                "hand may get is not known for every value; remove `automation`, or play without "
-                "the device"
+                "patterns and swings of `automation` cannot be played while a real hand is "
+                "connected: the force that the hand may get is not known for every value; remove "
+                "them, or play without the device"
             )
         moments = _moments(stage, start, glides)
         on = tuple(before) if len(moments) > 1 else ()
@@ -206,13 +208,17 @@ def _moments(
     frames |= {int(end) for _, end in couplings if start < end < math.inf}
     for glide in moving:
         frames |= set(_places(stage, glide, start))
+    for points in stage.paths.values():
+        frames |= set(_on_the_way(stage, points, start))
     rising = sorted(frames)
     if rising[-1] - start <= _SHORT * stage.rate:
         rising = sorted({start, rising[-1]})
 
     def moment(frame: int, since: int) -> _Moment:
         over = tuple(link for link, end in couplings if end <= since)
-        return _Moment(*_numbers(stage, moving, frame), over)
+        ties, factors = _numbers(stage, moving, frame)
+        led_ties, led_factors = _led(stage, frame)
+        return _Moment((*ties, *led_ties), (*factors, *led_factors), over)
 
     stretches = [(a, moment(a, a), moment(b, a)) for a, b in pairwise(rising)]
     return *stretches, (rising[-1], moment(rising[-1], rising[-1]), moment(rising[-1], rising[-1]))
@@ -246,6 +252,48 @@ def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
             yield frame
 
 
+def _on_the_way(stage: Stage, points: Points, start: int) -> Iterator[int]:
+    """Frames from `start` on at which what is led has changed by a ratio, or ends."""
+    last: Sequence[float] = ()
+    changes = _RATIO
+    values = [point[1:] for point in points]
+    most = max(
+        (abs(math.log(b / a)) for one in values for a, b in zip(values[0], one, strict=True)
+         if a > 0.0 and b > 0.0),
+        default=0.0,
+    )  # fmt: skip
+    changes = max(changes, math.exp(most / _PLACES))
+    for number, (instant, *own) in enumerate(points):
+        frame = _on_grid(stage, instant)
+        if frame <= start:
+            continue
+        moved = any(
+            (a > 0.0) != (b > 0.0) or (a > 0.0 and max(a / b, b / a) >= changes)
+            for a, b in zip(last, own, strict=False)
+        )
+        if moved or not last or number == len(points) - 1:
+            last = own
+            yield frame
+
+
+def _led(
+    stage: Stage, frame: int
+) -> tuple[list[tuple[int, float, float, float]], list[tuple[int, float]]]:
+    """Values of ties and links that automation leads, at a frame."""
+    assembly = stage.scene.assembly
+    ties: list[tuple[int, float, float, float]] = []
+    factors: list[tuple[int, float]] = []
+    for where, points in stage.paths.items():
+        numbers = value_at(points, frame / stage.rate)
+        if len(numbers) == 3:
+            k, z, m = numbers
+            ties.append((assembly.mats[where], k, z, m))
+        elif where in assembly.bodies or where in assembly.links:
+            first, count = assembly.bodies.get(where) or (assembly.links[where], 1)
+            factors += [(first + link, max(numbers)) for link in range(count)]
+    return ties, factors
+
+
 def _numbers(
     stage: Stage, glides: Sequence[Glide], frame: int
 ) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
@@ -263,6 +311,10 @@ def _numbers(
             mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * share)
             k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
             ties.append((stage.scene.assembly.mats[where], k, z, mass))
+        elif len(glide.before) == 2:
+            first, count = stage.scene.assembly.bodies[where]
+            most = max(of + (1.0 - of) * share for of in glide.factors())
+            factors += [(first + link, most) for link in range(count)]
         else:
             ratio = glide.before[0] / glide.after[0]
             factors.append((stage.scene.assembly.links[where], ratio + (1.0 - ratio) * share))

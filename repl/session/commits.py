@@ -239,7 +239,8 @@ class Commits:
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
         before = replace(before, cuts=False, damp=None, glide=GLIDE, enters=None, read=None)
-        before = replace(before, dropped=())
+        goes = before.goes if one.goes is None else one.goes
+        before = replace(before, dropped=(), goes=goes)
         return one.edit(before, one.beat)
 
     def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:

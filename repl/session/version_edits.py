@@ -137,9 +137,16 @@ def _set(command: c.Set, version: Version, beat: float) -> Texts:
 
 @makes(c.Set)
 def _set_gliding(command: c.Set) -> VersionEdit:
-    """Set a parameter, which glides `over` a length."""
+    """Set a parameter, which glides `over` a length: in the score's time, where that goes."""
 
     def edit(version: Version, beat: float) -> Version:
+        own, words = version, command.words
+        if command.over is not None and version.goes:
+            value, over = words["change"].text, words["over"].text
+            args = command.target, beat, value, {"over": over}
+            return with_texts(own, automation.glide(own.texts, own.piece, *args))
+        if command.over is not None:
+            automation.check(own.piece, command.target)
         made = with_texts(version, _set(command, version, beat))
         if command.over is None:
             return made

@@ -15,12 +15,15 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries
+from ergon.scores.edits import entries, matter
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.scenes import END
 from ergon.scores.edits.strikes import only
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.leading import Led
 
 
 def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Texts:
@@ -47,6 +50,15 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
     # The tempo last: until then positions are read by the old tempo map.
     return window.tempo(kept)
+
+
+_PIECES = 32  # of a glide that is cut
+
+
+def where_kind(piece: Piece, where: tuple[str, str]) -> str:
+    """The kind of a module."""
+    led = Led.of(piece, where)
+    return "" if led is None else led.module.kind
 
 
 class _Window:
@@ -144,6 +156,9 @@ class _Window:
             begin = self.map.resolve(one.at)
             end = math.inf if one.until is None else self.map.resolve(one.until)
             said: dict[str, str | None] = {"at": self.at(begin)}
+            if one.points:
+                texts = self._glide(texts, number, one, begin, end)
+                continue
             places = None if one.swing is not None else one.steps(self.map, self.piece.seed)
             if places is not None:
                 end = min(end, places.beat(len(places)))
@@ -165,6 +180,34 @@ class _Window:
                 said["phase"] = f"{phase:.12g}"
             texts = self._said(texts, place(texts, "automation", number), said)
         return texts
+
+    def _glide(self, texts: Texts, number: int, one: Automation, begin: float, end: float) -> Texts:
+        """A glide as far as it is heard here: one that began before goes on as a curve."""
+        if begin >= self.stop - SAME or end <= self.start + SAME:
+            return dropped(texts, "automation", number)
+        said: dict[str, str | None] = {"at": self.at(begin)}
+        if end < math.inf:
+            said["until"] = self.at(min(end, self.stop))
+        if begin < self.start - SAME:
+            said |= {"at": self.at(self.start), "over": None, "curve": None}
+            where, tempo = (one.target.part, one.target.module), self.map
+            if one.over is not None:
+                ended = tempo.after(begin, one.over)
+            else:
+                ended = tempo.beats(tempo.instant(begin, one.points[-1].at))
+            left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
+            points = []
+            for piece in range(_PIECES + 1 if left > 0.0 else 1):
+                at = left * piece / _PIECES
+                beat = tempo.beats(tempo.seconds(self.start) + at)
+                value = value_on(self.piece, where, one.parameter, beat)
+                if where_kind(self.piece, where) == "BANK":
+                    word = f"x{value:.12g}"
+                else:
+                    word = matter.said(value, one.parameter, is_ca=False)
+                points.append(f"{word}@{at:.12g}s")
+            said["to"] = " line ".join(points)
+        return self._said(texts, place(texts, "automation", number), said)
 
     def tempo(self, texts: Texts) -> Texts:
         """The tempo and meter that hold at the beginning, and the changes that follow."""

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ergon.instruments import rules
-from ergon.instruments.kinds import member_count
+from ergon.instruments.kinds import KINDS, member_count
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
@@ -19,7 +19,7 @@ from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import automation, build, melodies
+from ergon.scores.reading import automation, build, leads, melodies
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import (
     Coupling,
@@ -353,24 +353,29 @@ class Checker:
             return None
         name = values["set"] or values["lfo"]
         head, _, parameter = str(name).rpartition(".")
-        if not head or parameter not in automation.PARAMETERS:
-            known = ", ".join(automation.PARAMETERS)
-            message = f"automation: {quote(name)} is not a parameter of a CEL ({known})"
+        known = leads.found(head, self.keys, self.instruments)
+        if known is None and head and parameter in leads.ALL:
+            # What the head reaches, or what is wrong with it.
+            target = self.scene.target(Name(head, name.place), "mat", "automation")
+            if target is None:
+                return None
+            known = leads.found(
+                f"{target.part}.{target.module}".rstrip("."), self.keys, self.instruments
+            )
+            if known is not None and KINDS[known[1].kind].family == "generator":
+                message = f"automation: {quote(head)} is a member; its body changes as a whole"
+                self.collector.error("E304", message, name.place)
+                return None
+        if known is None:
+            words = ", ".join(leads.ALL)
+            message = f"automation: {quote(name)} is not a parameter that changes ({words})"
             self.collector.error("E301", message, name.place)
             return None
-        target = self.scene.target(Name(head, name.place), "mat", "automation")
-        part = None
-        if target is not None:
-            part = self.keys.get(target.part) or self.instruments.get(target.part)
-        if target is None or part is None:
+        part, module, is_ca = known
+        if why := leads.refusal(module, parameter, is_ca=is_ca):
+            self.collector.error("E304", f"automation: {quote(head)} {why}", name.place)
             return None
-        module = next(one for one in part.modules if one.name == target.module)
-        is_ca = isinstance(part, Instrument) and part.ca_rate is not None
-        if module.kind != "CEL" or is_ca:
-            why = "has algorithmic values" if is_ca else f"is a {module.kind}, not a CEL"
-            message = f"automation: {quote(head)} {why}; automation changes CELs with SI values"
-            self.collector.error("E304", message, name.place)
-            return None
+        target = Target(part, module.name, 0, 1, head, name.place)
         return automation.made(values, target, module, parameter)
 
     def _coupling(self, values: Any, number: int) -> Coupling | None:

@@ -14,9 +14,13 @@ if TYPE_CHECKING:
     from ergon.instruments.model import Module
     from ergon.scores.reading.piece import Piece
 
-_Values = tuple[float, ...]  # of a CEL k, z, m; of a link K, where its force goes by it
+# Of a CEL k, z, m; of a link K, by which its force goes; of a STRING or PLATE K and Z of its links,
+# but for a factor that stays.
+_Values = tuple[float, ...]
 TWO_PI = 6.283185307179586
 LN_1000 = 6.907755278982137  # a decay by 60 dB
+_BODIES = ("STRING", "PLATE")
+_TUNING = ("f", "t60", "M", "X0", "V0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +40,22 @@ class Glide:
         pairs = zip(self.before, self.after, strict=True)
         return tuple(before + (after - before) * share for before, after in pairs)
 
+    def factors(self) -> tuple[float, float]:
+        """K and Z of a body's links before, as factors of what they are after."""
+        pairs = zip(self.before, self.after, strict=True)
+        k, z = (before / after if after else 1.0 for before, after in pairs)
+        return k, z
+
     def put(self, timeline: _core.Timeline, assembly: Assembly) -> None:
         """Let it happen on a timeline. Raises EngineError."""
         where = self.part, self.module
         if len(self.before) == 3:
             k, z, m = self.before
             timeline.glide(assembly.mats[where], k, z, m, self.start, self.stop)
+        elif len(self.before) == 2:
+            first, count = assembly.bodies[where]
+            points = [(self.start, *self.factors()), (self.stop, 1.0, 1.0)]
+            timeline.lead(first, points, n=count)
         else:
             ratio = self.before[0] / self.after[0]
             timeline.fade(assembly.links[where], ratio, 1.0, self.start, self.stop)
@@ -54,6 +68,7 @@ def glides(
     what differs, and what is `running` already to its end. A link that is new comes from no force,
     where it joins what was there before."""
     old, new = dict(_values(before)), dict(_values(after))
+    forms = dict(_forms(before)), dict(_forms(after))
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     found = {}
     for where, values in new.items():
@@ -63,6 +78,8 @@ def glides(
             continue
         if where not in old or len(old[where]) != len(values):
             continue
+        if len(values) == 2 and forms[0].get(where) != forms[1][where]:
+            continue  # another body takes its place
         if current is not None and current.after == values:
             found[where] = current
         elif old[where] != values:
@@ -94,6 +111,15 @@ def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
                 yield (instrument.name, module.name), values
 
 
+def _forms(piece: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
+    """What is not pitch, decay or mass of the STRINGs and PLATEs of a piece."""
+    for instrument in piece.instruments.values():
+        for module in instrument.modules:
+            if module.kind in _BODIES:
+                form = {name: own for name, own in module.fields.items() if name not in _TUNING}
+                yield (instrument.name, module.name), {**form, "kind": module.kind}
+
+
 def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
     """K [N/m], Z [N·s/m] and M [kg] of a CEL's fields."""
     mass = float(fields["M"])
@@ -107,7 +133,18 @@ def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
 def _of(module: Module) -> _Values | None:
     if module.kind == "CEL":
         return ties(module.fields)
+    if module.kind in _BODIES:
+        return _of_body(module.fields)
     fields: Mapping[str, Any] = module.fields
     if module.kind in LINKS and fields.get("K"):
         return (float(fields["K"]),)
     return None
+
+
+def _of_body(fields: Mapping[str, Any]) -> _Values | None:
+    """K and Z of the links of a STRING or PLATE, but for a factor that its form says."""
+    t60, mass = fields.get("t60"), float(fields["M"])
+    if t60 is not None and not isinstance(t60, float):
+        return None  # its dampers follow from all of its modes
+    omega, sigma = TWO_PI * float(fields["f"]), LN_1000 / t60 if t60 else 0.0
+    return mass * (omega * omega + sigma * sigma), mass * sigma

@@ -17,9 +17,10 @@ from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Accuracy, Piece
-from ergon.scores.staging.automating import Points, Where, automated, led_on
+from ergon.scores.staging.automating import automated, led_on
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
+from ergon.scores.staging.leading import Led, Points, Where
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
@@ -63,7 +64,7 @@ class Stage:
     is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
-    paths: Mapping[Where, Points] = field(default_factory=dict)  # of CELs with automation
+    paths: Mapping[Where, Points] = field(default_factory=dict)  # of modules with automation
     planned_for: Accuracy | None = None
 
     @property
@@ -184,7 +185,8 @@ def prepare(
         if like is not None:
             paths = led_on(like.paths, paths, piece, start / piece.rate)
         for where, points in paths.items():
-            timeline.path(assembly.mats[where], points)
+            if led := Led.of(piece, where):
+                led.put(timeline, assembly, where, points)
     except _core.EngineError as error:
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
@@ -267,7 +269,7 @@ def stage(
 def _automate(
     piece: Piece, spans: Sequence[Span] | None, n_frames: int, collector: Collector
 ) -> dict[Where, Points]:
-    """The points of CELs with automation, as far as the piece or its last stretch goes."""
+    """The points of modules with automation, as far as the piece or its last stretch goes."""
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
         return {}

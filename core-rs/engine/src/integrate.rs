@@ -30,6 +30,7 @@ use std::sync::Arc;
 use crate::guard::{FinerFrames, Guard};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
+use crate::timeline::Lead;
 use crate::units::Rate;
 use mesh::Mesh;
 
@@ -43,6 +44,12 @@ trait Stepper {
     fn is_shared(&self) -> bool {
         false
     }
+    /// Set the K and Z of links that are led to those of a frame and a part of one.
+    fn lead(&mut self, _lead: &Lead, _at: (u64, f64)) {}
+    /// Recompute what depends on them.
+    fn settle_led(&mut self, _team: &mut ThreadTeam<'_>) {}
+    /// Share no numbers that are led with a clone.
+    fn own(&mut self) {}
     /// Positions now [m]                                            (n_mat)
     fn x(&self) -> &[f64];
     /// The guard of links that stiffen, if there are any.
@@ -135,6 +142,40 @@ impl Integrator {
         for _ in 1..self.substeps {
             method.step(&[], team);
         }
+    }
+
+    /// The same where K and Z of some links are led; `n` counts frames.
+    pub(crate) fn step_led(
+        &mut self,
+        n: u64,
+        leads: &[Lead],
+        impulses: &[(usize, f64)],
+        team: &mut ThreadTeam<'_>,
+    ) {
+        if leads.is_empty() {
+            return self.step(impulses, team);
+        }
+        let method = self.motion.stepper_mut();
+        for substep in 0..self.substeps {
+            let part = (f64::from(substep) + 0.5) / f64::from(self.substeps);
+            leads.iter().for_each(|lead| method.lead(lead, (n, part)));
+            method.settle_led(team);
+            method.step(if substep == 0 { impulses } else { &[] }, team);
+        }
+    }
+
+    /// Set the K and Z of links that are led to those of frame `n`.
+    pub(crate) fn lead(&mut self, n: u64, leads: &[Lead]) {
+        let method = self.motion.stepper_mut();
+        leads.iter().for_each(|lead| method.lead(lead, (n, 0.0)));
+        if !leads.is_empty() {
+            method.settle_led(&mut ThreadTeam::alone());
+        }
+    }
+
+    /// Share no numbers that are led with a clone: then a step allocates nothing.
+    pub(crate) fn own(&mut self) {
+        self.motion.stepper_mut().own();
     }
 
     /// Multiply all velocities by a factor.

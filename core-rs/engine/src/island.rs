@@ -51,6 +51,7 @@ pub(crate) struct Script {
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
     glides: Vec<glide::Glide>,
+    led: Vec<glide::Led>,
     pub(crate) hand_bindings: Vec<hands::HandBinding>,
     strike_points: Vec<live_strikes::StrikePoint>,
     n_keys: usize,

@@ -26,6 +26,8 @@ use crate::units::Rate;
 #[derive(Clone, Debug)]
 pub(crate) enum Kind {
     Ref,
+    /// A hardening spring whose K and Z are led: f = k·e + q·e³ + z·(e − e⁻), q [N/m³].
+    Hardening(f64),
     But(But),
     Lnl {
         law: Arc<Law>,
@@ -52,6 +54,16 @@ pub(crate) struct Run {
 }
 
 impl Run {
+    /// The run with K and Z as numbers of its own, which can change.
+    pub(crate) fn set_loose(&mut self) {
+        if let Kind::Lnl { law, rate, .. } = &self.kind
+            && let Some(Hardening { k, q, z }) = law.hardening_spring()
+        {
+            (self.k, self.z) = (k, z.unwrap_or(0.0) * rate);
+            self.kind = Kind::Hardening(q);
+        }
+    }
+
     /// Whether the run can be computed in substeps of a frame: one plain contact.
     pub(crate) fn can_substep(&self) -> bool {
         matches!(&self.kind, Kind::But(but) if but.contact == Contact::Plain) && self.len == 1
@@ -61,6 +73,7 @@ impl Run {
     fn spring(&self) -> Option<Spring> {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
+            Kind::Hardening(q) => (self.k, *q, self.z),
             Kind::But(_) => return None,
             Kind::Lnl { law, rate, .. } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;

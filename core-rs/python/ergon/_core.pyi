@@ -93,6 +93,14 @@ def pow(x: float, y: float) -> float:
 def decibels(level: float) -> float:
     """Ratio of amplitudes for a level [dB]."""
 
+def path_values(
+    points: Sequence[tuple[float, float, Literal["smooth", "line", "hold"]]], at: Sequence[float]
+) -> list[float]:
+    """Values at instants [s] of the path through points (t [s], x, the way to the point).
+
+    It is the path of a written gesture. Raises EngineError where the points do not rise.
+    """
+
 @final
 class Chance:
     """Random numbers: PCG64 keyed by SHA-256 of all arguments, so that no stream depends on another."""
@@ -616,6 +624,20 @@ class Timeline:
     def glide(self, mat: int, k: float, z: float, m: float, start: float, stop: float) -> None:
         """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
         `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
+        """
+    def retune(
+        self, mat: int, points: Sequence[tuple[float, float, float]], *, n: int = 1
+    ) -> None:
+        """Let `n` CELs from `mat` on go through points (t [s], square of the factor of their
+        frequencies, factor of their decay rates), which rise. They go linearly between points, on
+        multiples of GRID frames, and stay before the first and after the last. Raises EngineError
+        where a MAT is no CEL that swings.
+        """
+    def lead(self, link: int, points: Sequence[tuple[float, float, float]], *, n: int = 1) -> None:
+        """Let K and Z of `n` LIAs from `link` on, whole runs, go through points (t [s], factor of K,
+        factor of Z), which rise. They go linearly between points, on multiples of GRID frames, and
+        stay before the first and after the last. The q of a hardening spring stays. A body whose links
+        are led is stepped. Raises EngineError where a link has no K that can change.
         """
     def path(self, mat: int, points: Sequence[tuple[float, float, float, float]]) -> None:
         """Let K [N/m], Z [N·s/m] and M [kg] of a MAT go through points (t [s], K, Z, M), which rise.

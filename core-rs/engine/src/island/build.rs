@@ -22,7 +22,7 @@ use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::start::backward_steps;
 use crate::state::{Body, PreviousState};
-use crate::timeline::{Drive, DriveKind, Key, Timeline, pushes};
+use crate::timeline::{Drive, DriveKind, Key, Timeline, greatest, pushes};
 use crate::units::Rate;
 use crate::units::frame;
 
@@ -67,13 +67,18 @@ impl Island {
         let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
         let guard = if options.unchecked {
             None // where it really diverges is asked for
-        } else {
+        } else if timeline.leads.is_empty() {
             Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
+        } else {
+            let stiffest = greatest(&network, &timeline.leads)?;
+            let most = Scheme::new(&stiffest, timeline.rate)?;
+            Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         if !options.ledger {
-            fuse(&mut scheme, &network, &scripts);
+            fuse(&mut scheme, &network, &scripts, timeline);
         }
+        let led = super::glide::led(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         let mut laws = Laws::new(&scheme);
         laws.mesh_partition =
@@ -115,7 +120,7 @@ impl Island {
             mutes: Mutes::new(&scheme),
             guard,
             damped: 1.0,
-            scheme: (!glides.is_empty()).then(|| Box::new(scheme.clone())),
+            scheme: (!glides.is_empty() || !led.is_empty()).then(|| Box::new(scheme.clone())),
             body,
         };
         let script = Script {
@@ -127,6 +132,7 @@ impl Island {
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
+            led,
             hand_bindings,
             strike_points,
             n_keys: timeline.keys.len(),
@@ -172,8 +178,8 @@ fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Driv
     Body::new(scheme, x, d)
 }
 
-/// Springs in one pass, but for those whose forces are heard, or told of in a gesture's report.
-fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript]) {
+/// Springs in one pass, but for those whose forces are heard, or told of in a gesture's report, and those that are led.
+fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
     let mut is_told = vec![false; network.n_lia()];
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Force { first, len, .. } = *term {
@@ -182,6 +188,9 @@ fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript]) {
     }
     for &(link, _) in scripts.iter().flat_map(|script| &script.meets) {
         is_told[link] = true;
+    }
+    for lead in &timeline.leads {
+        is_told[lead.links()].fill(true);
     }
     scheme.fuse(|link| is_told[link]);
 }

@@ -66,6 +66,8 @@ pub(crate) struct Fine {
     later: Vec<f64>,
     /// Whether a contact may be closed in this frame.
     near: Vec<bool>,
+    /// K and Z of each contact in this frame.
+    numbers: Vec<[f64; 2]>,
     /// Whether one has been.
     pub(super) has_touched: bool,
     /// Work done so far.
@@ -131,6 +133,7 @@ impl Fine {
             before: vec![None; contacts.len()],
             later: vec![0.0; n],
             near: vec![false; contacts.len()],
+            numbers: contacts.iter().map(|run| [run.k, run.z]).collect(),
             has_touched: false,
             work: FineWork {
                 instants: 0,
@@ -178,7 +181,18 @@ impl Fine {
         keep(&mut script.ends, &stays);
         keep(&mut self.before, &stays);
         keep(&mut self.near, &stays);
+        keep(&mut self.numbers, &stays);
         links
+    }
+
+    /// Give the contact of a link, if it is here still, K and Z times what they are.
+    pub(super) fn lead(&mut self, link: usize, [of_k, of_z]: [f64; 2]) {
+        let script = &self.script;
+        for (run, numbers) in script.contacts.iter().zip(&mut self.numbers) {
+            if run.first == link {
+                *numbers = [run.k * of_k, run.z * of_z];
+            }
+        }
     }
 
     /// Work done so far, counted.
@@ -323,7 +337,8 @@ impl Fine {
                 let before = self.before[contact].unwrap_or(2.0 * e - e_next);
                 self.before[contact] = Some(e);
                 let open = run.gate.map_or(1.0, |gate| gates[gate]);
-                let force = open * force(run, e, (e - before) * steps as f64);
+                let force =
+                    open * force(run, self.numbers[contact], e, (e - before) * steps as f64);
                 if j == 0 {
                     body.link[run.first] = force;
                 }
@@ -429,10 +444,10 @@ fn nearest(run: &Run, now: f64, then: f64) -> f64 {
     now.max(then) + (then - now).abs()
 }
 
-fn force(run: &Run, e: f64, step: f64) -> f64 {
+fn force(run: &Run, [k, z]: [f64; 2], e: f64, step: f64) -> f64 {
     let Kind::But(but) = &run.kind else {
         return 0.0;
     };
     let s = kernel::side(but);
-    s * kernel::push(but, run.k, run.z, s * e, s * step)
+    s * kernel::push(but, k, z, s * e, s * step)
 }

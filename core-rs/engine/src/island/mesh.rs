@@ -8,6 +8,7 @@ use crate::integrate::{Integrator, MeshMethod};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::state::Body;
+use crate::timeline::Lead;
 use crate::units::Rate;
 
 /// What a plan says of a mesh.
@@ -23,6 +24,8 @@ pub(crate) struct Mesh {
     pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
     /// Frame, MAT and impulse [N·s] of what strikes it, by rising frame.
     pub(crate) strikes: Vec<(u64, usize, f64)>,
+    /// How K and Z of its links go.
+    pub(crate) leads: Vec<Lead>,
 }
 
 /// A mesh that plays.
@@ -46,13 +49,15 @@ impl Mesh {
         let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
         how(self) == how(other)
             && ports(self) == ports(other)
+            && self.leads == other.leads
             && self.network.is_same(&other.network)
     }
 }
 
 impl RunningMesh {
     pub(crate) fn new(plan: &Mesh) -> Result<Self, Error> {
-        let integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
+        let mut integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
+        integrator.lead(0, &plan.leads);
         let ports: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
         let mut velocities = vec![0.0; ports.len()];
         integrator.velocities(&ports, &mut velocities);
@@ -104,6 +109,7 @@ impl RunningMesh {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
+        self.integrator.lead(n, &self.plan.leads);
         self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);
     }
 
@@ -116,7 +122,9 @@ impl RunningMesh {
 
     /// Be ready for a crew of so many threads.
     pub(crate) fn share(&mut self, threads: usize) {
-        self.integrator.share(threads);
+        if self.plan.leads.is_empty() {
+            self.integrator.share(threads);
+        }
     }
 
     /// Whether a crew can share its work.
@@ -134,6 +142,9 @@ impl RunningMesh {
         let most = self.plan.ports.len() + at_once.max().unwrap_or(0);
         self.impulses
             .reserve(most.saturating_sub(self.impulses.len()));
+        if !self.plan.leads.is_empty() {
+            self.integrator.own();
+        }
     }
 
     /// Add what is heard of it now to `out` (n_out).
@@ -185,7 +196,8 @@ impl RunningMesh {
         if self.damped < 1.0 {
             self.integrator.slow_down(self.damped);
         }
-        self.integrator.step(&self.impulses, team);
+        let leads = &self.plan.leads;
+        self.integrator.step_led(n, leads, &self.impulses, team);
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.

@@ -89,6 +89,7 @@ impl Island {
         let mut gliding = state.scheme.take();
         if let Some(scheme) = &mut gliding {
             glide::turn(&script.glides, &script.scheme, scheme, n);
+            glide::lead(&script.led, &script.scheme, scheme, &mut state.fine, n);
         }
         let scheme = gliding.as_deref().unwrap_or(&script.scheme);
         for ((open, gate), continuation) in state

@@ -59,7 +59,7 @@ fn oversampling(lambda: f64) -> u32 {
 /// K + c·Z of one link at its stiffest known state.
 fn weight(run: &Run, c: f64) -> f64 {
     match &run.kind {
-        Kind::Ref => run.k + c * run.z,
+        Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Lnl { law, rate, .. } => {

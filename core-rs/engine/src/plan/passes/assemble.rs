@@ -15,8 +15,7 @@ use crate::plan::passes::split::OwnTimeline;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::{IslandPlan, Whole};
 use crate::scheme::{Certificate, Scheme};
-use crate::timeline::Timeline;
-use crate::units::Rate;
+use crate::timeline::{Timeline, greatest};
 
 /// An island that can be played.
 #[derive(Clone)]
@@ -43,7 +42,6 @@ impl Assembled {
         } else {
             faster(&own.timeline, oversampling, &subset.network)?
         };
-        let rate = timeline.rate;
         // A slow part stays as slow when all else is quicker.
         let sped = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
@@ -55,7 +53,7 @@ impl Assembled {
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways, memo);
         let mut found = None;
         if let Some(cut) = cut {
-            match hub(&cut.hub.network, rate, budget) {
+            match hub(&cut.hub.network, &cut.own.timeline, budget) {
                 Ok(stable) => found = Some((cut, stable)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
@@ -63,7 +61,7 @@ impl Assembled {
         let (cut, (contact_substeps, certificate)) = match found {
             Some(found) => found,
             None => {
-                let stable = hub(&subset.network, rate, budget)?;
+                let stable = hub(&subset.network, &timeline, budget)?;
                 (ported::whole(subset, own, timeline), stable)
             }
         };
@@ -139,8 +137,13 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
 }
 
 /// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
-fn hub(network: &Network, rate: Rate, budget: &Budget) -> Result<(usize, Certificate), Error> {
-    let mut scheme = Scheme::new(network, rate)?;
+fn hub(
+    network: &Network,
+    timeline: &Timeline,
+    budget: &Budget,
+) -> Result<(usize, Certificate), Error> {
+    let network = &greatest(network, &timeline.leads)?;
+    let mut scheme = Scheme::new(network, timeline.rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
     let contact_substeps = match scheme.stiffest_contact() {
