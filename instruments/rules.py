@@ -127,7 +127,7 @@ def outputs(
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
         who = f"{output.kind} of {quote(called)}"
-        family = "mats" if output.kind == "SOX" else "links"
+        family = "mats" if output.is_movement else "links"
         names: tuple[Any, ...] = output.targets
         found = (_output_target(name, family, who, part, scene) for name in names)
         targets = tuple(target for target in found if target is not None)

@@ -159,6 +159,7 @@ impl Subset {
             self.network.outputs.push(Output {
                 name: output.name.clone(),
                 terms,
+                order: output.order,
             });
         }
     }
