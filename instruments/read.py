@@ -62,6 +62,8 @@ _SOF = Record(
 )
 _LISTENERS: dict[str, Shape] = {
     "SOX": _HEARD,
+    "SOV": _HEARD,
+    "SOA": _HEARD,
     "SOF": Either(_HEARD.item, _SOF, _HEARD),
 }
 
@@ -112,7 +114,7 @@ class Outputs(Shape):
 
     def words(self) -> str:
         """In words."""
-        return "{SOX: m}, {SOF: b}, or names, each with such a one"
+        return "{SOX: m}, {SOV: m}, {SOA: m}, {SOF: b}, or names, each with such a one"
 
     def chosen(self, node: Node) -> Shape:
         """One output, or names of several."""

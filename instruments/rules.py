@@ -127,7 +127,7 @@ def outputs(
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
         who = f"{output.kind} of {quote(called)}"
-        family = "mats" if output.kind == "SOX" else "links"
+        family = "mats" if output.is_movement else "links"
         names: tuple[Any, ...] = output.targets
         each = (one for name in names for one in _each(name, part, scene))
         found = (_output_target(name, family, who, part, scene) for name in each)

@@ -119,7 +119,7 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
     forces: list[_Range] = []
     ground: list[_Range] = []
     for target in output.targets if name[0] not in listening.silent else ():
-        if output.kind == "SOX":
+        if output.is_movement:
             positions.append(_range(assembly, target))
         elif (target.part, target.module) in assembly.links:
             forces.append((assembly.links[target.part, target.module], 1, 1.0))
@@ -127,7 +127,11 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
             ground.append(_range(assembly, target))
     listening.outputs.append(".".join(filter(None, name)))
     return assembly.network.listen(
-        listening.outputs[-1], positions=positions, forces=forces, ground_forces=ground
+        listening.outputs[-1],
+        positions=positions,
+        forces=forces,
+        ground_forces=ground,
+        order=output.order,
     )
 
 
@@ -160,7 +164,7 @@ def _nearest(
         ranges = near[speaker] if instrument.name not in listening.silent else []
         heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
-        tap = assembly.network.listen(name, **heard)
+        tap = assembly.network.listen(name, **heard, order=output.order)
         _ways(listening, piece, tap, (speaker,), route)
 
 

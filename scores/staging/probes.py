@@ -94,6 +94,6 @@ def _single(piece: Piece) -> Iterable[Target]:
             yield Target(part, module.name, 0, 1, "", module.place)
     for instrument in piece.instruments.values():
         for output in instrument.outputs:
-            for target in output.targets if output.kind == "SOX" else ():
+            for target in output.targets if output.is_movement else ():
                 if target.count == 1:
                     yield target

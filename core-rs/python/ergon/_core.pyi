@@ -399,8 +399,11 @@ class Network:
         positions: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         ground_forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
+        order: int = ...,
     ) -> int:
         """An output; its index.
+
+        It is differentiated `order` times by time: 0, 1 (speed, 7.5 frames late) or 2 (acceleration, 8 frames late).
 
         The output is the sum of weight · position [m] of MATs, weight · force [N] of LIAs on their
         second point, and weight · K·(x - rest) [N] of CELs.

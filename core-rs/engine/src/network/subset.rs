@@ -188,6 +188,7 @@ impl Subset {
             self.network.outputs.push(Output {
                 name: output.name.clone(),
                 terms,
+                order: output.order,
             });
         }
     }

@@ -89,7 +89,7 @@ fn normal(
         None => {
             // Of what a session may bring nothing is known: nothing that can be heard is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);
-            audible::keep(&own, strikes, n_out, allowed, budget, rate)
+            audible::keep(&own, strikes, network, allowed, budget, rate)
         }
     };
     let rest = (0..n_out)
