@@ -19,7 +19,7 @@ from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import automation, build, melodies
+from ergon.scores.reading import automation, build, melodies, pressed
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import (
     Coupling,
@@ -135,13 +135,25 @@ class Checker:
 
     def _take(self, name: str, entry: Entry) -> None:
         if name not in self.takes and isinstance(entry.values, Values):
-            self.takes[name] = _called(build.take(entry.values, self.uses.files), name)
+            made = _called(build.take(entry.values, self.uses.files), name)
+            if not melodies.is_midi(entry.values):
+                self.takes[name] = made
+
+    def _pressed(self, name: str, entry: Entry) -> None:
+        """A MIDI take that a hand plays is a gesture."""
+        if name not in self.gestures:
+            self._take(name, entry)
+            made = pressed.gesture(entry.values, self.uses.files, self._room)
+            self.gestures[name] = _called(made, name) if made else None
+            self._room -= len(made.points) if made else 0
 
     def _reach_played(self, name: Name, who: str) -> None:
         """The gesture or take of a name becomes part of the piece; reports when there is none."""
         tables = self.names.tables
         if name in tables["gestures"]:
             self._gesture(name, tables["gestures"][name])
+        elif name in tables["takes"] and melodies.is_midi(tables["takes"][name].values):
+            self._pressed(name, tables["takes"][name])
         elif name in tables["takes"]:
             self._take(name, tables["takes"][name])
         else:
@@ -325,7 +337,7 @@ class Checker:
         if not melodies.is_whole(values):
             return None
         if melodies.kind_of(values):
-            found = melodies.hits_of(values, self.scene, self._phrases())
+            found = melodies.hits_of(values, self.scene, self._phrases(), self.uses.files)
             return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
@@ -336,7 +348,10 @@ class Checker:
         return made
 
     def _phrases(self) -> dict[str, Any]:
-        return {name: entry.values for name, entry in self.names.tables["phrases"].items()}
+        """Phrases, and takes that are MIDI files."""
+        tables = self.names.tables
+        known = {n: e.values for n, e in tables["takes"].items() if melodies.is_midi(e.values)}
+        return {**known, **{name: entry.values for name, entry in tables["phrases"].items()}}
 
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""

@@ -180,7 +180,10 @@ def test_phrases_come_from_other_files():
 @pytest.mark.parametrize(
     ("text", "report"),
     [
-        ("strikes: {s: {play: nope, at: 0}}", ("E301", "strikes 's': no phrase is called 'nope'")),
+        (
+            "strikes: {s: {play: nope, at: 0}}",
+            ("E301", "strikes 's': no phrase or MIDI take is called 'nope'"),
+        ),
         (
             "phrases: {p: '1s  lone 1mNs'}\nstrikes: {s: {play: p, at: 0}}",
             ("E103", "phrase 'p' has no 'length': not all its entries are in beats"),
