@@ -12,14 +12,14 @@ from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
-from ergon.instruments.transpose import at_note, named_pitch
+from ergon.instruments.transpose import named_pitch
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import automation, build, melodies, pressed
+from ergon.scores.reading import automation, build, melodies, overlay, pressed
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import (
     Coupling,
@@ -210,9 +210,14 @@ class Checker:
             self.scene.broken.add(name)
             return
         self.scene.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
+        known = self.scene.families[name]
+        for word, own in (values["members"] or {}).items():
+            if number(word) not in known:
+                message = f"{values.context.of('members')}: it has no note {quote(word)}"
+                self.collector.error("E301", message, own.place, word=word, names=notes)
         for note in notes:
-            at = at_note(values, note)
-            self._part("instruments", f"{name}.{note}", entry, at, selves | {name})
+            part = f"{name}.{note}"
+            self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
 
     def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
         if section == "keys":
