@@ -73,6 +73,8 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
         return frozenset()
     if name in piece.instruments:
         return frozenset([name])
+    if name in piece.families:
+        return frozenset(piece.families[name])
     key = piece.players[name].key
     touched = frozenset(
         end.part

@@ -99,6 +99,7 @@ class Checker:
             place=score.place,
             tempo_map=times.map,
             automation=tuple(changes),
+            families={n: tuple(own.values()) for n, own in self.scene.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():

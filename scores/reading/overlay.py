@@ -27,6 +27,8 @@ def overlaid(base: Values, own: Values) -> Values:
     An `f` of one's own is moved by one's own `transpose`, as the base is already.
     """
     hidden = _hidden(own, own.record.noun) | {"transpose"}
+    if own.written("notes"):  # other notes, of which nothing was said yet
+        hidden.add("members")
     body = own.given.get(own.kind)
     if isinstance(body, Values):  # what a generator itself says goes before what is said beside it
         hidden.update(body.written("f", "t60", "M"))

@@ -355,6 +355,8 @@ class Piece:
     # Of each part: the beats on which it is played; None where a take's file says how long it is.
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
     automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
+    # Instruments with notes: the names of their members.
+    families: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)
 
     def modules(self) -> Iterator[tuple[str, Module]]:
         """Every module of the keys and instruments, with the name of its part."""
@@ -394,7 +396,7 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Position: ("text",),
     Target: ("text",),
     Hit: ("what",),
-    Piece: ("tempo_map", "starts"),  # follow from the others
+    Piece: ("tempo_map", "starts", "families"),  # follow from the others
     RenderSpec: ("file",),
 }
 
