@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from checked import check, found
 
+from ergon.api.simulate import never_closed, simulate
 from ergon.notation.tables import notes
 from ergon.notation.text.errors import TextError
 from ergon.scores.edits.matter import set_value
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import stage
+from ergon.scores.staging.unused import unused
 
 
 def piece(text: str) -> Piece:
@@ -223,6 +225,18 @@ def test_a_note_that_is_missing_is_named_with_those_that_are_there():
     (said,) = check(text).diagnostics
     assert (said.code, said.message) == ("E301", "strikes 's': nothing is called 'cell.F4'")
     assert said.suggestion in ("cell.E4", "cell.G4", "cell.A3", "cell.C4")
+
+
+def test_notes_that_are_not_played_are_no_warnings_where_others_are():
+    struck = "strikes: {s: {to: [string.D3.hammer, gong.C2.centre], at: 0, impulse: 20mNs}}\n"
+    made = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n")
+    said = [d.message.split(":")[0] for d in unused(made) if d.code == "W322"]
+    assert said == ["nothing moves 'cell'"]
+    assert not never_closed(made, simulate(made, "s.yaml"))
+    soft = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n".replace("20mNs", "1uNs"))
+    said = [d.message.split(" never")[0] for d in never_closed(soft, simulate(soft, "s.yaml"))]
+    notes_ = ("D3", "F#3", "A3")
+    assert {f"contact 'string.{note}.felt'" for note in notes_} <= {*said}
 
 
 # --- at the prompt ------------------------------------------------------------------------------
