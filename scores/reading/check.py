@@ -21,6 +21,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import automation, build, melodies, overlay, pressed
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.melody import Voices
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
@@ -349,6 +350,8 @@ class Checker:
         names = values["to"] or ()
         targets = tuple(t for name in names for t in self.scene.targets(name, "mats", who))
         made = build.strikes(values, targets)
+        if made.notes and names and all(self.scene.family(name) for name in names):
+            return melodies.voiced(made, values, Voices(self.scene, names), who)
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made

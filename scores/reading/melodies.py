@@ -8,6 +8,7 @@ from fractions import Fraction
 from pathlib import PurePath
 from typing import Any
 
+from ergon.instruments.model import Target
 from ergon.instruments.names import Scene
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes
@@ -18,7 +19,7 @@ from ergon.notation.text.files import Files
 from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.reading.melody import Row, Voices, length_of, transformed
-from ergon.scores.reading.piece import Hit
+from ergon.scores.reading.piece import Hit, Strikes
 
 _OWN = {
     "entries": ("entries", "to", "impulse", "until"),
@@ -108,6 +109,25 @@ def played(
         values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
         return None
     return rows, voices, length
+
+
+def voiced(made: Strikes, values: Values, voices: Voices, who: str) -> Strikes:
+    """Strikes whose pattern of notes says which notes of an instrument are struck."""
+    place = values.place_of("notes")
+    found: dict[str, tuple[Target, ...]] = {}
+    for word in made.notes:
+        root, _, step = word.partition(".")
+        note = notes.number(root)
+        if note is None:
+            message = f"{who}: {quote(word)} is not a note such as A3, by which members are called"
+            voices.scene.collector.error("E304", message, place)
+            continue
+        if step:  # `A3.minor.7`: of a scale, so many semitones above its root
+            root = notes.name(note + int(step.rpartition(".")[2]))
+        row = Row(Length(), (Name(root, place),), None, place)
+        found[word] = voices.targets(row, who)
+    targets = dict.fromkeys(target for own in found.values() for target in own)
+    return replace(made, to=tuple(targets), notes={}, voices=found)
 
 
 def is_midi(take: Any) -> bool:

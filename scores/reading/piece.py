@@ -166,6 +166,8 @@ class Strikes:
     place: Place
     pattern: Pattern | None = field(default=None, metadata=UNTOLD)
     notes: Mapping[str, Amount] = field(default_factory=dict, metadata=UNTOLD)  # of the pattern
+    # Where the notes of the pattern are those of an instrument: what each name of it strikes.
+    voices: Mapping[str, tuple[Target, ...]] = field(default_factory=dict, metadata=UNTOLD)
     hits: tuple[Hit, ...] = field(default=(), metadata=UNTOLD)
     length: Length | None = field(default=None, metadata=UNTOLD)
 

@@ -76,6 +76,19 @@ def test_a_note_of_a_route_as_a_whole_is_not_routed_alone(at: Stepped):
     assert "routed with all notes of cell" in reply.text
 
 
+def test_a_pattern_of_notes_is_typed(at: Stepped):
+    at.ok("cell notes C4 E4 ~ G#4 every 1/2 impulse 2mNs")
+    at.run(2.5)
+    found = [one.voices for one in at.session.commits.head.piece.strikes if one.voices]
+    assert [{name: own[0].part for name, own in one.items()} for one in found] == [
+        {"C4": "cell.C4", "E4": "cell.E4", "G#4": "cell.G#4"}
+    ]
+    at.ok("keep 1bar as kept")
+    at.run(0.5)
+    at.session.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
 def test_a_melody_is_rendered_as_it_was_played(at: Stepped):
     at.run(4.0)
     at.ok("set cell.C4.f x1.5 over 1bar")
