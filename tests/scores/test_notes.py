@@ -176,6 +176,24 @@ def test_notes_come_by_like_and_are_replaced():
     ]
 
 
+def test_notes_of_a_file_with_a_prefix():
+    lib = (
+        "ergon: 1\ninstruments:\n"
+        "  cell: {CEL: {M: 1g, f: A4, t60: 2s}, out: {SOX: cell}, notes: [C4, Gb4]}\n"
+        "  ties: {modules: {r: {REF: {between: [cell.C4, cell.F#4], K: 1kN/m, Z: 0}},"
+        " w: {SOL: {}}}, out: {SOX: [cell]}}\n"
+    )
+    text = "ergon: 1\nuse: {lib: lib.yaml}\nmix: {route: [{from: lib.ties, to: 1}]}\n"
+    text += "strikes: {s: {to: [lib.cell, lib.cell.F#4], at: 0, impulse: 1mNs}}\n"
+    loaded = check(text, lib=lib)
+    assert loaded.piece is not None, loaded.diagnostics
+    heard = loaded.piece.instruments["lib.ties"].outputs[0].targets
+    assert [t.part for t in heard] == ["lib.cell.C4", "lib.cell.Gb4"]
+    assert [t.part for t in loaded.piece.strikes[0].to] == [
+        *("lib.cell.C4", "lib.cell.Gb4", "lib.cell.Gb4"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("lines", "report"),
     [
