@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ergon.rendering.follow import GestureFidelity
     from ergon.rendering.swings import Closing, Swing
     from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.probes import Contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +47,17 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
 
 
 def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
-    """W320 for each contact that did not close."""
+    """W320 for each contact that did not close, nor did it at another note of its instrument."""
+    members = {name: family for family, own in piece.families.items() for name in own}
+
+    def called(contact: Contact) -> str:
+        part = contact.name.rpartition(".")[0]
+        return f"{members.get(part, part)}.{contact.module.name}"
+
+    closed = {called(one.contact) for one in done.contacts if one.times}
     found = []
     for one in done.contacts:
-        if one.times:
+        if one.times or called(one.contact) in closed:
             continue
         contact, nearest = one.contact, scores.where(piece, one.deepest_at / done.rate)
         message = (

@@ -52,35 +52,37 @@ class Scene:
         found = (self.target(each, wanted, who) for each in self.members(name))
         return [target for target in found if target is not None]
 
-    def members(self, name: Name) -> list[Name]:
+    def members(self, name: Name, prefix: str = "") -> list[Name]:
         """A name, or of an instrument with notes (`string`, `string.body.12`) that of each."""
-        found = self.family(name)
+        found = self.family(name, prefix)
         if found is None:
             return [name]
         parts, rest = found
         return [Name(".".join(filter(None, (part, rest))), name.place) for part in parts.values()]
 
-    def family(self, path: str) -> tuple[dict[int, str], str] | None:
+    def family(self, path: str, prefix: str = "") -> tuple[dict[int, str], str] | None:
         """An instrument with notes whose notes a path leaves out, and the rest of the path."""
-        words = path.split(".")
-        for count in range(len(words), 0, -1):
-            parts = self.families.get(".".join(words[:count]))
-            if parts is not None and (count == len(words) or number(words[count]) is None):
-                return parts, ".".join(words[count:])
+        for full in _with_prefix(path, prefix) if self.families else ():
+            words = full.split(".")
+            for count in range(len(words), 0, -1):
+                parts = self.families.get(".".join(words[:count]))
+                if parts is not None and (count == len(words) or number(words[count]) is None):
+                    return parts, ".".join(words[count:])
         return None
 
     def is_known(self, name: str) -> bool:
         """Whether a key or an instrument has a name, or a module of one."""
         return self._find(name, None, "") is not None
 
-    def spelled(self, path: str) -> str:
+    def spelled(self, path: str, prefix: str = "") -> str:
         """A path whose note is written as the instrument has it: `string.Gb3` for `string.F#3`."""
-        words = path.split(".")
-        for count in range(1, len(words)) if self.families else ():
-            parts = self.families.get(".".join(words[:count]))
-            note = number(words[count])
-            if parts is not None and note in parts:
-                return ".".join((parts[note], *words[count + 1 :]))
+        for full in _with_prefix(path, prefix) if self.families else ():
+            words = full.split(".")
+            for count in range(1, len(words)):
+                parts = self.families.get(".".join(words[:count]))
+                note = number(words[count])
+                if parts is not None and note in parts:
+                    return ".".join((parts[note], *words[count + 1 :]))
         return path
 
     def target(
@@ -91,9 +93,10 @@ class Scene:
         `mat` and `link` are one module, `mats` and `links` may be several.
         """
         match = _MEMBERS.fullmatch(name)
-        path = self.spelled(match[1] if match else str(name))
-        found = self._find(path, part, prefix or (part.prefix if part else ""))
-        if found is None and (family := self.family(path)) is not None:
+        prefix = prefix or (part.prefix if part else "")
+        path = self.spelled(match[1] if match else str(name), prefix)
+        found = self._find(path, part, prefix)
+        if found is None and (family := self.family(path, prefix)) is not None:
             examples = ", ".join([*family[0].values()][:4])
             message = (
                 f"{who}: {quote(name)} has {len(family[0])} notes; write one of them: {examples}"
@@ -125,7 +128,7 @@ class Scene:
             head, _, tail = path.partition(".")
             if head in part.selves and (not tail or tail in part.modules):
                 return part, tail if tail or "" in part.modules else None
-        for full in dict.fromkeys((f"{prefix}.{path}" if prefix else path, path)):
+        for full in _with_prefix(path, prefix):
             if full in self.parts:
                 owner = self.parts[full]
                 return owner, "" if "" in owner.modules else None
@@ -218,3 +221,8 @@ class Scene:
         else:
             sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
         self.collector.error("E304", f"{who}: {sentence}", name.place)
+
+
+def _with_prefix(path: str, prefix: str) -> tuple[str, ...]:
+    """A path as the file of a prefix means it, then as the score does."""
+    return (f"{prefix}.{path}", path) if prefix else (path,)

@@ -12,7 +12,7 @@ from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.notes import Notes
+from ergon.notation.tables.notes import Notes, read_note
 from ergon.notation.tables.shapes import (
     MISSING,
     Context,
@@ -27,7 +27,7 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
-from ergon.notation.text.errors import with_article
+from ergon.notation.text.errors import TextError, with_article
 from ergon.notation.text.values import Place
 
 MODULES_DOC = "the network: names, each with one kind of module"
@@ -122,6 +122,50 @@ class Outputs(Shape):
         return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED
 
 
+def member_table(ca: bool) -> Record:
+    """What one note of an instrument may have that the others have not."""
+    fields = (
+        Field("modules", NamesOf(module_table(ca), "module"), "fields of its modules"),
+        Field("f", k.PITCHES, "another pitch for a single generator"),
+        Field("t60", k.DURATIONS, "another decay for a single generator"),
+        Field("M", k.MASS, "another mass for a single generator"),
+    )
+    kinds = {name: partly(table) for name, table in tables(ca, HOLDERS).items()}
+    return Record("member", "what one note has of its own", fields, kinds=kinds)
+
+
+@dataclass(frozen=True)
+class Members(Shape):
+    """`{F3: {modules: …}}`: by its note, what a member has of its own."""
+
+    item: Record
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        found: dict[str, Any] = {}
+        for word, (key, child) in node.entries.items():
+            try:
+                read_note(word)
+            except TextError as error:
+                context.text_error(error, key, name, inside=False)
+                continue
+            inside = Context(context.collector, context.owner, context.name, key.place)
+            value = self.item.read(child, "", inside)
+            if value is not MISSING:
+                found[word] = value
+        return found
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["object"], "additionalProperties": self.item.schema()}
+
+    def words(self) -> str:
+        """In words."""
+        return "notes, each with fields, such as F3: {t60: 3s}"
+
+
 def instrument_table(ca: bool) -> Record:
     """The fields of an instrument, in SI units or under `units: ca`."""
     fields = (
@@ -136,6 +180,7 @@ def instrument_table(ca: bool) -> Record:
         Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
         Field("transpose", INTERVAL, "how much higher than what it begins with, or is written"),
         Field("notes", Notes(), "one of it at each note; its members are called by them"),
+        Field("members", Members(member_table(ca)), "what single members have of their own"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field("M", k.MASS, "another mass for a single generator"),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),

@@ -145,7 +145,7 @@ def outputs(
 def _each(name: Name, part: Part, scene: Scene) -> list[Name]:
     """A name, or of another instrument with notes the names of all of them."""
     is_own = name.partition(".")[0] in (*part.modules, *part.selves)
-    return [name] if is_own else scene.members(name)
+    return [name] if is_own else scene.members(name, part.prefix)
 
 
 def _output_target(name: Name, family: Any, who: str, part: Part, scene: Scene) -> Target | None:

@@ -57,7 +57,10 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         takes={name: f"take, {take.path.name}" for name, take in piece.takes.items()},
         keys={name: "key" for name in piece.keys},
         marks={mark.name: f"mark, {mark.at.text}" for mark in piece.marks},
-        instruments={name: "instrument" for name in piece.instruments},
+        instruments={
+            **{name: "instrument" for name in piece.instruments},
+            **{name: f"instrument of {len(own)} notes" for name, own in piece.families.items()},
+        },
         targets=dict(_targets(piece)),
         folder=folder,
         strikes={one.name: "strikes" for one in piece.strikes},
@@ -91,6 +94,10 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     for instrument in piece.instruments.values():
         for module in instrument.modules:
             yield from _fields(instrument.name, module, instrument.ca_rate is not None)
+    for name, members in piece.families.items():
+        if (member := piece.instruments.get(members[0])) is not None:
+            for module in member.modules:
+                yield from _fields(name, module, member.ca_rate is not None)
 
 
 def _fields(part: str, module: Module, ca: bool) -> Iterator[tuple[str, Text]]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.instruments.kinds import KINDS, LINKS
+from ergon.instruments.transpose import parse_interval
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
@@ -18,9 +19,7 @@ _TEMPO = (
     "a link joins two modules; Ableton Link is no part of ergon, because all bindings to it contain "
     "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
-_SEMITONES = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))st")
 _FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
-_MOST_SEMITONES = 120.0
 _MOST_FIELDS = 40
 
 
@@ -109,11 +108,16 @@ def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, di
         word, offset = words[i]
         if word == "transpose":
             value, place = words[i + 1] if i + 1 < len(words) else ("", len(text))
-            match = _SEMITONES.fullmatch(value)
-            if match is None or abs(float(match[1])) > _MOST_SEMITONES:
-                message = "'transpose' needs semitones, such as transpose 7st or transpose -5st"
-                raise TextError(message, offset=place, length=max(1, len(value)))
-            semitones, i = float(match[1]), i + 2
+            try:
+                interval = parse_interval(value)
+            except TextError as error:
+                error.offset += place
+                raise
+            if interval.cents is None:  # a score says it as it is typed
+                fields["transpose"] = value
+            else:
+                semitones = interval.cents / 100.0
+            i += 2
             continue
         for name, value, _place in _pairs(word, offset):
             fields[name] = value
@@ -126,7 +130,7 @@ def _bases(context: CompletionContext) -> Iterator[Completion]:
         yield from v.listed(context.scope.instruments)
         yield Completion("bell/bell", "from a file: file and name")
     elif context.before[-1] == "transpose":
-        yield Completion("7st", "semitones")
+        yield Completion("7st", "semitones, -14cents or x1.5")
     elif "transpose" not in context.before and "@" not in context.before[0]:
         yield Completion("transpose", "higher or lower, in semitones")
 

@@ -73,6 +73,8 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
         return frozenset()
     if name in piece.instruments:
         return frozenset([name])
+    if name in piece.families:
+        return frozenset(piece.families[name])
     player = piece.players.get(name)
     if player is None:  # a line that was typed later and acts earlier has renamed or removed it
         raise NotTakenError(f"nothing is called {name} any more")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
+from ergon.instruments.read import member_table
 from ergon.instruments.transpose import is_mechanics, moved
 from ergon.notation.tables import notes
 from ergon.notation.tables import quantities as q
@@ -20,6 +21,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading import overlay
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import KEY
 
@@ -43,7 +45,8 @@ class _Owner:
 
     part: str  # the key or instrument, as the score calls it
     section: str
-    own: Values  # the key or instrument as its own file has it
+    own: Values  # the key or instrument as its own file has it, or a note of it
+    base: tuple[str, ...]  # the path of that
     module: str  # "" where it bears the name of its part
     kind: str  # "" for a key of M, K, Z
     said: Values  # the fields as `like` and `from` leave them
@@ -53,11 +56,6 @@ class _Owner:
     def file(self) -> str:
         """Where its key or instrument is written."""
         return self.own.node.document.file
-
-    @property
-    def base(self) -> tuple[str, ...]:
-        """The path of its key or instrument."""
-        return (self.section, self.own.context.name)
 
     def home(self, name: str) -> tuple[str, ...] | None:
         """The path of the mapping for a field; None where it stands in what this began with."""
@@ -143,14 +141,17 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
             values, _ = uses.resolved(section, entry)
             if values is None:
                 raise EditError(f"the definition of {quote(part)} has mistakes")
+            own = entry.values
+            path: tuple[str, ...] = (section, own.context.name)
+            if (values["notes"] or ()) if section == "instruments" else ():
+                found = _member(values, own, words[count])
+                if found is not None:
+                    note, values, own = found
+                    part, path, count = f"{part}.{note}", (*path, "members", note), count + 1
             module, name = ".".join(words[count:-1]), words[-1]
-            if values.written("notes") and notes.number(words[count]) is not None:
-                every = ".".join((part, *words[count + 1 :]))
-                message = f"{quote(target)}: all notes of {quote(part)} have one definition; "
-                raise EditError(f"{message}set {quote(every)}")
             said, kind = _fields(values, module, target)
             is_ca = section == "instruments" and values["units"] == "ca"
-            owner = _Owner(part, section, entry.values, module, kind, said, is_ca)
+            owner = _Owner(part, section, own, path, module, kind, said, is_ca)
             known = KINDS[kind].table if kind else KEY
             if name not in known.by_name and name not in said.free:
                 fields = ", ".join([*known.by_name, *said.free])
@@ -160,6 +161,20 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
                 )
             return owner, name
     raise EditError(f"{quote(target)} is not a field of a key or an instrument")
+
+
+def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values] | None:
+    """The note that a word names, the instrument there, and what its file says of that note."""
+    wanted = notes.number(word)
+    for note in values["notes"]:
+        if notes.number(note) == wanted:
+            written = overlay.member(own, wanted or 0)
+            if written is None:
+                written = Values(member_table(False), own.node, own.context)
+            else:
+                note = next(w for w in own["members"] if notes.number(w) == wanted)
+            return note, overlay.at(values, note), written
+    return None
 
 
 def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
@@ -230,7 +245,7 @@ def _is_said(owner: _Owner, name: str, text: str) -> bool:
 
 def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -> Changes:
     """Values that are to sound, as they are written where `transpose` moves what is written."""
-    interval = owner.own["transpose"] if owner.section == "instruments" else None
+    interval = owner.own.given.get("transpose")
     if interval is None or (owner.kind and is_mechanics(owner.kind, owner.said)):
         return changes
     is_root = not owner.own.written("like", "from")

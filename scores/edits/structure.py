@@ -66,7 +66,11 @@ def route(
     """Let an instrument sound from channels, in place of where it did. Raises EditError."""
     texts = texts if piece.mix.routes else _routed(texts, piece)
     to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
-    own = [number for number, node in enumerate(items(texts, "mix", "route")) if _is_of(node, name)]
+    family = next((f for f, members in piece.families.items() if name in members), None)
+    routes = items(texts, "mix", "route")
+    if family is not None and any(_is_from(node, family) for node in routes):
+        raise EditError(f"{name} is routed with all notes of {family}: route {family}")
+    own = [number for number, node in enumerate(routes) if _is_of(node, name)]
     for number in reversed(own[1:]):
         texts = texts.remove(("mix", "route", number))
     if own:
@@ -161,6 +165,11 @@ def _has(texts: Texts, path: Sequence[str]) -> bool:
     for name in path[1:]:
         node = node.get(name) if isinstance(node, document.Mapping) else None
     return node is not None
+
+
+def _is_from(route: Node, name: str) -> bool:
+    source = route.get("from") if isinstance(route, document.Mapping) else None
+    return isinstance(source, Scalar) and source.text == name
 
 
 def _is_of(route: Node, name: str) -> bool:

@@ -12,15 +12,16 @@ from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
-from ergon.instruments.transpose import at_note, named_pitch
+from ergon.instruments.transpose import named_pitch
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import automation, build, leads, melodies
+from ergon.scores.reading import automation, build, leads, melodies, overlay, pressed
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.melody import Voices
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
@@ -100,6 +101,7 @@ class Checker:
             tempo_map=times.map,
             automation=tuple(changes),
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
+            families={n: tuple(own.values()) for n, own in self.scene.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
@@ -136,13 +138,25 @@ class Checker:
 
     def _take(self, name: str, entry: Entry) -> None:
         if name not in self.takes and isinstance(entry.values, Values):
-            self.takes[name] = _called(build.take(entry.values, self.uses.files), name)
+            made = _called(build.take(entry.values, self.uses.files), name)
+            if not melodies.is_midi(entry.values):
+                self.takes[name] = made
+
+    def _pressed(self, name: str, entry: Entry) -> None:
+        """A MIDI take that a hand plays is a gesture."""
+        if name not in self.gestures:
+            self._take(name, entry)
+            made = pressed.gesture(entry.values, self.uses.files, self._room)
+            self.gestures[name] = _called(made, name) if made else None
+            self._room -= len(made.points) if made else 0
 
     def _reach_played(self, name: Name, who: str) -> None:
         """The gesture or take of a name becomes part of the piece; reports when there is none."""
         tables = self.names.tables
         if name in tables["gestures"]:
             self._gesture(name, tables["gestures"][name])
+        elif name in tables["takes"] and melodies.is_midi(tables["takes"][name].values):
+            self._pressed(name, tables["takes"][name])
         elif name in tables["takes"]:
             self._take(name, tables["takes"][name])
         else:
@@ -199,9 +213,14 @@ class Checker:
             self.scene.broken.add(name)
             return
         self.scene.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
+        known = self.scene.families[name]
+        for word, own in (values["members"] or {}).items():
+            if number(word) not in known:
+                message = f"{values.context.of('members')}: it has no note {quote(word)}"
+                self.collector.error("E301", message, own.place, word=word, names=notes)
         for note in notes:
-            at = at_note(values, note)
-            self._part("instruments", f"{name}.{note}", entry, at, selves | {name})
+            part = f"{name}.{note}"
+            self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
 
     def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
         if section == "keys":
@@ -326,18 +345,23 @@ class Checker:
         if not melodies.is_whole(values):
             return None
         if melodies.kind_of(values):
-            found = melodies.hits_of(values, self.scene, self._phrases())
+            found = melodies.hits_of(values, self.scene, self._phrases(), self.uses.files)
             return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
         targets = tuple(t for name in names for t in self.scene.targets(name, "mats", who))
         made = build.strikes(values, targets)
+        if made.notes and names and all(self.scene.family(name) for name in names):
+            return melodies.voiced(made, values, Voices(self.scene, names), who)
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
 
     def _phrases(self) -> dict[str, Any]:
-        return {name: entry.values for name, entry in self.names.tables["phrases"].items()}
+        """Phrases, and takes that are MIDI files."""
+        tables = self.names.tables
+        known = {n: e.values for n, e in tables["takes"].items() if melodies.is_midi(e.values)}
+        return {**known, **{name: entry.values for name, entry in tables["phrases"].items()}}
 
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""

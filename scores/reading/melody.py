@@ -35,6 +35,7 @@ MAX_ROWS = 100_000  # of one melody
 MAX_CHORD = 256  # names of one strike
 _IMPULSE = re.compile(r"[-+.0-9]")
 _WORD = re.compile(r"\S+")
+_HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes they are"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +84,8 @@ def _entry(at: Text, doc: str) -> Record:
         Field("what", _WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
         Field("impulse", k.IMPULSES, "impulse of an ergon", shown="that of the strike before"),
     )
-    return Record("strike", "a strike of a melody: a note, a chord, a module", fields, _row)
+    doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
+    return Record("strike", doc, fields, _row, foreign=foreign)
 
 
 ENTRY = _entry(k.WHEN, "where in the piece")

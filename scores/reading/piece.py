@@ -166,6 +166,8 @@ class Strikes:
     place: Place
     pattern: Pattern | None = field(default=None, metadata=UNTOLD)
     notes: Mapping[str, Amount] = field(default_factory=dict, metadata=UNTOLD)  # of the pattern
+    # Where the notes of the pattern are those of an instrument: what each name of it strikes.
+    voices: Mapping[str, tuple[Target, ...]] = field(default_factory=dict, metadata=UNTOLD)
     hits: tuple[Hit, ...] = field(default=(), metadata=UNTOLD)
     length: Length | None = field(default=None, metadata=UNTOLD)
 
@@ -357,6 +359,8 @@ class Piece:
     automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
     # Lines that a session runs, by the name of their block; nothing else reads them.
     blocks: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False, repr=False)
+    # Instruments with notes: the names of their members.
+    families: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)
 
     def modules(self) -> Iterator[tuple[str, Module]]:
         """Every module of the keys and instruments, with the name of its part."""
@@ -396,7 +400,8 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Position: ("text",),
     Target: ("text",),
     Hit: ("what",),
-    Piece: ("tempo_map", "starts", "blocks"),  # follow from the others, or are never computed
+    # What follows from the others, or is never computed.
+    Piece: ("tempo_map", "starts", "blocks", "families"),
     RenderSpec: ("file",),
 }
 

@@ -149,7 +149,9 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
                 "has no limit; write `times`, `for` or `until`"
             )
             collector.error("E103", message, strikes.place)
-    return _left(strikes, each * sum(t.count for t in strikes.to), left, collector)
+    voices = strikes.voices.values() or (strikes.to,)
+    struck = max(sum(target.count for target in voice) for voice in voices)
+    return _left(strikes, each * struck, left, collector)
 
 
 def _left(strikes: Strikes, count: float, left: float, collector: Collector) -> float:

@@ -109,7 +109,7 @@ class Uses:
         self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str
     ) -> None:
         full = f"{prefix}.{word}" if prefix else word
-        seen = f"{prefix}.{entry.prefix}" if prefix else entry.prefix
+        seen = ".".join(filter(None, (prefix, entry.prefix)))
         existing = names.tables[section].get(full)
         if existing is None:
             names.tables[section][full] = Entry(entry.values, entry.home, seen, place)

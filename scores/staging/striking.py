@@ -72,13 +72,20 @@ class Striking:
         pattern = course.pattern
         first, last = (bisect_left(places, instant, key=tempo.seconds) for instant in self.within)
         for place in range(first, last):
-            if course.named(place) is None:
+            name = course.named(place)
+            if name is None:
                 continue
             instant, number = tempo.seconds(places[place]), place + pattern.skip
-            for member, mat in enumerate(self.mats):
+            for member, mat in enumerate(self._voice(name)):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
                     self._strike(mat, instant, member, number)
         return tempo.seconds(places[-1]) if places else 0.0
+
+    def _voice(self, name: str) -> Sequence[int]:
+        """What a name of the pattern strikes: everything, unless it is a note of an instrument."""
+        if not self.strikes.voices:
+            return self.mats
+        return [mat for one in self.strikes.voices[name] for mat in self._members(one)]
 
     def _melody(self) -> float:
         """The strikes of a melody, one by one."""

@@ -303,6 +303,19 @@ def test_fields_merge_module_by_module():
     assert [m.kind for m in made.instruments["e"].modules] == ["MAS", "LNL", "CEL"]
 
 
+def test_modules_of_keys_merge_too():
+    loaded = check(
+        "ergon: 1\nkeys:\n  k1: {struck: m, modules: {m: {MAS: {M: 400g}}, g: {SOL: {}},"
+        " r: {REF: {between: [g, m], K: 60N/m, Z: 1Ns/m}}}}\n"
+        "  k2: {like: k1, modules: {r: {REF: {K: 80N/m}}}}\n"
+        "players: {a: {key: k1}, b: {key: k2}}\n"
+    )
+    assert loaded.piece is not None, loaded.diagnostics
+    link = loaded.piece.keys["k2"].modules[2]
+    assert (link.fields["K"], link.fields["Z"], len(link.fields["between"])) == (80.0, 1.0, 2)
+    assert link.fields["between"][1].part == "k2"
+
+
 def test_what_is_written_beside_a_transposition_sounds_as_written():
     made = piece("  b: {from: bell/bell, transpose: 7st, modules: {prime: {CEL: {f: A4}}}}\n")
     assert fields(made, "b", "prime")["f"] == 440.0

@@ -107,6 +107,17 @@ def test_an_instrument_like_another_is_transposed_where_it_sounds(at: Stepped):
     assert piece.instruments["bell"].modules[0].fields["f"] == 220.0
 
 
+def test_cents_and_ratios_transpose_too(at: Stepped):
+    at.ok("low = bell transpose -14cents")
+    at.ok("fifth = bell transpose x1.5")
+    piece = at.session.commits.head.piece
+    assert piece.instruments["low"].modules[0].fields["f"] == pytest.approx(
+        220.0 * 2.0 ** (-14.0 / 1200.0), rel=1e-15
+    )
+    assert piece.instruments["fifth"].modules[0].fields["f"] == 330.0
+    assert "transpose: x1.5" in at.session.commits.head.texts.text
+
+
 def test_a_generator_takes_fields_of_its_own(at: Stepped):
     at.ok("gong2 = gong/plate f=C2 t60=3s transpose 12st")
     (module,) = at.session.commits.head.piece.instruments["gong2"].modules
@@ -199,7 +210,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("b2 = bel", "is not an instrument or a file"),
         ("b2 = nothing/bell", "names no file 'nothing'"),
         ("b2 = bell/nothing", "has no 'nothing'"),
-        ("b2 = bell transpose 7", "needs semitones"),
+        ("b2 = bell transpose 7", "is not an interval such as 7st, -14cents or x1.5"),
         ("b2 = bell f", "'f' is not a field"),
         ("b2 = gong/plate f=2kg", "'kg'"),
         ("link k1 bell.q BUT K=1kN/m", "nothing is called 'bell.q'"),

@@ -174,13 +174,48 @@ def test_phrases_come_from_other_files():
     assert len(loaded.piece.strikes[0].hits) == 3
 
 
+# --- patterns -----------------------------------------------------------------------------------
+
+
+def test_a_pattern_of_notes_strikes_the_notes_of_an_instrument():
+    text = (
+        "strikes: {s: {to: cell, at: 0, impulse: 1mNs, notes: C4 E4 ~ Ab4, every: 1, times: 2}}\n"
+    )
+    by_hand = """\
+strikes:
+  s: |
+    0  cell.C4   1mNs
+    1  cell.E4
+    3  cell.G#4
+    4  cell.C4
+    5  cell.E4
+    7  cell.G#4
+"""
+    assert sound(text).tobytes() == sound(by_hand).tobytes()
+
+
+def test_scales_and_chances_of_patterns_choose_among_the_notes():
+    text = "strikes: {s: {to: string.hammer, at: 0, impulse: 1mNs, notes: D3.min, every: 1}}\n"
+    made = piece(text.replace("D3.min", "choose D3 F3"))
+    assert {t.part for t in made.strikes[0].to} == {"string.D3", "string.F3"}
+    (said,) = check(CELLS + text).diagnostics
+    assert (said.code, said.message) == ("E301", "strikes 's': 'string.hammer' has no note 'A3'")
+    (said,) = check(CELLS + text.replace("D3.min", "D3 220Hz")).diagnostics
+    assert said.message == (
+        "strikes 's': '220Hz' is not a note such as A3, by which members are called"
+    )
+
+
 # --- what is refused ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("text", "report"),
     [
-        ("strikes: {s: {play: nope, at: 0}}", ("E301", "strikes 's': no phrase is called 'nope'")),
+        (
+            "strikes: {s: {play: nope, at: 0}}",
+            ("E301", "strikes 's': no phrase or MIDI take is called 'nope'"),
+        ),
         (
             "phrases: {p: '1s  lone 1mNs'}\nstrikes: {s: {play: p, at: 0}}",
             ("E103", "phrase 'p' has no 'length': not all its entries are in beats"),

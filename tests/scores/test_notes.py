@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from checked import check, found
 
+from ergon.api.simulate import never_closed, simulate
 from ergon.notation.tables import notes
-from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
 from ergon.scores.edits.matter import set_value
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import stage
+from ergon.scores.staging.unused import unused
 
 
 def piece(text: str) -> Piece:
@@ -175,6 +176,24 @@ def test_notes_come_by_like_and_are_replaced():
     ]
 
 
+def test_notes_of_a_file_with_a_prefix():
+    lib = (
+        "ergon: 1\ninstruments:\n"
+        "  cell: {CEL: {M: 1g, f: A4, t60: 2s}, out: {SOX: cell}, notes: [C4, Gb4]}\n"
+        "  ties: {modules: {r: {REF: {between: [cell.C4, cell.F#4], K: 1kN/m, Z: 0}},"
+        " w: {SOL: {}}}, out: {SOX: [cell]}}\n"
+    )
+    text = "ergon: 1\nuse: {lib: lib.yaml}\nmix: {route: [{from: lib.ties, to: 1}]}\n"
+    text += "strikes: {s: {to: [lib.cell, lib.cell.F#4], at: 0, impulse: 1mNs}}\n"
+    loaded = check(text, lib=lib)
+    assert loaded.piece is not None, loaded.diagnostics
+    heard = loaded.piece.instruments["lib.ties"].outputs[0].targets
+    assert [t.part for t in heard] == ["lib.cell.C4", "lib.cell.Gb4"]
+    assert [t.part for t in loaded.piece.strikes[0].to] == [
+        *("lib.cell.C4", "lib.cell.Gb4", "lib.cell.Gb4"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("lines", "report"),
     [
@@ -226,6 +245,18 @@ def test_a_note_that_is_missing_is_named_with_those_that_are_there():
     assert said.suggestion in ("cell.E4", "cell.G4", "cell.A3", "cell.C4")
 
 
+def test_notes_that_are_not_played_are_no_warnings_where_others_are():
+    struck = "strikes: {s: {to: [string.D3.hammer, gong.C2.centre], at: 0, impulse: 20mNs}}\n"
+    made = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n")
+    said = [d.message.split(":")[0] for d in unused(made) if d.code == "W322"]
+    assert said == ["nothing moves 'cell'"]
+    assert not never_closed(made, simulate(made, "s.yaml"))
+    soft = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n".replace("20mNs", "1uNs"))
+    said = [d.message.split(" never")[0] for d in never_closed(soft, simulate(soft, "s.yaml"))]
+    notes_ = ("D3", "F#3", "A3")
+    assert {f"contact 'string.{note}.felt'" for note in notes_} <= {*said}
+
+
 # --- at the prompt ------------------------------------------------------------------------------
 
 
@@ -237,5 +268,74 @@ def test_a_field_is_set_for_all_notes_at_once():
     assert after is not None
     for name in ("string.D3", "string.A3"):
         assert after.instruments[name].modules[0].fields["M"] == 8e-3
-    with pytest.raises(EditError, match=r"one definition; set 'string.body.M'"):
-        set_value(texts, before, "string.A3.body.M", "8g")
+
+
+@pytest.mark.parametrize(
+    ("target", "value", "part", "field", "expected"),
+    [
+        ("string.A3.body.M", "8g", "string.A3", "M", 8e-3),
+        ("string.Gb3.body.t60", "5s", "string.F#3", "t60", 5.0),
+        ("string.A3.body.f", "x2", "string.A3", "f", 440.0),
+        ("gong.G2.t60", "5s", "gong.G2", "t60", 5.0),
+        ("gong.G2.f", "C3", "gong.G2", "f", 130.8127826502993),
+        ("cell.C4.K", "2kN/m", "cell.C4", "K", 2e3),
+        ("cell.C4.f", "A3", "cell.C4", "f", 220.0),
+    ],
+)
+def test_a_field_of_one_note_is_set_for_it_alone(target, value, part, field, expected):
+    texts = Texts("s.yaml", f"ergon: 1\n{FAMILY}")
+    before = texts.load().piece
+    assert before is not None
+    changed = set_value(texts, before, target, value)
+    changed = set_value(changed, before, target, value) if not value.startswith("x") else changed
+    loaded = changed.load()
+    assert loaded.piece is not None, loaded.diagnostics
+    assert loaded.piece.instruments[part].modules[0].fields[field] == pytest.approx(expected)
+    for name, instrument in loaded.piece.instruments.items():
+        if name not in (part, "mic"):
+            plain = [dict(m.fields, between=None) for m in before.instruments[name].modules]
+            assert [dict(m.fields, between=None) for m in instrument.modules] == plain
+
+
+def test_members_have_fields_of_their_own():
+    made = piece(
+        "instruments:\n  s: {from: string/string, notes: [D3, F#3], members:"
+        " {Gb3: {modules: {body: {STRING: {masses: 70}}, felt: {BUT: {gap: 5mm}}}}}}\n"
+        "  g: {from: gong/plate, notes: [C2, G2], members: {G2: {t60: 3s, PLATE: {radius: 3}}}}\n"
+    )
+    masses = [made.instruments[f"s.{note}"].modules[0].fields["masses"] for note in ("D3", "F#3")]
+    assert masses == [60, 70]
+    plates = [made.instruments[f"g.{note}"].modules[0].fields for note in ("C2", "G2")]
+    assert [(f["t60"], f["radius"], f["f"]) for f in plates] == [
+        (30.0, 8, 65.40639132514966),
+        (3.0, 3, 97.99885899543733),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("members", "report"),
+    [
+        ("{A3: {M: 2g}}", ("E301", "members of instrument 'c': it has no note 'A3'")),
+        (
+            "{H3: {M: 2g}}",
+            (
+                "E201",
+                "members of instrument 'c': 'H3' is neither a frequency such as 220Hz nor a note "
+                "such as A3 or Bb2",
+            ),
+        ),
+        ("{C3: {like: c}}", ("E101", "unknown field 'like' in instrument 'c'")),
+        (
+            "[C3]",
+            (
+                "E106",
+                "members of instrument 'c' is a list; expected: notes, each with fields, such as "
+                "F3: {t60: 3s}",
+            ),
+        ),
+    ],
+)
+def test_members_that_are_not_there_are_refused(members, report):
+    cell = "{CEL: {M: 1g, f: A4, t60: 2s}, notes: [C3, D3], members: "
+    text = f"ergon: 1\ninstruments:\n  c: {cell}{members}}}\n"
+    assert [(code, message) for code, _, message in found(text)] == [report]
