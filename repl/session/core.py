@@ -307,6 +307,8 @@ class SessionCore:
         with self.lock:
             self._handle_events()
             self._late(self.commits.tick())
+            self._messages += self.commits.said
+            self.commits.said.clear()
             while self.commits.dropped:
                 one, why = self.commits.dropped.pop(0)
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
