@@ -17,7 +17,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
 from ergon.repl.session import bars, computing, files, inspection, version_edits
 from ergon.repl.session.scene_edits import scene_of
-from ergon.repl.session.version import NotTakenError, Version
+from ergon.repl.session.version import NotTakenError, Version, in_short
 from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _back_by(session: SessionCore, command: c.Command, count: int, line: str, no
         session.drop(one)
         session.cancelled.append(one)
     if len(waiting) == len(left):
-        lines = " and ".join(f"'{one.line}'" for one in waiting)
+        lines = " and ".join(f"'{in_short(one.line)}'" for one in waiting)
         said = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
         return Reply(True, f"ok {lines} {said} took effect")
     return _restore(session, command, target, line)
@@ -154,7 +154,7 @@ def _redo(session: SessionCore, command: c.Redo) -> Reply:
         at = parse_position(session.written(one.beat))
     where, _ = session.queue(one.line, one.edit, at, is_read=one.is_read, redoes=True)
     session.cancelled.pop()
-    return Reply(True, f"ok {where} {one.line}")
+    return Reply(True, f"ok {where} {in_short(one.line)}")
 
 
 def _restore(session: SessionCore, command: c.Command, index: int, line: str) -> Reply:
@@ -165,7 +165,10 @@ def _restore(session: SessionCore, command: c.Command, index: int, line: str) ->
 
     where, made = session.queue(line, restored, command.when, restores=number)
     session.history.go_to(number)
-    said = [f"as after: {past[number].line or 'the beginning'}", *session.force_messages(made)]
+    said = [
+        f"as after: {in_short(past[number].line) or 'the beginning'}",
+        *session.force_messages(made),
+    ]
     return Reply(True, f"ok {where} {'; '.join(said)}")
 
 
@@ -175,7 +178,9 @@ def _history(session: SessionCore, command: c.History) -> Reply:
     for index, number in enumerate(session.history.numbers):
         version = session.commits.past[number]
         here = ">" if index == session.history.index else " "
-        rows.append(f"{here} {index:3}  {version.where:>8}  {version.line or '(the score)'}")
+        rows.append(
+            f"{here} {index:3}  {version.where:>8}  {in_short(version.line) or '(the score)'}"
+        )
     return Reply(True, "", lines=tuple(rows))
 
 

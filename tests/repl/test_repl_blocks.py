@@ -45,6 +45,7 @@ def test_a_block_is_written_in_the_score_and_its_name_runs_it(own):
         "fill": ("ada plays knock every 1/2 times 2", "ada do scale 1.2")
     }
     assert own.ok("show fill").lines[0].endswith("fill:")
+    assert own.ok("history").lines[-1].endswith("  def fill: …")
     own.ok("play")
     own.run(0.5)
     assert own.ok("fill").text == "ok 2|1"
