@@ -92,6 +92,7 @@ class Commits:
     under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
     making_seconds: float = 0.0  # the time to make a version, the slowest of the last ones [s]
     dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
+    said: list[str] = field(default_factory=list)  # messages
     # What each line made when it was last computed, by number: in the end what takes effect.
     past: dict[int, PastVersion] = field(default_factory=dict)
     handed: list[int] = field(default_factory=list)  # numbers of lines, in the order of effect
@@ -327,14 +328,22 @@ class Commits:
             self._hand(group)
         bars = self.running.version.piece.tempo_map.bars
         running = self.running
-        if not running.clock.goes or any(not one.number for one in self.waiting):
+        # An extension that waits already is enough; nothing extends what has no end.
+        is_fixed = any(not one.number for one in self.waiting) or running.until == math.inf
+        if not running.clock.goes or is_fixed:
             return late
         # A line that waits extends it too, if it is due in time.
         left = HORIZON // 4 if self.waiting else HORIZON // 2
         if self.now() > bars.start(bars.bar_beat(running.until)[0] - left):
             damp = running.version.damp
             again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
-            self.take(again)
+            try:
+                self.take(again)
+            except REFUSALS as error:  # a value that automation reaches later, under a real hand
+                end = self.running.version.piece.tempo_map.written(running.until)
+                self.said.append(f"nothing new begins from {end} on: {error}")
+                self.running = replace(running, until=math.inf)
+                return late
             late += self.tick()
         return late
 

@@ -30,7 +30,7 @@ from ergon.repl.session.movements import Movements
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops
-from ergon.repl.session.version import NotTakenError, PastVersion, Version
+from ergon.repl.session.version import NotTakenError, PastVersion, Version, in_short
 from ergon.repl.session.watch import Watch
 from ergon.repl.session_protocol import Reply
 from ergon.scores.edits import merging
@@ -171,7 +171,7 @@ class SessionCore:
         found = []
         for spot in version.dropped:
             line = self._typed_at(spot)
-            typed = f"'{line}'" if line else "what was typed"
+            typed = f"'{in_short(line)}'" if line else "what was typed"
             found.append(f"{spot} has changed in the file too, which stands: {typed} is dropped")
         return found
 
@@ -315,9 +315,13 @@ class SessionCore:
         with self.lock:
             self._handle_events()
             self._late(self.commits.tick())
+            self._messages += self.commits.said
+            self.commits.said.clear()
             while self.commits.dropped:
                 one, why = self.commits.dropped.pop(0)
-                self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
+                self._messages.append(
+                    f"'{in_short(one.line)}' could not take effect and is dropped: {why}"
+                )
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
             self.movements.turn()
@@ -401,7 +405,7 @@ class SessionCore:
                 self._tell("late", number=one.number, beat=one.beat, start=one.start)
             if one.line and not one.is_now:
                 self._messages.append(
-                    f"'{one.line}' was not ready in time; it takes effect at the next bar"
+                    f"'{in_short(one.line)}' was not ready in time; it takes effect at the next bar"
                 )
 
     def _committed(self, lines: Sequence[Waiting], frame: int) -> None:

@@ -134,6 +134,12 @@ class PastVersion:
         )
 
 
+def in_short(line: str) -> str:
+    """A line as messages and the history show it: of several lines the first."""
+    first, *more = line.strip().split("\n")
+    return f"{first} …" if more else first
+
+
 def piece_of(texts: Texts) -> Piece:
     """The piece that texts say. Raises NotTakenError with their first mistake."""
     loaded = texts.load()

@@ -1,6 +1,7 @@
 """Blocks: lines by a name, run by hand, every so often, and where a condition holds."""
 
 import json
+import random
 
 import numpy as np
 import pytest
@@ -45,6 +46,7 @@ def test_a_block_is_written_in_the_score_and_its_name_runs_it(own):
         "fill": ("ada plays knock every 1/2 times 2", "ada do scale 1.2")
     }
     assert own.ok("show fill").lines[0].endswith("fill:")
+    assert own.ok("history").lines[-1].endswith("  def fill: …")
     own.ok("play")
     own.run(0.5)
     assert own.ok("fill").text == "ok 2|1"
@@ -307,3 +309,52 @@ def test_what_a_journal_keeps_of_a_rule_is_read_as_it_was():
         assert parse_trigger(text).text == text
     with pytest.raises(TextError):
         parse_trigger("eval 1")
+
+
+def _any_line(chance):
+    block = chance.choice(["fill", "tilt"])
+    return chance.choice(
+        [
+            f"def {block}: ada plays {chance.choice(['knock', 'lean'])} times 1",
+            f"def {block}:\n ada plays knock every 1/4 times 3\n gain bell x0.7\nend",
+            f"def {block}:\n set bell.m.K x1.1\n ada do scale 0.9\nend",
+            f"{block} every {chance.choice(['1', '2', '1bar', '2bar'])}",
+            f"when bar % {chance.choice([2, 3])} == 0 {block}",
+            f"when beat == {chance.choice([1, 2, 4])} {block}",
+            f"{block}",
+            f"stop {block}",
+            f"remove {block}",
+            "undo",
+            "redo",
+            "hush",
+            "stop",
+            "play",
+            f"play from {chance.randrange(1, 30)}|1",
+            f"tempo {chance.choice([60, 120, 240, 480])}",
+            "ada plays lean every 2",
+            "link k1 bell.m REF K=20N/m Z=0.1Ns/m",
+            "remove links",
+            "panic",
+            "release",
+        ]
+    ) + chance.choice(["", "", " now"])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_sets_with_blocks_render_to_the_bit(tmp_path, seed):
+    chance = random.Random(seed)
+    own = Stepped(EMPTY, tmp_path)
+    own.ok("play")
+    for _ in range(40):
+        reply = own.type(_any_line(chance))
+        assert "internal" not in reply.text
+        own.run(chance.uniform(0.0, 1.0))
+        if chance.random() < 0.04:
+            own.close()
+            assert np.array_equal(own.again(), own.sound)
+            own = Stepped.resumed(own.journal)
+            own.type("play")
+    own.close()
+    assert np.array_equal(own.again(), own.sound)
+    said = "\n".join(own.session.messages())
+    assert "Error:" not in said

@@ -40,6 +40,8 @@ pub enum RouteError {
     },
 }
 
+/// Routes that fade out at once: more of them are cut.
+const LEAVING_MAX: usize = 32;
 /// Groups of routes that a mixer has at most.
 const GROUPS_MAX: usize = 1 << 16;
 
@@ -67,6 +69,10 @@ pub struct Mixer {
     n_channels: usize,
     routes: Vec<Route>,
     groups: Vec<Glide>,
+    /// Routes of a mixer before this one that fade out.
+    leaving: [Option<Route>; LEAVING_MAX],
+    /// Whether a route has a fade.
+    is_fading: bool,
     frame: u64,
 }
 
@@ -77,6 +83,23 @@ struct Route {
     group: usize,
     gain: f64,
     highpass: Option<Section>,
+    /// A factor on its way, since another mixer was taken over.
+    fade: Option<Glide>,
+}
+
+impl Route {
+    /// Whether it is what a route `before` of another mixer was, whose output is `out` here.
+    fn is_as(&self, before: &Self, out: Option<usize>) -> bool {
+        (out, before.channel, before.group) == (Some(self.out), self.channel, self.group)
+            && before.highpass.is_some() == self.highpass.is_some()
+    }
+
+    /// Fade to a factor of its gain, from another one.
+    fn fade(&mut self, rate: f64, from: f64, to: f64) {
+        let mut fade = Glide::new(rate, from);
+        fade.set(to);
+        self.fade = Some(fade);
+    }
 }
 
 impl Mixer {
@@ -88,6 +111,8 @@ impl Mixer {
             n_channels,
             routes: Vec::new(),
             groups: vec![Glide::new(rate, 1.0)],
+            leaving: [const { None }; LEAVING_MAX],
+            is_fading: false,
             frame: 0,
         }
     }
@@ -156,6 +181,7 @@ impl Mixer {
             group,
             gain,
             highpass,
+            fade: None,
         });
         Ok(())
     }
@@ -165,34 +191,89 @@ impl Mixer {
         self.groups.len()
     }
 
-    /// Take the state of `old` over: gains of groups and high-passes of routes that both have. Allocates nothing.
+    /// Take the state of `old` over: gains of groups and high-passes of routes that both have. Over 20 ms from the next
+    /// multiple of 64 frames on, routes that are new fade in, those that are gone fade out, and gains glide. Allocates
+    /// nothing.
     ///
     /// `outputs`: for each output of `old` the output here, where they differ.
     pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
         self.frame = old.frame;
         let groups = self.groups.iter_mut().zip(&old.groups);
         groups.for_each(|(own, old)| *own = *old);
+        let out = |before: &Route| match outputs {
+            Some(outputs) => outputs.get(before.out).copied().flatten(),
+            None => Some(before.out),
+        };
         // Routes come in about the same order: search after the previous one first.
-        let mut next = 0;
+        let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
+        let (mut next, n) = (0, old.routes.len());
         for own in &mut self.routes {
-            let is_same = |before: &Route| {
-                let out = match outputs {
-                    Some(outputs) => outputs.get(before.out).copied().flatten(),
-                    None => Some(before.out),
-                };
-                (out, before.channel, before.group) == (Some(own.out), own.channel, own.group)
-                    && before.highpass.is_some() == own.highpass.is_some()
+            let is_same = |&at: &usize| own.is_as(&old.routes[at], out(&old.routes[at]));
+            let Some(at) = in_turn(next, n).find(is_same) else {
+                own.fade(self.rate, 0.0, 1.0);
+                continue;
             };
-            let n = old.routes.len();
-            let at = (next..n)
-                .chain(0..next.min(n))
-                .find(|&at| is_same(&old.routes[at]));
-            let Some(at) = at else { continue };
             next = at + 1;
-            if let (Some(section), Some(before)) = (&mut own.highpass, &old.routes[at].highpass) {
+            let before = &old.routes[at];
+            if let (Some(section), Some(before)) = (&mut own.highpass, &before.highpass) {
                 section.take_over(before);
             }
+            own.fade = before.fade;
+            if own.gain != before.gain && own.gain != 0.0 {
+                let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+                own.fade(self.rate, before.gain * there / own.gain, 1.0);
+            }
         }
+        self.leave(old, out);
+        self.is_fading = true;
+    }
+
+    /// Let routes of `old` fade out that have no heir here; their outputs here are `out`.
+    fn leave(&mut self, old: &Self, out: impl Fn(&Route) -> Option<usize>) {
+        let (mut next, n) = (0, self.routes.len());
+        let mut places = self.leaving.iter_mut();
+        for before in old.leaving.iter().flatten().chain(&old.routes) {
+            let here = out(before);
+            let (Some(own), true) = (here, before.group < self.groups.len()) else {
+                continue;
+            };
+            let heir = (next..n)
+                .chain(0..next)
+                .find(|&at| self.routes[at].is_as(before, here));
+            if let Some(at) = heir {
+                next = at + 1;
+                continue;
+            }
+            let Some(place) = places.next() else { return };
+            let mut route = before.clone();
+            route.out = own;
+            let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+            route.fade(self.rate, there, 0.0);
+            *place = (before.channel < self.n_channels).then_some(route);
+        }
+    }
+
+    /// Begin fades that are due at the next frame, and end those that are over; whether none is left.
+    fn begin_fades(&mut self) -> bool {
+        if self.is_fading {
+            let n = self.frame;
+            self.is_fading = false;
+            let leaving = self.leaving.iter_mut().flatten();
+            for route in self.routes.iter_mut().chain(leaving) {
+                let Some(fade) = &mut route.fade else {
+                    continue;
+                };
+                fade.begin_due(n);
+                self.is_fading |= fade.steady(n).is_none();
+                if fade.steady(n) == Some(1.0) {
+                    route.fade = None;
+                }
+            }
+            for place in &mut self.leaving {
+                place.take_if(|route| route.fade.is_some_and(|fade| fade.steady(n).is_some()));
+            }
+        }
+        !self.is_fading
     }
 
     /// Set the number of the next frame in the piece.
@@ -221,7 +302,8 @@ impl Mixer {
         while at < n_frames {
             let n = self.frame;
             self.groups.iter_mut().for_each(|glide| glide.begin_due(n));
-            let steady = self.groups.iter().all(|glide| glide.steady(n).is_some());
+            let rests = self.begin_fades();
+            let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
             let count = until(n, steady).min((n_frames - at) as u64) as usize;
             let span = at..at + count;
             self.add(
@@ -235,14 +317,19 @@ impl Mixer {
 
     /// Add all routes of a span in which no glide begins.
     fn add(&mut self, frames: &[f64], mixed: &mut [f64]) {
-        for route in &mut self.routes {
+        let leaving = self.leaving.iter_mut().flatten();
+        for route in self.routes.iter_mut().chain(leaving) {
             let from = frames.iter().skip(route.out).step_by(self.n_out);
             let to = mixed
                 .iter_mut()
                 .skip(route.channel)
                 .step_by(self.n_channels);
             let own = &self.groups[route.group];
-            match (own.steady(self.frame), &mut route.highpass) {
+            let factor = match route.fade {
+                None => own.steady(self.frame),
+                Some(_) => None,
+            };
+            match (factor, &mut route.highpass) {
                 (Some(gain), None) => {
                     let gain = route.gain * gain;
                     to.zip(from).for_each(|(y, x)| *y += gain * x);
@@ -257,7 +344,8 @@ impl Mixer {
                         let x = section
                             .as_mut()
                             .map_or(*x, |section| high_passed(section, *x));
-                        *y += route.gain * own.at(n) * x;
+                        let fade = route.fade.map_or(1.0, |fade| fade.at(n));
+                        *y += route.gain * own.at(n) * fade * x;
                     }
                 }
             }
@@ -377,6 +465,49 @@ mod tests {
             let gain = 1.0 - 0.5 * (3.0 - 2.0 * u) * u * u;
             assert!((now[1] - gain * was[1]).abs() < 1e-15, "frame {i}");
         }
+    }
+
+    /// What a mixer gives of a constant 1 from frame 1000 on, where it has taken over from another.
+    fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> Vec<f64> {
+        let mixer = |routes: &[(usize, f64)]| {
+            let mut mixer = Mixer::new(44_100.0, 1, 2);
+            for &(channel, gain) in routes {
+                mixer.route(0, channel, gain, None).unwrap();
+            }
+            mixer
+        };
+        let (mut old, mut new) = (mixer(before), mixer(after));
+        old.process(&[1.0; 1000], &mut [0.0; 2000]);
+        new.take_over(&old, None);
+        let mut mixed = vec![0.0; 4000];
+        for part in mixed.chunks_mut(2 * block) {
+            new.process(&vec![1.0; part.len() / 2], part);
+        }
+        mixed
+    }
+
+    #[test]
+    fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
+        let mixed = taken_over(&[(0, 0.5)], &[(1, 0.25)], 2000);
+        let gained = taken_over(&[(0, 0.5)], &[(0, 1.0)], 2000);
+        for block in [1, 64, 333] {
+            assert_eq!(taken_over(&[(0, 0.5)], &[(1, 0.25)], block), mixed);
+        }
+        let pairs = mixed.chunks(2).zip(gained.chunks(2)).enumerate();
+        for (i, (mixed, gained)) in pairs {
+            // Frame 1024 is the first multiple of 64 after 1000; 896 are 20 ms and a bit.
+            let u = ((i as f64 - 24.0) / 896.0).clamp(0.0, 1.0);
+            let share = (3.0 - 2.0 * u) * u * u;
+            for (is, wanted) in [
+                (mixed[0], 0.5 * (1.0 - share)),
+                (mixed[1], 0.25 * share),
+                (gained[0], 0.5 + 0.5 * share),
+            ] {
+                assert!((is - wanted).abs() < 1e-15, "frame {i}: {is}, {wanted}");
+            }
+        }
+        let same = taken_over(&[(0, 0.5), (1, 2.0)], &[(1, 2.0), (0, 0.5)], 2000);
+        assert!(same.chunks(2).all(|frame| frame == [0.5, 2.0]));
     }
 
     #[test]
