@@ -435,6 +435,10 @@ class Commits:
         self.running = replace(self.running, version=version)
         self._find_head()
 
+    def lines_of(self, ticket: int) -> Sequence[Waiting]:
+        """The lines of a change under way; none where it is not known yet. From any thread."""
+        return next((group for own, group, _ in [*self.under_way] if own == ticket), ())
+
     def done(self, ticket: int) -> Sequence[Waiting]:
         """Forget a change that was made; the lines whose it was."""
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)

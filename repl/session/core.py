@@ -37,7 +37,7 @@ from ergon.scores.edits import merging
 
 if TYPE_CHECKING:
     from ergon.repl.language.scope import Scope
-    from ergon.repl.session.engine import Engine
+    from ergon.repl.session.engine import Engine, EngineEvent
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
@@ -124,6 +124,9 @@ class SessionCore:
         self._troubled: dict[str, tuple[str, float]] = {}
         self._messages += self.force_messages(running)
         self.lock = threading.RLock()
+        self._taking = threading.Lock()
+        # Taken from the engine and not handled, and whether the journal has them.
+        self._events: deque[tuple[EngineEvent, bool]] = deque()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -363,19 +366,36 @@ class SessionCore:
                 self._troubled[kind] = trouble, frame
                 self._messages.append(f"{self._written(frame)} {trouble}")
 
+    def _take_events(self) -> None:
+        """Take the engine's events, and write to the journal what happened at once, while a line
+        is computed too: a kill loses none of it. Any thread may call it."""
+        with self._taking:
+            for event in self.commits.engine.events():
+                if event.strike is not None:
+                    self.midi.struck(event)
+                    continue
+                lines: Sequence[Waiting] = ()
+                if event.ticket is not None and not event.is_late:
+                    lines = self.commits.lines_of(event.ticket)
+                    self._tell_committed(lines, event.frame)
+                self._events.append((event, bool(lines)))
+
     def _handle_events(self) -> None:
-        for event in self.commits.engine.events():
+        self._take_events()
+        while self._events:
+            event, is_told = self._events.popleft()
             for player, is_real in event.real.items():
                 self._tell("hand", player=player, real=is_real, frame=event.frame)
             if event.sentence:
                 self._messages.append(f"{self._written(event.frame)} {event.sentence}")
-            elif event.strike is not None:
-                self.midi.struck(event)
             elif event.ticket is not None and event.is_late:
                 self.guidance.late(event.ticket)
                 self._late(self.commits.late(event.ticket))
             elif event.ticket is not None:
-                self._committed(self.commits.done(event.ticket), event.frame)
+                lines = self.commits.done(event.ticket)
+                self._committed(event.frame)
+                if not is_told:
+                    self._tell_committed(lines, event.frame)
         for frame, begins in self.commits.engine.silences():
             self._tell("silence", frame=frame, begins=begins)
 
@@ -408,12 +428,15 @@ class SessionCore:
                     f"'{in_short(one.line)}' was not ready in time; it takes effect at the next bar"
                 )
 
-    def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
+    def _committed(self, frame: int) -> None:
         if not self.commits.waiting:  # a waiting line may have been made for another version
             running = self.commits.running
             self._messages += [
                 f"{self._written(frame)} {said}" for said in self.force_messages(running)
             ]
+
+    def _tell_committed(self, lines: Sequence[Waiting], frame: int) -> None:
+        """Note in the journal which lines took effect at a frame."""
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
                 # What a line read is merged with what plays when it takes effect.
