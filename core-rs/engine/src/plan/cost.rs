@@ -4,7 +4,7 @@ use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
 use crate::island::slow::Slow;
-use crate::network::{Contact, LinkKind, Network};
+use crate::network::{Contact, LinkKind, Network, Run};
 use crate::plan::BankPlan;
 use crate::plan::passes::mesh::LADDER;
 use crate::timeline::Timeline;
@@ -79,9 +79,18 @@ fn times(mesh: &Mesh) -> f64 {
 pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     const ROW: f64 = 2.5;
     match inside {
-        BodyPlan::Mesh(mesh) => times(mesh) * ROW * mesh.network.runs().len() as f64,
+        BodyPlan::Mesh(mesh) => {
+            times(mesh) * (ROW * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
+        }
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }
+}
+
+/// What laws of links that stand alone take in a trial a step beyond [`stepped_cost`] [ns]: the table is of long runs.
+pub(super) fn lone_laws_cost(network: &Network) -> f64 {
+    const LAW: f64 = 20.0;
+    let is_lone = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
+    LAW * network.runs().iter().filter(is_lone).count() as f64
 }
 
 /// What a slow body costs less a frame than stepped module by module [ns].
@@ -112,7 +121,10 @@ pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::law::Law;
 
     #[test]
     fn every_line_is_a_cost() {
@@ -121,5 +133,23 @@ mod tests {
             assert!(Costs::of(kind) > 0.0, "{line}");
         }
         assert_eq!(Costs::of("no such work"), 0.0);
+    }
+
+    #[test]
+    fn a_law_of_one_link_counts_for_more_than_one_in_a_row() {
+        let row = |masses: usize| {
+            let mut network = Network::new();
+            let law = Arc::new(Law::hardening(500.0, 1e8, 0.01).unwrap());
+            for i in 0..masses {
+                network.mas(&format!("m{i}"), 1e-3, 0.0, 0.0).unwrap();
+            }
+            for i in 1..masses {
+                let name = format!("l{i}");
+                network.lnl(&name, i - 1, i, law.clone(), 0.0).unwrap();
+            }
+            lone_laws_cost(&network)
+        };
+        assert!(row(2) > 10.0);
+        assert_eq!(row(10), 0.0);
     }
 }

@@ -14,7 +14,7 @@ use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::{IslandPlan, Whole};
-use crate::scheme::{Certificate, Scheme};
+use crate::scheme::{Certificate, Refusal, Scheme};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -55,7 +55,7 @@ impl Assembled {
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways, memo);
         let mut found = None;
         if let Some(cut) = cut {
-            match hub(&cut.hub.network, rate, budget) {
+            match hub(&cut.hub.network, rate, budget, Refusal::Bare) {
                 Ok(stable) => found = Some((cut, stable)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
@@ -63,7 +63,12 @@ impl Assembled {
         let (cut, (contact_substeps, certificate)) = match found {
             Some(found) => found,
             None => {
-                let stable = hub(&subset.network, rate, budget)?;
+                // Of all rates the composer is told of the score's own.
+                let refusal = match oversampling {
+                    1 => Refusal::Explained,
+                    _ => Refusal::Bare,
+                };
+                let stable = hub(&subset.network, rate, budget, refusal)?;
                 (ported::whole(subset, own, timeline), stable)
             }
         };
@@ -139,7 +144,12 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
 }
 
 /// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
-fn hub(network: &Network, rate: Rate, budget: &Budget) -> Result<(usize, Certificate), Error> {
+fn hub(
+    network: &Network,
+    rate: Rate,
+    budget: &Budget,
+    refusal: Refusal,
+) -> Result<(usize, Certificate), Error> {
     let mut scheme = Scheme::new(network, rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
@@ -151,7 +161,7 @@ fn hub(network: &Network, rate: Rate, budget: &Budget) -> Result<(usize, Certifi
     if contact_substeps > 1 {
         scheme.without_contacts();
     }
-    Ok((contact_substeps, scheme.certify(network)?))
+    Ok((contact_substeps, scheme.certify_or(network, refusal)?))
 }
 
 /// Two maps one after the other.
