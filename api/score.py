@@ -124,11 +124,12 @@ def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) 
 
     A note says so where its rate is a multiple of the score's (`scores.staging.fallback`).
     """
+    from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.fallback import stage_recording
 
     piece = piece_of(loaded)
     with staging(lambda: loaded, report):
-        staged = stage_recording(piece, seed=seed)
+        staged = stage_recording(piece, seed=seed, store=of_user())
     show(report, loaded, staged.diagnostics)
     if staged.rate != piece.rate:
         report.warn(

@@ -9,7 +9,7 @@ mod listen;
 mod spring;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
-pub(crate) use certify::{Top, top};
+pub(crate) use certify::{Refusal, Top, top, top_up_to};
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
 
@@ -164,7 +164,16 @@ impl Scheme {
     /// # Errors
     /// [`Error`] where a force at rest is not finite.
     pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
-        certify::certify(self, network)
+        certify::certify(self, network, Refusal::Explained)
+    }
+
+    /// The stability certificate, where nobody is told of the λmax of a scheme that is refused.
+    pub(crate) fn certify_or(
+        &self,
+        network: &Network,
+        refusal: Refusal,
+    ) -> Result<Certificate, Error> {
+        certify::certify(self, network, refusal)
     }
 
     /// κ = K(1/M + 1/M) of the stiffest contact that can be computed finer than a frame; one by a power law

@@ -294,10 +294,10 @@ impl Maker<'_> {
                 island
             };
             // What grows at once is not worth a pilot.
-            let mut judged = match assemble((1, Ways::Budget)) {
-                Ok(island) if subset.network.has_slow_parts() => {
-                    multirate::certify(&island, &self.allowance)
-                }
+            let has_slow_parts = subset.network.has_slow_parts();
+            let judged = has_slow_parts.then(|| assemble((1, Ways::Budget)));
+            let mut judged = match judged {
+                Some(Ok(island)) => multirate::certify(&island, &self.allowance),
                 _ => Ok(None),
             };
             if judged.is_ok() {

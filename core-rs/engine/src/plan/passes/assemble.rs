@@ -14,7 +14,7 @@ use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::{IslandPlan, Whole};
-use crate::scheme::{Certificate, Scheme};
+use crate::scheme::{Certificate, Refusal, Scheme};
 use crate::timeline::{Timeline, greatest};
 
 /// An island that can be played.
@@ -53,7 +53,7 @@ impl Assembled {
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways, memo);
         let mut found = None;
         if let Some(cut) = cut {
-            match hub(&cut.hub.network, &cut.own.timeline, budget) {
+            match hub(&cut.hub.network, &cut.own.timeline, budget, Refusal::Bare) {
                 Ok(stable) => found = Some((cut, stable)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
@@ -61,7 +61,12 @@ impl Assembled {
         let (cut, (contact_substeps, certificate)) = match found {
             Some(found) => found,
             None => {
-                let stable = hub(&subset.network, &timeline, budget)?;
+                // Of all rates the composer is told of the score's own.
+                let refusal = match oversampling {
+                    1 => Refusal::Explained,
+                    _ => Refusal::Bare,
+                };
+                let stable = hub(&subset.network, &timeline, budget, refusal)?;
                 (ported::whole(subset, own, timeline), stable)
             }
         };
@@ -141,6 +146,7 @@ fn hub(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,
+    refusal: Refusal,
 ) -> Result<(usize, Certificate), Error> {
     let network = &greatest(network, &timeline.leads)?;
     let mut scheme = Scheme::new(network, timeline.rate)?;
@@ -154,7 +160,7 @@ fn hub(
     if contact_substeps > 1 {
         scheme.without_contacts();
     }
-    Ok((contact_substeps, scheme.certify(network)?))
+    Ok((contact_substeps, scheme.certify_or(network, refusal)?))
 }
 
 /// Two maps one after the other.

@@ -101,7 +101,8 @@ struct Meter<'a> {
 impl<'a> Meter<'a> {
     fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
         let rows: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
-        let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * rows;
+        let short = rows + cost::lone_laws_cost(&island_plan.network);
+        let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short;
         let heard = HEARD * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
