@@ -114,7 +114,7 @@ def _offers(known: Mapping[str, str], first: str = "") -> Any:
     return offers
 
 
-LED = v.Value("a parameter of a CEL, such as bell.m.f", _target, v.TARGET.offers)
+LED = v.Value("a parameter, such as bell.m.f", _target, v.TARGET.offers)
 VALUES = v.Value("values and the length of a step", _read_set, _offers(_OF_SET))
 SWING = v.Value("a range and a period", _read_lfo, _offers(_OF_LFO, "0.8..1.2"))
 

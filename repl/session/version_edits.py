@@ -21,6 +21,7 @@ from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, pi
 from ergon.scores.edits import automation, keys, matter, merging, names, parts, strikes, times
 from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
+from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
@@ -143,7 +144,7 @@ def _set_gliding(command: c.Set) -> VersionEdit:
         own, words = version, command.words
         if command.over is not None and version.goes:
             value, over = words["change"].text, words["over"].text
-            args = command.target, beat, value, {"over": over}
+            args = command.target, beat, value, {"over": over}, value_on
             return with_texts(own, automation.glide(own.texts, own.piece, *args))
         if command.over is not None:
             automation.check(own.piece, command.target)

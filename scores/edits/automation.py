@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.tables import quantities as q
@@ -14,7 +14,9 @@ from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import leads
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.automating import value_on
+
+# The value of a parameter of a piece's module on a beat, as automation leads it.
+ValueOn = Callable[[Piece, tuple[str, str], str, float], float]
 
 
 def automate(
@@ -35,7 +37,13 @@ def automate(
 
 
 def glide(
-    texts: Texts, piece: Piece, target: str, at: float, value: str, fields: Mapping[str, str]
+    texts: Texts,
+    piece: Piece,
+    target: str,
+    at: float,
+    value: str,
+    fields: Mapping[str, str],
+    value_on: ValueOn,
 ) -> Texts:
     """Let a parameter glide to a value, `over` a length, and stay there.
 

@@ -16,22 +16,31 @@ from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
 from ergon.scores.edits import entries, matter
+from ergon.scores.edits.automation import ValueOn
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.scenes import END
 from ergon.scores.edits.strikes import only
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading import leads
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
-from ergon.scores.staging.automating import value_on
-from ergon.scores.staging.leading import Led
 
 
-def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Texts:
+def keep(
+    texts: Texts,
+    piece: Piece,
+    name: str,
+    start: float,
+    stop: float,
+    value_on: ValueOn | None = None,
+) -> Texts:
     """A score of the entries that begin between two beats, which begins at the first.
+
+    A glide that began before needs the value that it has by then.
 
     Raises EditError when nothing does.
     """
-    window = _Window(piece, start, stop)
+    window = _Window(piece, start, stop, value_on)
     kept = texts.put(("title",), edit.quoted(name))
     found = False
     for player in piece.players:
@@ -55,17 +64,12 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
 _PIECES = 32  # of a glide that is cut
 
 
-def where_kind(piece: Piece, where: tuple[str, str]) -> str:
-    """The kind of a module."""
-    led = Led.of(piece, where)
-    return "" if led is None else led.module.kind
-
-
 class _Window:
     """Beats from `start` to `stop` of a piece, told from `start` on."""
 
-    def __init__(self, piece: Piece, start: float, stop: float) -> None:
+    def __init__(self, piece: Piece, start: float, stop: float, value_on: ValueOn | None) -> None:
         self.piece = piece
+        self.value_on = value_on
         self.map = piece.tempo_map
         self.start = start
         self.stop = stop
@@ -188,20 +192,21 @@ class _Window:
         said: dict[str, str | None] = {"at": self.at(begin)}
         if end < math.inf:
             said["until"] = self.at(min(end, self.stop))
-        if begin < self.start - SAME:
+        if begin < self.start - SAME and self.value_on is not None:
             said |= {"at": self.at(self.start), "over": None, "curve": None}
-            where, tempo = (one.target.part, one.target.module), self.map
+            piece, where, tempo = self.piece, (one.target.part, one.target.module), self.map
             if one.over is not None:
                 ended = tempo.after(begin, one.over)
             else:
                 ended = tempo.beats(tempo.instant(begin, one.points[-1].at))
             left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
             points = []
-            for piece in range(_PIECES + 1 if left > 0.0 else 1):
-                at = left * piece / _PIECES
+            for step in range(_PIECES + 1 if left > 0.0 else 1):
+                at = left * step / _PIECES
                 beat = tempo.beats(tempo.seconds(self.start) + at)
-                value = value_on(self.piece, where, one.parameter, beat)
-                if where_kind(self.piece, where) == "BANK":
+                value = self.value_on(self.piece, where, one.parameter, beat)
+                known = leads.found(".".join(filter(None, where)), piece.keys, piece.instruments)
+                if known is not None and known[1].kind == "BANK":
                     word = f"x{value:.12g}"
                 else:
                     word = matter.said(value, one.parameter, is_ca=False)

@@ -13,6 +13,7 @@ from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
 from ergon.instruments.transpose import named_pitch
+from ergon.notation.tables.expressions import lets
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import MISSING, Name
@@ -76,6 +77,7 @@ class Checker:
         players = {v.context.name: self._player(v) for v in self._own("players")}
         mix = self._mix()
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
+        self._reach_led()
         self._modules()
         plays = self._plays()
         changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
@@ -229,7 +231,8 @@ class Checker:
         if memory is None or values is not entry.values:  # what begins with another is merged anew
             return instrument(values)
         # Under its name, for an alias is one node of several names.
-        key = instrument, values.node, values.context.name
+        named = tuple(lets(values.node.document).names.items())
+        key = instrument, values.node, values.context.name, named
         return memory.made(key, partial(instrument, values))
 
     def _modules(self) -> None:
@@ -371,6 +374,14 @@ class Checker:
         if part.modules[target.module].kind != "CEL" or is_ca:
             message = f"{who}: {quote(target.text)} has no pitch of its own; notes are for CELs"
             self.collector.error("E304", message, target.place)
+
+    def _reach_led(self) -> None:
+        """What automation changes belongs to the piece."""
+        for values in self.score["automation"] or ():
+            if isinstance(values, Values):
+                words = str(values["set"] or values["lfo"] or "").split(".")
+                heads = (".".join(words[:count]) for count in range(len(words) - 1, 0, -1))
+                self.scene.reached |= {head for head in heads if head in self._written}
 
     def _automation(self, values: Any) -> Automation | None:
         if not isinstance(values, Values) or not automation.check(values):

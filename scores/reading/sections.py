@@ -15,6 +15,7 @@ from ergon.notation.tables.shapes import (
     Context,
     Either,
     ListOf,
+    NamedValues,
     NamesOf,
     Reference,
     Shape,
@@ -399,6 +400,8 @@ def _own_fields(table: Record) -> tuple[str, ...]:
     return tuple(f.name for f in table.fields if f.name not in ("ergon", "title"))
 
 
+LETS = NamedValues()
+
 SCORE = Record(
     "score",
     "a whole score; a file that `use:` names has the same sections",
@@ -407,6 +410,7 @@ SCORE = Record(
         Field("title", k.TITLE, "the piece's name", ""),
         Field("seed", k.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
         Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
+        Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
         Field("marks", NamesOf(k.WHEN, "mark"), "names of instants"),

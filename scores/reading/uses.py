@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+<<<<<<< HEAD
+=======
+from collections.abc import Callable, Sequence
+>>>>>>> glide
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
@@ -17,8 +21,14 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.overlay import overlaid
 from ergon.scores.reading.sections import SCORE
 
+<<<<<<< HEAD
 # Sections whose names other files may use.
 SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
+=======
+SECTIONS = ("keys", "instruments", "gestures", "takes", "laws")  # whose names other files may use
+# Sections that say what happens, which a file that is used brings to nobody.
+PLAYED = ("strikes", "automation", "duet", "parts")
+>>>>>>> glide
 MAX_USES = 20  # files deep
 MAX_LIKE = 32  # things that begin with another
 NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
@@ -97,13 +107,24 @@ class Uses:
             message = f"{document.file} uses itself: {' -> '.join(steps)}"
             self.collector.error("E302", message, place)
             return
+        is_new = document.file not in self._read
         used = self.read(document, place)
+        if is_new and used.score is not None:
+            self._tell_unplayed(used.score, document.file, place)
         names.used[PurePath(file).stem] = used
         if prefix:
             names.used[prefix] = used
         for section, table in used.tables.items():
             for word, entry in table.items():
                 self._add(names, section, word, entry, place, prefix)
+
+    def _tell_unplayed(self, score: Values, file: str, place: Place) -> None:
+        """W323 where a file that is used has sections that only a score of its own plays."""
+        unplayed = [section for section in PLAYED if score[section]]
+        if unplayed:
+            message = f"what {file} says in {_and(unplayed)} is left out"
+            help = f"`use` brings in names of {_and(SECTIONS)}; what is played stands in the score"
+            self.collector.error("W323", message, place, help=help)
 
     def _add(
         self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str
@@ -217,3 +238,9 @@ def _files(score: Values) -> list[tuple[str, Place, str]]:
             if file is not MISSING:
                 files.append((file, node.place, prefix))
     return files
+
+
+def _and(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    quoted = [f"`{word}`" for word in words]
+    return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
