@@ -31,7 +31,7 @@ _OTHER = 3.0  # a factor of stiffness and mass that shows whether a hand feels a
 
 
 def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
-    """The points of modules with automation that a hand on a MAT can feel; `held` are all hands'."""
+    """Points of modules with automation that a hand on a MAT can feel; `held` are all hands'."""
 
     def key(where: Where, numbers: Sequence[float]) -> bytes:
         values = _applied(stage, [where], [numbers])
@@ -76,8 +76,11 @@ def automation_felt(stage: Stage, players: Collection[str]) -> dict[str, list[st
 
 
 def value_sets(stage: Stage, paths: Mapping[Where, Points], since: float) -> Iterator[Values]:
-    """Values that modules have together from an instant [s] on: each that stays, and on the way from
-    one to another so many that every other lies within a ratio of 1.2 of one. Each is told once."""
+    """Values that modules have together from an instant [s] on, each of them once.
+
+    They are each that stays, and on the way from one to another so many that every other lies
+    within a ratio of 1.2 of one.
+    """
     modules = list(paths)
     rows = list(paths.values())
     instants = sorted({since, *(p[0] for points in rows for p in points if p[0] > since)})

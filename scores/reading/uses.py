@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-=======
-from collections.abc import Callable, Sequence
->>>>>>> glide
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
@@ -21,14 +18,10 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.overlay import overlaid
 from ergon.scores.reading.sections import SCORE
 
-<<<<<<< HEAD
 # Sections whose names other files may use.
 SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
-=======
-SECTIONS = ("keys", "instruments", "gestures", "takes", "laws")  # whose names other files may use
 # Sections that say what happens, which a file that is used brings to nobody.
 PLAYED = ("strikes", "automation", "duet", "parts")
->>>>>>> glide
 MAX_USES = 20  # files deep
 MAX_LIKE = 32  # things that begin with another
 NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
