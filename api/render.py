@@ -152,6 +152,7 @@ def write(prepared: Prepared, report: Report) -> Completed:
     stage, job = prepared.stage, prepared.job
     with _going(prepared, f"rendering {Path(job.target).name}", report) as at:
         done = render(stage, job, at)
+    job = replace(job, stop=job.start + done.n_frames)
     return Completed(done, job, prepared.plan_s, stage.network, stage.simulation)
 
 
@@ -180,6 +181,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         block=options.block,
         threads=options.threads,
         force=file.force,
+        fades_from=stage.fades_from if options.to is None else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""SOV and SOA: speeds and accelerations beside closed forms, for every method and in every way of computing."""
+"""SOV and SOA: speeds and accelerations beside closed forms, for every method."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def test_a_cell_against_its_closed_form(f, errors, method):
 
 @pytest.mark.parametrize("method", ["modal", "ca", "bm4"])
 def test_a_string_however_it_is_computed(method):
-    """The rate of change of what SOX hears, by the spectrum: the same for modes and for a stepped mesh."""
+    """The rate of change of what SOX hears, by the spectrum, for modes and a stepped mesh."""
     sound = rendered(STRING % method, 20_000)
     size, at = 16_384, slice(50, 1900)  # 135 Hz to 5.1 kHz
     s = 2j * np.pi * np.fft.rfftfreq(size, 1 / RATE)[at]
@@ -100,7 +100,8 @@ def test_bytes_are_the_same_in_blocks_and_from_a_snapshot():
     own.process(once)
     own.restore(kept)
     own.process(again)
-    assert np.array_equal(once, whole[2000:]) and np.array_equal(again, once)
+    assert np.array_equal(once, whole[2000:])
+    assert np.array_equal(again, once)
 
 
 def test_another_simulation_goes_on_with_the_same_speeds():
@@ -141,7 +142,7 @@ def test_modes_are_left_out_by_the_ear_of_what_is_heard():
     for kind in ("SOX", "SOA"):
         text = (STRING % "modal").replace(
             "out: {x: {SOX: body.9}, v: {SOV: body.9}, a: {SOA: body.9}}",
-            "out: {%s: body.9}" % kind,
+            f"out: {{{kind}: body.9}}",
         )
         text = text.replace("accuracy: {method: modal}", "accuracy: {error: -40dB}")
         plan = stage(load("x.yaml", text=text).piece, planned=True).plan
