@@ -91,6 +91,7 @@ def stage_piece(
     """
     from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.fallback import stage_or_plan
+    from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.stage import stage
     from ergon.scores.staging.unused import unused
 
@@ -115,7 +116,7 @@ def stage_piece(
             on_fault=on_fault,
         )
     plan_s = time.perf_counter() - start
-    show(report, loaded, [*unused(piece), *staged.diagnostics])
+    show(report, loaded, [*unused(piece), *implausible(played), *staged.diagnostics])
     return Staged(piece, staged, plan_s)
 
 

@@ -61,7 +61,7 @@ def rendered(console: Console, completed: Completed) -> None:
     if done.stems and done.stems[0].gain != mix.gain:
         lower = decibels(done.stems[0].gain / mix.gain)
         console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
-    if mix.peak == 0:
+    if mix.peak == 0 and not completed.faint:  # of a journal, which has no place in a score
         console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
     if job.format.bits != "float":
         for file in (mix, *done.stems):

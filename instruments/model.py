@@ -51,7 +51,7 @@ class Module:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What is heard: the sum of positions (SOX), speeds (SOV), accelerations (SOA) or forces (SOF).
+    """What is heard: a sum of positions (SOX), speeds (SOV), accelerations (SOA) or forces (SOF).
 
     `name` is "" for a lone one. With `nearest`, every member's force goes to the loudspeaker that
     lies nearest.

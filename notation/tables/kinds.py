@@ -90,6 +90,10 @@ STIFFNESS = quantity(q.STIFFNESS)
 DAMPING = quantity(q.DAMPING)
 POSITION = quantity(q.POSITION)
 SIZE = quantity(q.SIZE)
+DISC = quantity(q.DISTANCE, "a radius, such as 5cm")
+DISTANCE = quantity(q.DISTANCE)
+ROOM_SIZE = quantity(q.ROOM_SIZE)
+PAN = quantity(q.PAN, "a place from -1 (first channel) to 1 (second channel), such as -0.3")
 PRESSURE = quantity(q.PRESSURE)
 INHARMONICITY = quantity(q.INHARMONICITY)
 POISSON = quantity(q.POISSON, "Poisson's ratio, such as 0.33")
@@ -102,6 +106,11 @@ RATE = quantity(q.RATE)
 TICK_RATE = quantity(q.TICK_RATE)
 DURATION = quantity(q.DURATION)
 PAUSE = quantity(q.INSTANT)  # a duration that may be none
+TAIL = Text(
+    lambda text: "auto" if text.strip() == "auto" else q.quantity(text, q.INSTANT),
+    f"{PAUSE.what}, or auto",
+    f"^({(PAUSE.pattern or '')[1:-1]}|auto)$",
+)
 LEVEL = quantity(q.LEVEL)
 ERROR = quantity(q.ERROR)
 CENTS = quantity(q.CENTS)

@@ -20,6 +20,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.gesture import midi_file, notation
 from ergon.scores.pattern.order import plain
 from ergon.scores.pattern.values import Amount, parse_values
+from ergon.scores.reading import mixing
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
@@ -319,7 +320,9 @@ def mix(values: Values | None, files: Files) -> Mix:
     if values["layout"] is not None:
         room = layout(values["layout"], folder, values.place_of("layout"), files)
     routes = tuple(_route(route) for route in values["route"] or ())
-    highest = max((max(r.to) for r in routes if r.to != "nearest"), default=0)
+    rooms = mixing.rooms(values["rooms"])
+    heard = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
+    highest = max(map(max, heard), default=0)
     speakers = len(room.speakers) if room else 0
     channels = values["channels"] or max(highest, speakers)
     for route in routes:
@@ -330,6 +333,13 @@ def mix(values: Values | None, files: Files) -> Mix:
         elif max(route.to) > channels:
             message = f"channel {max(route.to)} does not exist; the mix has {channels}"
             values.context.error("E202", message, route.place)
+        if route.pan is not None and (route.to == "nearest" or len(set(route.to)) != 2):
+            message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
+            values.context.error("E103", message, route.place)
+    for own in rooms:
+        if max(own.to, default=1) > channels:
+            message = f"channel {max(own.to)} does not exist; the mix has {channels}"
+            values.context.error("E202", message, own.place)
     if room is not None and values.written("channels") and speakers > channels:
         message = f"the layout has {speakers} loudspeakers, but the mix has {channels} channels"
         values.error("E202", message, "channels")
@@ -337,14 +347,26 @@ def mix(values: Values | None, files: Files) -> Mix:
     master_of_mix = None
     if isinstance(master, Values):
         m = master
-        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place)
-    return Mix(channels, room, routes, master_of_mix, values.place)
+        fade = mixing.fade(m["fade"])
+        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place, fade)
+    return Mix(channels, room, routes, master_of_mix, values.place, rooms)
 
 
 def _route(values: Values) -> Route:
     name = values["from"]
     v = values
-    return Route(name, None, v["to"], v["gain"], v["highpass"], name.place)
+    return Route(
+        name,
+        None,
+        v["to"],
+        v["gain"],
+        v["highpass"],
+        name.place,
+        mixing.pan(v["pan"]),
+        mixing.sends(v["send"]),
+        mixing.fade(v["fade"]),
+        v["radiate"],
+    )
 
 
 def accuracy(values: Values | None) -> Accuracy:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
@@ -23,6 +24,7 @@ from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import automation, build, leads, melodies, overlay, pressed
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.melody import Voices
+from ergon.scores.reading.mixing import Room
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
@@ -463,12 +465,27 @@ class Checker:
                 )
             self.scene.reached.add(part)
             routes.append(replace(route, part=part, out=out))
+            self._treatment(routes[-1], entry[1], mix.rooms)
         return replace(mix, routes=tuple(routes))
 
     def _each_note(self, route: Route) -> list[Route]:
         """A route, or one from each note of an instrument that has notes."""
         name = Name(self.scene.spelled(route.part), route.place)
         return [replace(route, part=each) for each in self.scene.members(name)]
+
+    def _treatment(self, route: Route, instrument: Instrument, rooms: Sequence[Room]) -> None:
+        """A route sends to rooms that there are, and radiates accelerations."""
+        known = tuple(room.name for room in rooms)
+        for name, _ in route.sends:
+            if name not in known:
+                message = f"route: no room is called {quote(name)}"
+                self.collector.error("E301", message, route.place, word=name, names=known)
+        heard = [out for out in instrument.outputs if route.out in (None, out.name)]
+        wrong = next((out for out in heard if out.kind != "SOA"), None)
+        if route.radiation is not None and wrong is not None:
+            message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
+            help = "listen by SOA: the pressure of a small source goes by its acceleration"
+            self.collector.error("E304", message, route.place, help=help)
 
 
 def _called(made: _Named, name: str) -> _Named:

@@ -25,6 +25,7 @@ from ergon.scores.pattern.pattern import Course, Pattern
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.mixing import Fade, Radiation, Room
 
 # Of a field that came later: where it says nothing, the hash of a score is what it was before.
 UNTOLD = {"untold": True}
@@ -280,6 +281,10 @@ class Route:
     gain: float
     highpass: float | None
     place: Place
+    pan: tuple[float, float] | None = field(default=None, metadata=UNTOLD)  # gains of two channels
+    sends: tuple[tuple[str, float], ...] = field(default=(), metadata=UNTOLD)  # rooms, ratios
+    fade: Fade = field(default=(), metadata=UNTOLD)
+    radiation: Radiation | None = field(default=None, metadata=UNTOLD)
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,6 +295,7 @@ class Master:
     limit: float | None
     gain: float
     place: Place
+    fade: Fade = field(default=(), metadata=UNTOLD)
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,15 +307,16 @@ class Mix:
     routes: tuple[Route, ...]
     master: Master | None
     place: Place | None
+    rooms: tuple[Room, ...] = field(default=(), metadata=UNTOLD)
 
 
 @dataclass(frozen=True, slots=True)
 class RenderSpec:
-    """The file that `render` writes; `tail` [s] after the last event."""
+    """The file that `render` writes; `tail` [s] after the last event, or until it has faded."""
 
     file: str | None
     bits: Literal[16, 24, "float"]
-    tail: float
+    tail: float | Literal["auto"]
     channels: int | None
     place: Place | None
 

@@ -25,6 +25,7 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
+from ergon.scores.reading import mixing
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.manner import DO, OF_GESTURE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
@@ -263,6 +264,7 @@ _TO = Either(
     scalar=Text(_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
     sequence=ListOf(_CHANNEL, 1, MAX_CHANNELS),
 )
+ROOM = mixing.room_table(ListOf(_CHANNEL, 1, MAX_CHANNELS, single=True))
 ROUTE = Record(
     "route",
     "from an instrument to loudspeakers",
@@ -277,6 +279,10 @@ ROUTE = Record(
         Field("to", _TO, "channels, or the loudspeaker nearest to each module", required=True),
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
+        Field("pan", k.PAN, "place between two channels, by constant power"),
+        Field("send", mixing.SENDS, "rooms by name, each with a level"),
+        Field("fade", mixing.FADE, "levels at positions of the piece"),
+        Field("radiate", mixing.RADIATION, "as a disc in a wall, heard at a distance"),
     ),
 )
 MASTER = Record(
@@ -286,6 +292,7 @@ MASTER = Record(
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
         Field("normalise", k.GAIN, "level of the highest peak, in a file"),
         Field("limit", k.GAIN, "ceiling of the limiter"),
+        Field("fade", mixing.FADE, "levels at positions of the piece"),
     ),
 )
 MIX = Record(
@@ -295,6 +302,7 @@ MIX = Record(
         Field("channels", _CHANNEL, "how many", shown="as many as the routes need"),
         Field("layout", k.PATH, "a file that says where loudspeakers are"),
         Field("route", ListOf(ROUTE, single=True), "from instruments to channels"),
+        Field("rooms", NamesOf(ROOM, "room"), "rooms that routes send to"),
         Field("master", MASTER, "all channels together"),
     ),
 )
@@ -304,7 +312,7 @@ RENDER = Record(
     (
         Field("file", k.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
-        Field("tail", k.PAUSE, "time after the last event", 5.0, shown="5s"),
+        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", 5.0, shown="5s"),
         Field("channels", _CHANNEL, "as in the mix"),
     ),
 )

@@ -112,12 +112,12 @@ class Uses:
                 self._add(names, section, word, entry, place, prefix)
 
     def _tell_unplayed(self, score: Values, file: str, place: Place) -> None:
-        """W323 where a file that is used has sections that only a score of its own plays."""
+        """W330 where a file that is used has sections that only a score of its own plays."""
         unplayed = [section for section in PLAYED if score[section]]
         if unplayed:
             message = f"what {file} says in {_and(unplayed)} is left out"
             help = f"`use` brings in names of {_and(SECTIONS)}; what is played stands in the score"
-            self.collector.error("W323", message, place, help=help)
+            self.collector.error("W330", message, place, help=help)
 
     def _add(
         self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str

@@ -21,7 +21,7 @@ from ergon.scores.staging.automating import automated, led_on
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
 from ergon.scores.staging.leading import Led, Points, Where
-from ergon.scores.staging.listening import Listening
+from ergon.scores.staging.listening import Listening, check_rooms
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
 _WHEN_DIVERGED = "reduce K or the law, weaken the strikes, or raise the rate"
+LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
@@ -66,6 +67,8 @@ class Stage:
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
     paths: Mapping[Where, Points] = field(default_factory=dict)  # of modules with automation
     planned_for: Accuracy | None = None
+    # After this frame a render ends where the sound has faded; None: at `n_frames`.
+    fades_from: int | None = None
 
     @property
     def network(self) -> _core.Network:
@@ -142,6 +145,7 @@ class Ready:
     collector: Collector
     live: tuple[LiveHand, ...]
     paths: Mapping[Where, Points]
+    fades_from: int | None
 
     @property
     def network(self) -> _core.Network:
@@ -180,6 +184,7 @@ def prepare(
         end = max(_play(piece, assembly, hands, couplings, real, played), _length(piece, live))
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
+        check_rooms(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
         paths = _automate(piece, spans, n_frames, collector)
         if like is not None:
@@ -191,7 +196,8 @@ def prepare(
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    return Ready(scene, timeline, n_frames, hands, collector, live, paths)
+    fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
+    return Ready(scene, timeline, n_frames, hands, collector, live, paths, fades_from)
 
 
 @lasting
@@ -263,6 +269,7 @@ def stage(
         ready.hands.takes.files,
         ready.paths,
         planned_for,
+        ready.fades_from,
     )
 
 
@@ -401,7 +408,8 @@ def _drives(piece: Piece, assembly: Assembly, hands: Hands) -> None:
 
 def _frames(piece: Piece, end: float, collector: Collector) -> int:
     """⌈(end + tail)·rate⌉ frames; a whole number of frames is not rounded up by its last bit."""
-    seconds = end + piece.render.tail
+    tail = piece.render.tail
+    seconds = end + (LONGEST_TAIL if tail == "auto" else tail)
     if seconds > MAX_SECONDS:
         message = f"the piece lasts {seconds / 3600:.0f} hours; the maximum is 24 hours"
         collector.error("E308", message, piece.place)

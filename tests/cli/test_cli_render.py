@@ -167,6 +167,18 @@ def test_ctrl_c_exits_130_without_a_file(folder: Path, monkeypatch: pytest.Monke
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
 
 
+def test_a_silent_file_ends_with_1_where_it_shall(folder: Path, capsys: Capture) -> None:
+    score = Path("still.yaml")
+    text = "ergon: 1\ninstruments: {bell: {modules: {m: {CEL: {M: 2g, f: A4}}}, out: {SOX: m}}}\n"
+    score.write_text(text + "render: {tail: 100ms}\n", encoding="utf-8")
+    assert app.run(["render", "still.yaml"]) == 0
+    told = capsys.readouterr().err
+    assert "still.yaml:1:1: warning[W324] the file is silent" in told
+    assert app.run(["render", "still.yaml", "--strict"]) == 1
+    assert Path("still.wav").exists()
+    assert app.run(["render", "bell.yaml", "--strict"]) == 0
+
+
 STRUCK_HARD = """\
 ergon: 1
 title: Struck hard

@@ -32,7 +32,7 @@ def test_what_is_left_out_is_told_once_at_its_place(tmp_path: Path, section: str
     (tmp_path / "other.yaml").write_text(USED + PLAYED[section], encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
-    found = [one for one in load(path).diagnostics if one.code == "W323"]
+    found = [one for one in load(path).diagnostics if one.code == "W330"]
     (one,) = found
     assert f"`{section}`" in one.message
     assert (one.place.file, one.place.line) == (str(path), 2)
@@ -42,4 +42,4 @@ def test_a_file_of_names_is_told_of_nothing(tmp_path: Path):
     (tmp_path / "other.yaml").write_text(USED, encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
-    assert not [one for one in load(path).diagnostics if one.code == "W323"]
+    assert not [one for one in load(path).diagnostics if one.code == "W330"]

@@ -944,11 +944,34 @@ class Mixer:
         gain: float = 1.0,
         highpass: float | None = None,
         group: int = 0,
+        *,
+        delay: int = 0,
+        curve: Sequence[tuple[int, float, bool]] | None = None,
+        to_room: bool = False,
     ) -> None:
-        """Add gain · output to a channel (from 0); `highpass` [Hz] is a Butterworth of order 2.
+        """Add gain · output to a channel or a room (from 0).
 
+        `highpass` [Hz] is a Butterworth of order 2, `delay` in frames, `curve` a gain over the frames of
+        the piece: (frame, ratio, whether it is reached smoothly or evenly), between two points by its level.
         `set_gain` changes the gain of a `group` of routes. Raises EngineError.
         """
+    def room(
+        self,
+        name: str,
+        channels: Sequence[int],
+        *,
+        size: float,
+        t60: Sequence[tuple[float, float]],
+        gain: float = 1.0,
+    ) -> int:
+        """Add a room that some channels (from 0) hear; its index.
+
+        `size` [m] is the mean way of sound from wall to wall, `t60` are two pairs of frequency [Hz]
+        and decay time [s], the lower frequency first. At gain 1 a click has as much energy in each
+        channel as it had. Raises EngineError.
+        """
+    def fade(self, curve: Sequence[tuple[int, float, bool]]) -> None:
+        """Set a gain of all channels over the frames of the piece, as `curve` of a route."""
     def set_gain(self, group: int, gain: float) -> None:
         """Let the gain of a group glide to `gain` in 20 ms, from the next multiple of GRID frames on."""
     def take_over(self, old: Mixer, outputs: Sequence[int | None] | None = None) -> None:
