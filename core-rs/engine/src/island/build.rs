@@ -22,7 +22,7 @@ use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::start::backward_steps;
 use crate::state::{Body, PreviousState};
-use crate::timeline::{Drive, DriveKind, Key, Timeline, greatest, pushes};
+use crate::timeline::{Drive, DriveKind, Key, Timeline, first, greatest, pushes};
 use crate::units::Rate;
 use crate::units::frame;
 
@@ -58,9 +58,22 @@ impl Island {
         }
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
-        let mut body = start(&network, &scheme, timeline, &timeline.drives);
+        let begun = match &timeline.leads[..] {
+            [] => None,
+            leads => {
+                let begun = first(&network, leads)?;
+                let mut scheme = Scheme::new(&begun, timeline.rate)?;
+                gate(&mut scheme, timeline);
+                Some((begun, scheme))
+            }
+        };
+        let (at_first, own) = match &begun {
+            Some((begun, scheme)) => (begun, scheme),
+            None => (&*network, &scheme),
+        };
+        let mut body = start(at_first, own, timeline, &timeline.drives);
         let plans = bodies;
-        let mut bodies = join(plans, &network, timeline, &mut body)?;
+        let mut bodies = join(plans, at_first, timeline, &mut body)?;
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline);
         let gestures = framed(timeline);
         let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;

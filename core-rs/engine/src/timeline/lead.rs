@@ -80,6 +80,18 @@ pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Err
     Ok(stiffest)
 }
 
+/// The network with every link that is led as it is at frame 0.
+///
+/// # Errors
+/// As [`greatest`].
+pub(crate) fn first(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
+    let mut begun = network.clone();
+    for lead in leads {
+        begun.scale(lead.links(), lead.at(0, 0.0))?;
+    }
+    Ok(begun)
+}
+
 impl Timeline {
     /// Let K and Z of `n` LIAs, whole runs of them, go through points (instants [s], rising; factors of K and of Z), evenly
     /// between them, on the grid. The q of a hardening spring stays.
