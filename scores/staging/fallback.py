@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from ergon.scores.gesture.transforms import Transform
     from ergon.scores.staging.planning import Store
 
-# Ergons are recorded at so many times the audio rate at most: 1 pg on 1e9 N/m takes 11 million.
-_FINEST = 1 << 24
+# Ergons are recorded at so many times the audio rate at most: a second then takes some minutes.
+_FINEST = 4096
 
 
 def stage_or_plan(piece: Piece, **options: Any) -> Stage:
@@ -34,8 +34,9 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
     """Stage a piece whose simulation records its ergons, which no plan does.
 
     Where the scheme is unstable at the audio rate and a plan plays the piece all the same, the rate
-    of the stage is the lowest of 2, 4, 8 … times the audio rate that the engine accepts. Raises
-    StageError with the mistakes of the plan where no plan plays the piece, as `check` does.
+    of the stage is the lowest of 2, 4, 8 … 4096 times the audio rate that the engine accepts.
+    Raises StageError with the mistakes of the plan where no plan plays the piece, as `check` does,
+    and with those found at the audio rate where none of these rates is enough.
     """
     try:
         return stage(piece, seed=seed, record=True)
