@@ -41,6 +41,9 @@ def rendered(console: Console, completed: Completed) -> None:
             modules=network.n_mat + network.n_lia,
             threads=job.threads,
         )
+        for one in done.instruments:
+            peak, loudness = decibels(one.peak), one.loudness
+            console.record("instrument", name=one.name, peak_dbfs=peak, loudness_lufs=loudness)
         for stem in done.stems:
             console.record(
                 "stem", file=stem.path, peak_dbfs=decibels(stem.peak), sha256=stem.sha256
@@ -56,6 +59,11 @@ def rendered(console: Console, completed: Completed) -> None:
         f"peak {level(peak, 'dBFS')}{gain}, loudness {level(mix.loudness, 'LUFS')}, "
         f"no late blocks, sha256 {digits}"
     )
+    for one in done.instruments:
+        console.say(
+            f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
+            f"loudness {level(one.loudness, 'LUFS')}"
+        )
     for stem in done.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
     if done.stems and done.stems[0].gain != mix.gain:

@@ -20,6 +20,7 @@ from ergon.exchange.safe import check_target, writing
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
+from .balance import MOST, Balance, InstrumentLevel
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
 from .quiet import FadeFinder
 from .silence import Silence
@@ -117,12 +118,16 @@ class RenderedFile:
 
 @dataclass(frozen=True, slots=True)
 class RenderedFiles:
-    """The files that a render wrote, their length, and how long it took: `wall` [s]."""
+    """The files that a render wrote, their length, and how long it took: `wall` [s].
+
+    `instruments` are those that are heard, where there are several.
+    """
 
     mix: RenderedFile
     stems: tuple[RenderedFile, ...]
     wall: float
     n_frames: int
+    instruments: tuple[InstrumentLevel, ...] = ()
 
 
 @dataclass(slots=True)
@@ -177,9 +182,22 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
                 return _chain(writer, stage, of, limit)
 
             tracks.append(_track(stack, job, name, mixer, written_to))
-        job, written = _fill(stage, job, tracks, progress)
+        balances = _balances(stage, job)
+        job, written = _fill(stage, job, tracks, progress, balances)
     wall = time.perf_counter() - start
-    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames)
+    levels = tuple(balance.level(written[0].gain) for balance in balances)
+    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels)
+
+
+def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
+    """One for each instrument, where there are several and not too many."""
+    stems = stage.stems(highpass=job.level.highpass)
+    if not 1 < len(stems) <= MOST // max(1, stage.n_channels):
+        return []
+    return [
+        Balance(name, mixer, stage.rate, stage.n_channels, job.start, job.stop)
+        for name, mixer in stems
+    ]
 
 
 def render_array(
@@ -205,13 +223,17 @@ def render_array(
 
 
 def _fill(
-    stage: Staged, job: RenderJob, tracks: Sequence[_Track], progress: Callable[[int], None]
+    stage: Staged,
+    job: RenderJob,
+    tracks: Sequence[_Track],
+    progress: Callable[[int], None],
+    balances: Sequence[Balance] = (),
 ) -> tuple[RenderJob, list[RenderedFile]]:
     """Compute the files; also the job, whose end is known then."""
     if job.fades_from is None:
         for track in tracks:
             track.finish = track.begin(job)
-    stop = _simulate(stage, job, tracks, progress)
+    stop = _simulate(stage, job, tracks, progress, balances)
     job = replace(job, stop=stop)
     for track in tracks:
         track.finish = track.finish or track.begin(job)
@@ -241,7 +263,11 @@ def _track(
 
 
 def _simulate(
-    stage: Staged, job: RenderJob, tracks: Sequence[_Track], progress: Callable[[int], None]
+    stage: Staged,
+    job: RenderJob,
+    tracks: Sequence[_Track],
+    progress: Callable[[int], None],
+    balances: Sequence[Balance],
 ) -> int:
     """Mix all frames; the frame at which the files end."""
     import numpy as np
@@ -262,6 +288,8 @@ def _simulate(
                 if fade is not None and track is tracks[0]:
                     end = fade.take(folded)
                 track.take(folded)
+            for balance in balances:
+                balance.take(frames)
             at += len(frames)
             progress(at)
             if end is not None:

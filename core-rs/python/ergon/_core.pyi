@@ -1001,6 +1001,7 @@ class Meter:
         """Measure frames (n_frames, n_channels)."""
     peak: float
     loudness: float  # LUFS; -inf for silence
+    momentary: float  # of the last 400 ms, without gating; LUFS
 
 def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
     """frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
