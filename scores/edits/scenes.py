@@ -15,6 +15,7 @@ from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
 from ergon.scores.edits import entries, matter, parts, rounds, times
+from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.positions import end, written
@@ -55,18 +56,20 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
     missing = next((name for name in scene.piece.players if name not in piece.players), None)
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
         raise EditError(f"this score has no player {missing}, who plays in the scene")
-    texts = parts.hush(texts, piece, at)
+    for strikes in piece.strikes:
+        texts = strikes_edits.end(texts, piece, strikes, at)
     stop = end(piece, at) if until is None else written(piece, until)
     last = math.inf if until is None else until - SAME
-    for player in scene.piece.players:
-        lines = entries.lines(scene.texts, scene.piece, player)
+    for player in piece.players:
+        known = scene.piece.players
+        lines = entries.lines(scene.texts, scene.piece, player) if player in known else []
         new = [
             entry.with_fields(at=written(piece, at + begin), until=stop)
             for line in lines
             for begin, entry in _looped(line, scene.beats)
             if at + begin < last
         ]
-        texts = entries.change(texts, player, new=new)
+        texts = parts.ended(texts, piece, player, at, new)
     texts = _defined(texts, scene)
     texts = _coupled(texts, piece, scene, at, None if until is None else stop)
     for strikes in scene.piece.strikes:
