@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ergon.instruments.model import Instrument
 from ergon.notation.clock.meter import SAME
@@ -18,8 +19,13 @@ from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.positions import end, written
 from ergon.scores.edits.texts import Texts
+from ergon.scores.pattern import turns
+from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.words import NTH
 from ergon.scores.reading.piece import Key, Piece, Strikes
 
+_OF_PATTERNS = ("every", "euclid", "swing", "skip", "notes")  # `chance` stays
+_SLOTS_MAX = 4096  # of the notes of a scene
 END = "end"  # the mark at which a scene begins again
 
 
@@ -101,6 +107,9 @@ def sounds_from(piece: Piece, beat: float) -> bool:
 def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
     """The entries that play an entry again every so many beats: the first beat of each."""
     entry = line.entry.with_fields(times=None, until=None, every=f"{beats:.12g}")
+    if isinstance(line.starts, Steps):
+        yield from _places(line.starts, entry, beats)
+        return
     begins = [line.begin] if line.starts is None else [*line.starts]
     begins = [begin for begin in begins if begin < beats - SAME]
     step = beats / len(begins) if begins else beats
@@ -111,6 +120,21 @@ def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
         return
     for begin in begins:
         yield begin, entry
+
+
+def _places(places: Steps, entry: Entry, beats: float) -> Iterator[tuple[float, Entry]]:
+    """The entry of each place of a pattern, as it was drawn; chance draws anew in every round."""
+    course, nth = places.course, entry.fields.get(NTH, "")
+    more = [
+        (turn.nth, tuple(nth[one.offset : one.offset + one.length] for one in turn.do))
+        for turn in (turns.parse(nth) if nth else ())
+    ]
+    plain = entry.with_fields(**dict.fromkeys(("euclid", "swing", "skip", NTH)))
+    for step in range(bisect_left(places, beats - SAME)):
+        name, number = course.named(step), course.round(step) + 1
+        if name is not None:
+            do = [text for each, some in more if number % each == 0 for text in some]
+            yield places[step], replace(plain.with_fields(play=name), do=(*plain.do, *do))
 
 
 def _defined(texts: Texts, scene: Scene) -> Texts:
@@ -198,6 +222,11 @@ def _struck(
     body = said[strikes.name]
     assert isinstance(body, dict)
     body = {name: value for name, value in body.items() if name not in ("for", "until", "times")}
+    if strikes.pattern is not None:
+        for one in _patterned(piece, scene, strikes, body, at, last):
+            said = edit.flow({**one, "until": until})
+            texts = texts.put(("strikes", _free(texts, strikes.name)), said)
+        return texts
     if strikes.rate is not None:
         fills = begin < SAME and stop >= scene.beats - SAME
         end_ = at + min(stop, scene.beats)
@@ -221,6 +250,45 @@ def _struck(
     for one in rounds:
         texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(one))
     return texts
+
+
+def _patterned(
+    piece: Piece, scene: Scene, strikes: Strikes, body: dict[str, edit.Tree], at: float, last: float
+) -> list[dict[str, edit.Tree]]:
+    """Strikes of a pattern whose places come again in every round of a scene; chance draws anew.
+
+    Places without notes are strikes of their own. Notes are written out on the grid of the
+    scene's steps; those that lie on none go on as they are.
+    """
+    assert strikes.pattern is not None
+    certain = replace(strikes, pattern=replace(strikes.pattern, chance=None))
+    places = certain.steps(scene.piece)
+    within = bisect_left(places, scene.beats - SAME)
+    named = [(places[i], places.course.played(i)) for i in range(within)]
+    plain = {name: value for name, value in body.items() if name not in _OF_PATTERNS}
+    if not strikes.notes:
+        return [
+            {**plain, "at": written(piece, at + beat), "every": f"{scene.beats:.12g}"}
+            for beat, name in named
+            if name is not None and at + beat < last
+        ]
+    tempo, euclid = scene.piece.tempo_map, strikes.pattern.euclid
+    step = 0.0 if strikes.every is None else tempo.after(0.0, strikes.every)
+    if euclid is not None and strikes.every is None:
+        step = tempo.bars.bar(1)[1] / euclid.steps
+    n_slots = round(scene.beats / step) if step > 0.0 else 0
+    slots = ["~"] * n_slots
+    for beat, name in named:
+        slot = round(beat / step) if step > 0.0 else n_slots
+        if slot >= n_slots or abs(slot * step - beat) > SAME:
+            return [{**body, "at": written(piece, at + places[0])}]
+        if name is not None:
+            amount = strikes.notes[name]
+            slots[slot] = f"x{amount.value!r}" if amount.is_factor else f"{amount.value!r}Hz"
+    if abs(n_slots * step - scene.beats) > SAME or n_slots > _SLOTS_MAX:
+        return [{**body, "at": written(piece, at + places[0])}]
+    notes = " ".join(slots)
+    return [{**plain, "at": written(piece, at), "notes": notes, "every": f"{step:.12g}"}]
 
 
 def _free(texts: Texts, name: str) -> str:
