@@ -267,7 +267,7 @@ class Remove(Command):
 
 @dataclass(frozen=True, slots=True)
 class Rename(Command):
-    """Give a gesture, a take or a player another name."""
+    """Give a gesture, a take, a player or a block another name."""
 
     old: str
     name: str

@@ -154,7 +154,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True)),
         _form("remove", "rem", "removes what has a name, and what belongs to it alone",
               "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
-        _form("rename", "ren", "gives a gesture, a take or a player another name",
+        _form("rename", "ren", "gives a gesture, a take, a player or a block a new name",
               "rename lean tilt", c.Rename,
               Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME)),
         _form("uncouple", "unc", "removes what joins two keys",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from ergon.notation.text import document, edit
@@ -112,11 +113,15 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
 
 
 def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
-    """Give a gesture, a take or a player another name, wherever it is named. Raises EditError."""
+    """Give a gesture, a take, a player or a block another name, wherever it is named.
+
+    Raises EditError.
+    """
     section, _ = _written(texts, old)
-    if section not in ("gestures", "takes", "players"):
-        raise EditError(f"{old} sounds under its name: what moves keeps its name while it plays")
-    taken = {*piece.players} if section == "players" else {*piece.gestures, *piece.takes}
+    if section not in ("gestures", "takes", "players", "blocks"):
+        raise EditError(f"{old} is no gesture, take, player or block")
+    names = {"players": piece.players, "blocks": piece.blocks}
+    taken = {*names.get(section, {**piece.gestures, **piece.takes})}
     if new in taken:
         raise EditError(f"the name {quote(new)} is in use")
     root = texts.document().root
@@ -185,6 +190,9 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[tuple[in
     if isinstance(own, document.Mapping) and name in own.entries:
         word, _ = own.entries[name]
         yield word.start, word.end
+    if section == "blocks":
+        return
+    yield from _in_blocks(root.get("blocks"), name)
     parts = root.get("parts")
     players = parts.entries if isinstance(parts, document.Mapping) else {}
     if section == "players":
@@ -202,6 +210,16 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[tuple[in
     for table, field in ((gestures, "like"), (hands, "standin")):
         for _, node in table.entries.values() if isinstance(table, document.Mapping) else ():
             yield from _same(node.get(field) if isinstance(node, document.Mapping) else None, name)
+
+
+def _in_blocks(blocks: Node | None, name: str) -> Iterator[tuple[int, int]]:
+    """Where lines of blocks have a word."""
+    word = re.compile(rf"(?<![\w.-]){re.escape(name)}(?![\w-])")
+    for _, block in blocks.entries.values() if isinstance(blocks, document.Mapping) else ():
+        lines = block.items if isinstance(block, document.Sequence) else [block]
+        for line in lines:
+            for match in word.finditer(line.document.text, line.start, line.end):
+                yield match.span()
 
 
 def _same(node: Node | None, name: str) -> Iterator[tuple[int, int]]:

@@ -159,6 +159,26 @@ def test_a_jump_and_a_stop_leave_no_run_behind(own):
     assert _runs(own)[-1] == pytest.approx(8.0, abs=0.01)
 
 
+def test_what_is_renamed_is_renamed_in_blocks_and_a_block_runs_on(own):
+    own.ok(FILL)
+    own.ok("def soft: ada plays (knock lean)*2 every 1")
+    own.ok("fill every 1bar")
+    own.ok("rename knock tap")
+    own.ok("rename ada mia")
+    own.ok("rename fill tutti")
+    own.run(0.1)
+    head = own.session.commits.head
+    assert head.piece.blocks == {
+        "tutti": ("mia plays tap every 1/2 times 2", "mia do scale 1.2"),
+        "soft": ("mia plays (tap lean)*2 every 1",),
+    }
+    assert set(head.rules) == {"tutti"}
+    own.ok("tutti")
+    assert "is in use" in own.type("rename soft tutti").text
+    own.close()
+    assert np.array_equal(own.again(), own.sound)
+
+
 def test_hush_and_panic_end_rules(own):
     own.ok("def fill: ada plays knock times 1")
     own.ok("fill every 1bar now")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -365,3 +366,32 @@ def test_strikes_by_patterns_come_back(at: Stepped, line: str):
     assert np.max(np.abs(kept[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
     at.close()
     assert np.array_equal(at.again(), at.sound)
+
+
+def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
+    """Those with notes too: they are written out on the grid of their steps."""
+    path = next(path for path in SCORES if path.endswith("patterns.yaml"))
+    texts, piece = opened(path)
+    kept = keeping.keep(texts, piece, "verse-2", 0.0, 16.0)
+    scene = Scene.of(kept, piece_of(kept))
+
+    def struck(of, name, first, last):
+        found = []
+        for one in (own for own in of.strikes if own.name.startswith(name)):
+            steps = dataclasses.replace(
+                one, pattern=dataclasses.replace(one.pattern, chance=None)
+            ).steps(of)
+            for place, beat in enumerate(steps):
+                note = steps.course.played(place)
+                if note is not None and first - 1e-9 <= beat < last - 1e-9:
+                    found.append((beat - first, one.notes[note].value))
+        return sorted(found)
+
+    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 132.0))
+    for name in ("tune", "walk"):
+        once = struck(scene.piece, name, 0.0, 16.0)
+        assert once
+        for begin in (100.0, 116.0):
+            again = struck(back, f"{name}-", begin, begin + 16.0)
+            assert [note for _, note in again] == [note for _, note in once]
+            assert [at for at, _ in again] == pytest.approx([at for at, _ in once])

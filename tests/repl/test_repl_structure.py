@@ -226,7 +226,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("remove k1", "no key is called"),
         ("remove bell", "is the last instrument that is heard"),
         ("remove nothing", "is not a name of this score"),
-        ("rename bell chime", "is not a gesture, a take or a player"),
+        ("rename bell chime", "sounds under its name, by which it goes on from line to line"),
         ("rename knock lean", "the name 'lean' is in use"),
     ],
 )
