@@ -120,9 +120,8 @@ pub(in crate::plan) fn takes(
         wiring.take(&body.mats);
     }
     let bodies = wiring.bodies(network, true);
-    let each = bodies.iter();
-    each.map(|body| mesh::takes(network, timeline.rate, body, way))
-        .collect()
+    let takes = |body: &Body| mesh::takes(network, timeline.rate, body, way);
+    bodies.iter().try_for_each(takes)
 }
 
 impl PortedBody {
