@@ -226,7 +226,7 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
 
 @contextmanager
 def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[int], None]]:
-    """Progress; a part that goes non-finite is reported in its place."""
+    """Progress; a part that goes non-finite or makes energy is reported in its place."""
     from ergon import _core
 
     stage, loaded = prepared.stage, prepared.loaded
@@ -237,6 +237,9 @@ def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[
         found = [stage.fault(error)]
         scores.show(report, loaded, found)
         raise DivergedError(found, loaded.files) from error
+    gains = stage.gains()
+    if gains:
+        scores.show(report, loaded, gains)
 
 
 def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorded | None:

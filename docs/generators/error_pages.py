@@ -77,7 +77,7 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             played.simulation.process(frames)
         except _core.DivergedError as error:
             reports.append(played.fault(error))
-        return reports, loaded
+        return [*reports, *played.gains()], loaded
 
 
 def told(entry: Code, text: str) -> list[str]:

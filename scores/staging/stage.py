@@ -33,7 +33,10 @@ from ergon.scores.staging.travel import check_travel
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-_WHEN_DIVERGED = "reduce K or the law, weaken the strikes, or raise the rate"
+_WHEN_STIFF = "reduce K or the law, weaken the strikes, or raise the rate"
+_BY_METHOD = (
+    "reduce K or the law, weaken the strikes, raise the rate, or leave the method to the plan"
+)
 LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
@@ -104,7 +107,21 @@ class Stage:
 
     def fault(self, error: _core.DivergedError) -> Diagnostic:
         """A part that went non-finite while it ran, in the place where it is written."""
-        return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
+        return Diagnostic("E401", str(error), _place(self.piece, error.module), None, self._hint)
+
+    @property
+    def _hint(self) -> str:
+        """What to do where a part is too stiff for its steps."""
+        planned_for = self.planned_for
+        is_chosen = planned_for is not None and planned_for.method is not None
+        return _BY_METHOD if is_chosen else _WHEN_STIFF
+
+    def gains(self) -> list[Diagnostic]:
+        """Modules that made energy so far, each in the place where it is written (W404)."""
+        return [
+            Diagnostic("W404", gain.sentence, _place(self.piece, gain.name), None, self._hint)
+            for gain in self.simulation.gains()
+        ]
 
 
 # MATs by part, module and member (-1: the middle one), and the engine's number of each.
@@ -238,7 +255,8 @@ def stage(
     try:
         if planned:
             other = like.plan if like is not None else None
-            made = make(ready.network, ready.timeline, piece.accuracy, pins, store, other)
+            parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
+            made = make(*parts, is_foreseen=going.spans is None and not real)
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
@@ -321,7 +339,7 @@ def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
 
 
 def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
-    collector.error("E309", str(error.args[0]), _place(piece, error))
+    collector.error("E309", str(error.args[0]), _place(piece, getattr(error, "module", None)))
     return StageError(collector.finish())
 
 
@@ -419,9 +437,9 @@ def _frames(piece: Piece, end: float, collector: Collector) -> int:
     return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
 
 
-def _place(piece: Piece, error: _core.EngineError) -> Place:
+def _place(piece: Piece, name: str | None) -> Place:
     """Where the module that the engine names is written."""
-    name = getattr(error, "module", None) or ""
+    name = name or ""
     links = [("duet", duet.link) for duet in piece.duet]
     keys = [(key.name, module) for key in piece.keys.values() for module in key.modules]
     others = [(i.name, module) for i in piece.instruments.values() for module in i.modules]

@@ -43,8 +43,8 @@ def begun(piece, player):
             continue
         for place, start in enumerate(starts or [piece.tempo_map.resolve(play.at)]):
             name, do = play.what, play.do
-            if play.pattern is not None:  # what it is in this place, before chance
-                name, do = starts.course.named(place), (*do, *starts.course.do(place))
+            if play.pattern is not None:  # as it was drawn in this place
+                name, do = starts.course.played(place), (*do, *starts.course.do(place))
             if name is not None:
                 found.append((start, name, tuple(t.word for t in do)))
     return sorted(found)

@@ -30,6 +30,7 @@ use std::sync::Arc;
 use crate::guard::{FinerFrames, Guard};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
+use crate::scheme::{Kind, Run};
 use crate::timeline::Lead;
 use crate::units::Rate;
 use mesh::Mesh;
@@ -71,6 +72,12 @@ trait Stepper {
     fn settle(&mut self);
     /// The energy that the method conserves [J]; for a staggered method that of half a step before.
     fn energy(&self) -> f64;
+    /// The energy of masses and links by their laws [J], whatever else the method conserves.
+    fn stored(&self) -> f64 {
+        self.energy()
+    }
+    /// The network in numbers.
+    fn mesh(&self) -> &Mesh;
 }
 
 #[derive(Clone, Debug)]
@@ -110,6 +117,9 @@ pub(crate) struct Integrator {
     motion: Motion,
     substeps: u32,
 }
+
+/// Elongations [m] and rates [m/s] at which a law's damping is asked whether it gives energy.
+const ACTIVE: (f64, f64) = (1e-2, 10.0);
 
 impl Integrator {
     /// A network at its X0 and V0, stepped `substeps` times a frame of `rate`. Imposed points do not move.
@@ -242,6 +252,38 @@ impl Integrator {
     /// Whether all positions are finite and within range.
     pub(crate) fn sound(&self) -> bool {
         passes::within(self.positions())
+    }
+
+    /// Whether its steps may make energy that can be found: not where it is linear.
+    pub(crate) fn may_gain(&self) -> bool {
+        let mesh = self.motion.stepper().mesh();
+        // Of a law that is to give energy nothing is known, and the energy of others takes too long to find.
+        let is_known = |run: &Run| match &run.kind {
+            Kind::Lnl { law, .. } => law.has_closed_energy() && !law.is_active(ACTIVE.0, ACTIVE.1),
+            _ => true,
+        };
+        !mesh.scheme.linear && mesh.others.iter().all(is_known)
+    }
+
+    /// The energy of masses and links by their laws [J].
+    pub(crate) fn stored(&self) -> f64 {
+        self.motion.stepper().stored()
+    }
+
+    /// What impulses of the coming frame will give [J]: each the mean of the velocities before and after it.
+    pub(crate) fn work(&self, impulses: &[(usize, f64)]) -> f64 {
+        let method = self.motion.stepper();
+        let (m, rate) = (&method.mesh().m, method.mesh().scheme.rate);
+        let of = |(at, &(mat, impulse)): (usize, &(usize, f64))| {
+            if m[mat] == 0.0 {
+                return 0.0;
+            }
+            let before = impulses[..at].iter().filter(|other| other.0 == mat);
+            let given: f64 = before.map(|other| other.1).sum();
+            let mass = m[mat] / (rate * rate);
+            impulse * (method.velocity(mat) + (given + 0.5 * impulse) / mass)
+        };
+        impulses.iter().enumerate().map(of).sum()
     }
 
     /// The energy that the method conserves [J]: constant without losses and impulses, to the method's accuracy.

@@ -453,6 +453,20 @@ impl Simulation {
         all
     }
 
+    /// Links and meshes that made more energy than a hundredth of what was there: name, frame, and a sentence.
+    pub fn gains(&self) -> Vec<(String, u64, String)> {
+        let of = |island: &Island| {
+            let times = u64::from(island.oversampling());
+            let rate = self.rate() * times as f64;
+            let told = island.gains().map(move |(module, gain)| {
+                let sentence = gain.sentence(&module, gain.frame as f64 / rate);
+                (module, gain.frame / times, sentence)
+            });
+            told.collect::<Vec<_>>()
+        };
+        self.islands().flat_map(|(island, _)| of(island)).collect()
+    }
+
     /// Number of meshes with frames computed in finer steps; does not allocate.
     pub fn n_finer(&self) -> usize {
         let islands = self.islands();

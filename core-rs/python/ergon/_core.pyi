@@ -847,6 +847,13 @@ class MutedPart(NamedTuple):
     name: str
     frame: int
 
+class EnergyGain(NamedTuple):
+    """A module whose steps made more energy than a hundredth of what was there."""
+
+    name: str
+    frame: int  # by when it was worst
+    sentence: str
+
 class FinerPart(NamedTuple):
     """A part some of whose frames needed more than one step, because its links had stiffened."""
 
@@ -927,6 +934,8 @@ class Simulation:
         `speed` [m/s], `impulse` [N·s] and `source`, each (n_ergons,)."""
     def muted(self) -> list[MutedPart]:
         """The parts that were muted, with on_fault="mute"."""
+    def gains(self) -> list[EnergyGain]:
+        """Links and meshes that made energy, a single one of many by its own name."""
     def finer(self) -> list[FinerPart]:
         """The parts with frames of more than one step."""
 

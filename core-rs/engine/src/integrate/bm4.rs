@@ -159,6 +159,10 @@ impl Stepper for Bm4 {
         self.kick_drift(0, [B1, 0.0], team);
     }
 
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
     fn x(&self) -> &[f64] {
         &self.x
     }

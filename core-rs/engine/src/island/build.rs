@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::fault::Mutes;
 use super::fine::Fine;
+use super::gain::Gains;
 use super::hand::framed::FramedGesture;
 use super::hands::{HandState, hand_bindings};
 use super::inside::{self, BodyPlan};
@@ -88,6 +89,7 @@ impl Island {
             Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        let gains = Gains::new(&scheme).filter(|_| !options.unchecked);
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts, timeline);
         }
@@ -132,6 +134,7 @@ impl Island {
             ledger,
             mutes: Mutes::new(&scheme),
             guard,
+            gains,
             damped: 1.0,
             scheme: (!glides.is_empty() || !led.is_empty()).then(|| Box::new(scheme.clone())),
             body,

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::gain::{Account, Gain};
 use crate::guard::FinerFrames;
 use crate::integrate::{Integrator, MeshMethod};
 use crate::kernel::thread_team::ThreadTeam;
@@ -40,6 +41,9 @@ pub(crate) struct RunningMesh {
     next: usize,
     /// By how much all it moves by is less at each frame.
     damped: f64,
+    /// What it took, where its method may make energy, and the most that it made.
+    account: Option<Account>,
+    worst: Option<Gain>,
 }
 
 impl Mesh {
@@ -75,6 +79,10 @@ impl RunningMesh {
             impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
             next: 0,
             damped: 1.0,
+            account: integrator
+                .may_gain()
+                .then(|| Account::new(integrator.stored())),
+            worst: None,
             integrator,
             plan: Arc::new(plan.clone()),
         })
@@ -96,6 +104,7 @@ impl RunningMesh {
             self.integrator.put(mat, motion);
         }
         self.integrator.settle();
+        self.begin_account();
         let ports = self
             .plan
             .ports
@@ -118,6 +127,7 @@ impl RunningMesh {
         std::mem::swap(&mut self.integrator, &mut old.integrator);
         std::mem::swap(&mut self.previous, &mut old.previous);
         std::mem::swap(&mut self.own, &mut old.own);
+        std::mem::swap(&mut self.account, &mut old.account);
     }
 
     /// Be ready for a crew of so many threads.
@@ -195,9 +205,44 @@ impl RunningMesh {
         }
         if self.damped < 1.0 {
             self.integrator.slow_down(self.damped);
+            self.begin_account();
+        }
+        if let Some(account) = &mut self.account
+            && !self.impulses.is_empty()
+        {
+            account.take(self.integrator.work(&self.impulses));
         }
         let leads = &self.plan.leads;
         self.integrator.step_led(n, leads, &self.impulses, team);
+    }
+
+    /// Account from here on for what is taken and given.
+    fn begin_account(&mut self) {
+        if let Some(account) = &mut self.account {
+            *account = Account::new(self.integrator.stored());
+        }
+    }
+
+    /// Look whether it made energy by frame `n`.
+    pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
+        let gain = self.account?.gain(self.integrator.stored(), 0.0, n);
+        if !gain.is_told() {
+            return None;
+        }
+        self.worst = Some(gain.worst(self.worst));
+        Some(gain)
+    }
+
+    /// The most energy that it made.
+    pub(super) fn gain(&self) -> Option<Gain> {
+        self.worst
+    }
+
+    /// The name and part of its first MAT that moves.
+    pub(super) fn first_module(&self) -> Option<(String, usize)> {
+        let network = &self.plan.network;
+        let mat = network.mats().kind.iter().position(|kind| kind.moves())?;
+        Some((network.mat_name(mat), network.mats().part[mat] as usize))
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.

@@ -14,7 +14,7 @@ use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::Ways;
-use crate::plan::passes::ported::PortedBody as Body;
+use crate::plan::passes::ported::{self, PortedBody as Body};
 use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
@@ -203,6 +203,7 @@ impl Maker<'_> {
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
+        ported::takes(&subset.network, &own.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused();
         let solved = match self.solve(subset, own, pin) {
             Ok(solved) if pin.is_none() => self.offered(subset, own, solved)?,

@@ -3,7 +3,7 @@
 use super::super::mesh::{Mesh, force_of};
 use super::super::passes;
 use super::loops::{load, onward, springs};
-use crate::kernel::side;
+use crate::kernel::{self, side};
 use crate::maths::power_law;
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
@@ -209,6 +209,29 @@ impl Links {
             })
         });
         linear.sum::<f64>() + state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum::<f64>()
+    }
+
+    /// Energy of the non-linear parts of all links by ψ, and by their laws: the mean of now and a step before [J].
+    pub(super) fn potentials(
+        &self,
+        mesh: &Mesh,
+        x: &[f64],
+        d: &[f64],
+        state: &State,
+    ) -> (f64, f64) {
+        let kept = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
+        let runs = self.runs.iter().enumerate();
+        let each = runs.flat_map(|(at, run)| {
+            (0..run.len).map(move |i| {
+                let (e, de) = elongation(run, x, d, i);
+                let of = |e: f64| match at.checked_sub(mesh.springs.len()) {
+                    None => 0.25 * run.q * (e * e * e * e),
+                    Some(other) => kernel::potential(&mesh.others[other], e),
+                };
+                0.5 * (of(e) + of(e - de))
+            })
+        });
+        (kept, each.sum())
     }
 }
 

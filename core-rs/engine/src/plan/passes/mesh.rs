@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::integrate::{MeshMethod, certify};
 use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
-use crate::network::Network;
+use crate::network::{Error, Network};
 use crate::plan::budget::Budget;
 use crate::plan::passes::body::heard;
 use crate::plan::passes::split::local as links_of;
@@ -62,18 +62,7 @@ pub(in crate::plan) fn mesh(
     (ways, index): (Ways<'_>, usize),
 ) -> Option<Mesh> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let parts = subset.network.mats().part.iter();
-    if parts
-        .chain(
-            &subset
-                .network
-                .runs()
-                .iter()
-                .map(|run| run.part as u32)
-                .collect::<Vec<_>>(),
-        )
-        .any(|&part| network.parts()[part as usize].ca_rate.is_some())
-    {
+    if is_discrete(network, &subset.network) {
         return None; // the discrete network is the truth
     }
     let rate = timeline.rate;
@@ -124,6 +113,32 @@ pub(in crate::plan) fn mesh(
         network: Arc::new(subset.network),
         leads,
     })
+}
+
+/// Refuses a mesh with links that IEQ does not know, where it is asked for by name: it would be stepped by CA unasked.
+///
+/// # Errors
+/// With the name of a module of it.
+pub(in crate::plan) fn takes(
+    network: &Network,
+    rate: Rate,
+    body: &Body,
+    way: MeshMethod,
+) -> Result<(), Error> {
+    let subset = network.subset(&body.mats, &body.guests, &body.links);
+    if way != MeshMethod::Ieq || is_discrete(network, &subset.network) {
+        return Ok(()); // CA steps what is discrete, whatever is asked for
+    }
+    certify(&subset.network, rate, way, 1).map(|_| ())
+}
+
+/// Whether the discrete network is the truth of any part in it.
+fn is_discrete(network: &Network, own: &Network) -> bool {
+    let of_mats = own.mats().part.iter().map(|&part| part as usize);
+    let of_links = own.runs().iter().map(|run| run.part);
+    of_mats
+        .chain(of_links)
+        .any(|part| network.parts()[part].ca_rate.is_some())
 }
 
 /// A mesh's method, as numbers of a plan.
