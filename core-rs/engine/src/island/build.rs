@@ -89,7 +89,9 @@ impl Island {
             Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
-        let gains = Gains::new(&scheme).filter(|_| !options.unchecked);
+        // K that changes in time gives and takes energy, as a hand does.
+        let is_accounted = timeline.leads.is_empty() && !options.unchecked;
+        let gains = is_accounted.then(|| Gains::new(&scheme)).flatten();
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts, timeline);
         }

@@ -79,8 +79,8 @@ impl RunningMesh {
             impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
             next: 0,
             damped: 1.0,
-            account: integrator
-                .may_gain()
+            // K that changes in time gives and takes energy, as a hand does.
+            account: (plan.leads.is_empty() && integrator.may_gain())
                 .then(|| Account::new(integrator.stored())),
             worst: None,
             integrator,
