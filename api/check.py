@@ -57,13 +57,14 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     """The staged score (None where it has errors), and the diagnostics of the engine."""
     if loaded.piece is None:
         return None, []
+    from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.stage import StageError
     from ergon.scores.staging.unused import unused
 
     staged = None
     try:
         staged = stage_as_checked(loaded.piece, report)
-        found = [*unused(loaded.piece), *staged.diagnostics]
+        found = [*unused(loaded.piece), *implausible(loaded.piece), *staged.diagnostics]
     except StageError as error:
         found = error.diagnostics
     scores.show(report, loaded, found)

@@ -100,7 +100,7 @@ def write(prepared: Prepared, options: FreezeOptions, report: Report) -> Frozen:
     stage, loaded = prepared.stage, prepared.loaded
     try:
         with report.progress("freezing", prepared.n_frames, stage.rate) as progress:
-            return write_files(
+            frozen = write_files(
                 stage,
                 prepared.taps,
                 _source(loaded, stage),
@@ -115,6 +115,10 @@ def write(prepared: Prepared, options: FreezeOptions, report: Report) -> Frozen:
         found = [stage.fault(error)]
         scores.show(report, loaded, found)
         raise DivergedError(found, loaded.files) from error
+    gains = stage.gains()
+    if gains:
+        scores.show(report, loaded, gains)
+    return frozen
 
 
 def _folder(path: str) -> Path:

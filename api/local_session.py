@@ -211,6 +211,7 @@ def _engine(
             version.base,
             take,
             version.maps,
+            version.rules,
         )
 
     return make, opening

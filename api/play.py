@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,12 +88,26 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
         silent=() if frozen is None else frozen.parts,
         on_fault="mute",
     ).stage
+    _refuse_felt_automation(stage, real)
     stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
         stems = freeze.verified(stage, frozen, options.frozen)
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = _config(piece, stage, boards, options, stems, report)
     return Prepared(stage, boards, config, osc)
+
+
+def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
+    """Raise OptionError where a hand would feel values for which no force was found."""
+    from ergon.live.automated import automation_felt
+
+    for player, names in automation_felt(stage, real).items():
+        raise OptionError(
+            "live",
+            f"{player}'s hand may feel the automation of {', '.join(names)}, and this command "
+            "finds the force that a hand may get for the values at the beginning alone: "
+            "`ergon repl` finds it for all of them; or leave the device out",
+        )
 
 
 def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Performance:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,11 +24,13 @@ if TYPE_CHECKING:
 
     from ergon._core import Network, Simulation
     from ergon.live.recorded import Recorded
+    from ergon.notation.text.errors import Diagnostic
     from ergon.rendering.render import RenderedFiles, RenderJob
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
+_FAINT = 0.01  # -40 dBFS
 THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
 
 
@@ -106,6 +109,25 @@ class Completed:
     plan_s: float
     network: Network
     simulation: Simulation
+    faint: tuple[Diagnostic, ...] = ()  # W324, W325: a file that is silent, or nearly
+
+
+def faint(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]:
+    """W324 for a silent file, W325 for one whose highest peak lies below -40 dBFS.
+
+    A file of floats without a master is a measurement, which may be of any size.
+    """
+    from ergon.notation.text.errors import Diagnostic
+
+    place = piece.mix.place or piece.place
+    if peak == 0.0:
+        help = "`ergon check --simulate` says what moves and what touches"
+        return [Diagnostic("W324", "the file is silent", place, None, help)]
+    if peak >= _FAINT or (bits == "float" and piece.mix.master is None):
+        return []
+    message = f"the highest peak of the file is {20.0 * math.log10(peak):.1f} dBFS, below -40 dBFS"
+    help = "raise the gain of its routes, or let the master normalise: `master: {normalise: -1dB}`"
+    return [Diagnostic("W325", message, place, None, help)]
 
 
 def render(
@@ -152,7 +174,10 @@ def write(prepared: Prepared, report: Report) -> Completed:
     stage, job = prepared.stage, prepared.job
     with _going(prepared, f"rendering {Path(job.target).name}", report) as at:
         done = render(stage, job, at)
-    return Completed(done, job, prepared.plan_s, stage.network, stage.simulation)
+    job = replace(job, stop=job.start + done.n_frames)
+    found = tuple(faint(stage.piece, job.format.bits, done.mix.peak))
+    scores.show(report, prepared.loaded, found)
+    return Completed(done, job, prepared.plan_s, stage.network, stage.simulation, found)
 
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
@@ -180,6 +205,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         block=options.block,
         threads=options.threads,
         force=file.force,
+        fades_from=stage.fades_from if options.to is None else None,
     )
 
 
@@ -200,7 +226,7 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
 
 @contextmanager
 def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[int], None]]:
-    """Progress; a part that goes non-finite is reported in its place."""
+    """Progress; a part that goes non-finite or makes energy is reported in its place."""
     from ergon import _core
 
     stage, loaded = prepared.stage, prepared.loaded
@@ -211,6 +237,9 @@ def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[
         found = [stage.fault(error)]
         scores.show(report, loaded, found)
         raise DivergedError(found, loaded.files) from error
+    gains = stage.gains()
+    if gains:
+        scores.show(report, loaded, gains)
 
 
 def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorded | None:

@@ -91,6 +91,7 @@ def stage_piece(
     """
     from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.fallback import stage_or_plan
+    from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.stage import stage
     from ergon.scores.staging.unused import unused
 
@@ -115,7 +116,7 @@ def stage_piece(
             on_fault=on_fault,
         )
     plan_s = time.perf_counter() - start
-    show(report, loaded, [*unused(piece), *staged.diagnostics])
+    show(report, loaded, [*unused(piece), *implausible(played), *staged.diagnostics])
     return Staged(piece, staged, plan_s)
 
 
@@ -124,11 +125,12 @@ def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) 
 
     A note says so where its rate is a multiple of the score's (`scores.staging.fallback`).
     """
+    from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.fallback import stage_recording
 
     piece = piece_of(loaded)
     with staging(lambda: loaded, report):
-        staged = stage_recording(piece, seed=seed)
+        staged = stage_recording(piece, seed=seed, store=of_user())
     show(report, loaded, staged.diagnostics)
     if staged.rate != piece.rate:
         report.warn(

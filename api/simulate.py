@@ -13,8 +13,10 @@ from .check import stage_as_checked
 
 if TYPE_CHECKING:
     from ergon.rendering.follow import GestureFidelity
+    from ergon.rendering.slides import Sliding
     from ergon.rendering.swings import Closing, Swing
     from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.probes import Contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,7 @@ class Simulated:
     contacts: list[Closing]
     rate: float
     left_out: int
+    bows: list[Sliding]
 
 
 def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated:
@@ -41,15 +44,39 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     points = probed(piece)
     stage = stage_as_checked(points.piece, report)
     with report.progress(task, stage.n_frames, stage.rate) as progress:
-        moved, closed = swings(stage, points, progress.at)
-    return Simulated(followed(stage), moved, closed, stage.rate, points.left_out)
+        moved, closed, bows = swings(stage, points, progress.at)
+    return Simulated(followed(stage), moved, closed, stage.rate, points.left_out, bows)
+
+
+def never_stuck(done: Simulated) -> list[Diagnostic]:
+    """W323 for each bow that slipped and did not stick again."""
+    found = []
+    for one in done.bows:
+        if one.has_stuck or not one.has_slipped:
+            continue
+        rubbing = one.rubbing
+        message = (
+            f"bow {quote(rubbing.name)} never sticks: once it has slipped, the speed of "
+            f"{rubbing.b.name} against {rubbing.a.name} does not stay between {one.low:.3g} and "
+            f"{one.high:.3g} m/s for half a millisecond"
+        )
+        help = "press harder, bow more slowly, or rub where the string gives way more"
+        found.append(Diagnostic("W323", message, rubbing.module.place, None, help))
+    return found
 
 
 def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
-    """W320 for each contact that did not close."""
+    """W320 for each contact that did not close, nor did it at another note of its instrument."""
+    members = {name: family for family, own in piece.families.items() for name in own}
+
+    def called(contact: Contact) -> str:
+        part = contact.name.rpartition(".")[0]
+        return f"{members.get(part, part)}.{contact.module.name}"
+
+    closed = {called(one.contact) for one in done.contacts if one.times}
     found = []
     for one in done.contacts:
-        if one.times:
+        if one.times or called(one.contact) in closed:
             continue
         contact, nearest = one.contact, scores.where(piece, one.deepest_at / done.rate)
         message = (

@@ -13,7 +13,7 @@ from ergon.exchange.wave_header import CHANNELS_MAX
 
 from . import options
 from .console import Console
-from .outcome import Outcome, Refused
+from .outcome import Findings, Outcome, Refused
 from .summary import dry_run, finer, rendered
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
 @options.accuracy
 @options.dry_run
 @options.force
+@click.option("--strict", is_flag=True, help="Exit with code 1 when the file is silent.")
 @click.option("--watch", is_flag=True, help="Render again whenever the score or its files change.")
 @options.trust
 @options.speaking
@@ -87,6 +88,7 @@ def render(
     output: str | None,
     dry: bool,
     watch: bool,
+    strict: bool,
     freeze: str | None,
     **given: Any,
 ) -> None:
@@ -103,7 +105,9 @@ def render(
     if Path(score_path).suffix == JOURNAL:
         if dry or watch or freeze:
             raise Refused("a journal is rendered as it was played: no -n, --watch or --freeze")
-        _tell(console, render_journal(Path(score_path), output, asked, console))
+        done = render_journal(Path(score_path), output, asked, console)
+        _tell(console, done)
+        _refuse_silence(strict, done)
     elif freeze is not None:
         from .freezing import freeze_parts
 
@@ -113,24 +117,31 @@ def render(
     elif watch:
         _watch(console, score_path, output, asked)
     else:
-        render_file(console, score_path, output, asked, dry)
+        _refuse_silence(strict, render_file(console, score_path, output, asked, dry))
 
 
 def render_file(
     console: Console, path: str, output: str | None, asked: FileOptions, dry: bool = False
-) -> None:
-    """Render one score; what it says stands on the console."""
-    _render(console, path, score.read(path, asked, console), output, asked, dry)
+) -> Completed | None:
+    """Render one score; what it says stands on the console. None after a dry run."""
+    return _render(console, path, score.read(path, asked, console), output, asked, dry)
 
 
 def _render(
     console: Console, path: str, loaded: Loaded, output: str | None, asked: FileOptions, dry: bool
-) -> None:
+) -> Completed | None:
     prepared = prepare(loaded, target(path, loaded, output), asked, console)
     if dry:
         dry_run(console, prepared.stage, prepared.job)
-    else:
-        _tell(console, write(prepared, console))
+        return None
+    done = write(prepared, console)
+    _tell(console, done)
+    return done
+
+
+def _refuse_silence(strict: bool, done: Completed | None) -> None:
+    if strict and done is not None and done.files.mix.peak == 0.0:
+        raise Findings  # the warning says it
 
 
 def _tell(console: Console, done: Completed) -> None:

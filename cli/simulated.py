@@ -7,7 +7,7 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 from ergon.api import score
-from ergon.api.simulate import never_closed, simulate
+from ergon.api.simulate import never_closed, never_stuck, simulate
 
 from .console import Console, plural
 from .units import metres
@@ -27,7 +27,7 @@ def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None
     _contacts(console, piece, done.rate, done.contacts)
     if done.left_out:
         console.say(f"{plural(done.left_out, 'more point and contact')} not measured")
-    score.show(console, loaded, never_closed(piece, done))
+    score.show(console, loaded, [*never_closed(piece, done), *never_stuck(done)])
 
 
 def _swings(console: Console, moved: Sequence[Swing]) -> None:

@@ -41,6 +41,9 @@ def rendered(console: Console, completed: Completed) -> None:
             modules=network.n_mat + network.n_lia,
             threads=job.threads,
         )
+        for one in done.instruments:
+            peak, loudness = decibels(one.peak), one.loudness
+            console.record("instrument", name=one.name, peak_dbfs=peak, loudness_lufs=loudness)
         for stem in done.stems:
             console.record(
                 "stem", file=stem.path, peak_dbfs=decibels(stem.peak), sha256=stem.sha256
@@ -56,12 +59,17 @@ def rendered(console: Console, completed: Completed) -> None:
         f"peak {level(peak, 'dBFS')}{gain}, loudness {level(mix.loudness, 'LUFS')}, "
         f"no late blocks, sha256 {digits}"
     )
+    for one in done.instruments:
+        console.say(
+            f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
+            f"loudness {level(one.loudness, 'LUFS')}"
+        )
     for stem in done.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
     if done.stems and done.stems[0].gain != mix.gain:
         lower = decibels(done.stems[0].gain / mix.gain)
         console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
-    if mix.peak == 0:
+    if mix.peak == 0 and not completed.faint:  # of a journal, which has no place in a score
         console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
     if job.format.bits != "float":
         for file in (mix, *done.stems):

@@ -21,6 +21,8 @@ class Assembly:
     network: _core.Network = field(default_factory=_core.Network)
     mats: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> first MAT
     links: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> LIA
+    # The links of generators, (part, module) -> first LIA and number of LIAs.
+    bodies: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)
     seed: int = 0
 
     def part(
@@ -43,9 +45,11 @@ class Assembly:
         for module in modules:
             if module.kind in HOLDERS:
                 fields = _seen(module.fields, reach)
+                n_links = self.network.n_lia
                 first = _MATS[module.kind](self, module.name, fields)
                 self.mats[name, module.name] = first
                 if module.kind not in ("MAS", "SOL", "CEL"):
+                    self.bodies[name, module.name] = (n_links, self.network.n_lia - n_links)
                     self._starts(first, fields)
 
     def joins(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from ergon.instruments.bodies import DECAY, Bending
@@ -291,6 +291,12 @@ LATER_FIELDS: dict[str, Any] = {
 def tables(ca: bool, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
     """Tables by kind, in SI units or under `units: ca`."""
     return {name: KINDS[name].ca_table if ca else KINDS[name].table for name in names}
+
+
+def partly(table: Record) -> Record:
+    """The table of fields that may stand in what `like:` or `from:` begins with."""
+    fields = tuple(replace(field, required=False) for field in table.fields)
+    return replace(table, fields=fields)
 
 
 def member_count(kind: str, fields: Mapping[str, Any]) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments.model import Module
+from ergon.instruments.transpose import law
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
@@ -54,22 +55,23 @@ def resolved(
             or text in fields["constants"]
         ):
             continue
-        law = laws.get(text)
-        if law is None:
+        named = laws.get(text)
+        if named is None:
             message = f"{who}: no law is called {quote(text)}"
             place = locate(name, 0, len(text))
             collector.error("E301", message, place, word=text, names=tuple(laws))
             return module
-        constants |= law.constants
+        constants |= named.constants
         if name == "law":
-            fields["law"] = law.law
-            fields["damping"] = fields["damping"] or law.damping
+            fields["law"] = named.law
+            fields["damping"] = fields["damping"] or named.damping
         else:
-            fields["damping"] = law.damping
+            fields["damping"] = named.damping
     written = fields["constants"]
     fields["constants"] = {**constants, **written}
+    interval = fields.pop("interval", None)
     used = set(_WORDS.findall(f"{fields['law'] or ''} {fields['damping'] or ''}")) - _KNOWN
-    fields_of_kind = [word for word in module.fields if word != "constants"]
+    fields_of_kind = [w for w in module.fields if w not in ("constants", "interval")]
     for name in written:
         if name not in used:
             message = f"{who}: the law has no constant {quote(name)}"
@@ -77,6 +79,8 @@ def resolved(
             collector.error("E101", message, module.places[name], word=name, names=names)
             return module
     if check(fields, who, locate, collector):
+        if interval is not None:
+            law(fields, interval)
         return replace(module, fields=fields)
     return module
 

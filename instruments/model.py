@@ -51,16 +51,27 @@ class Module:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What is heard: the sum of positions (SOX) or forces (SOF); `name` is "" for a lone one.
+    """What is heard: a sum of positions (SOX), speeds (SOV), accelerations (SOA) or forces (SOF).
 
-    With `nearest`, every member's force goes to the loudspeaker that lies nearest.
+    `name` is "" for a lone one. With `nearest`, every member's force goes to the loudspeaker that
+    lies nearest.
     """
 
     name: str
-    kind: Literal["SOX", "SOF"]
+    kind: Literal["SOX", "SOV", "SOA", "SOF"]
     targets: tuple[Target, ...]
     nearest: Layout | None
     place: Place
+
+    @property
+    def is_movement(self) -> bool:
+        """Whether masses are heard, not links."""
+        return self.kind != "SOF"
+
+    @property
+    def order(self) -> int:
+        """How often positions are differentiated by time."""
+        return {"SOV": 1, "SOA": 2}.get(self.kind, 0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import Literal
 from ergon.instruments.kinds import HOLDERS, LINKS, member_count
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
+from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote
 
@@ -43,6 +44,46 @@ class Scene:
     parts: dict[str, Part] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)  # named, but not to be read
     reached: set[str] = field(default_factory=set)  # parts that some name has led to
+    # Instruments with `notes`: the part of each note, by its number.
+    families: dict[str, dict[int, str]] = field(default_factory=dict)
+
+    def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
+        """What a name reaches: of an instrument with notes each one, without those not found."""
+        found = (self.target(each, wanted, who) for each in self.members(name))
+        return [target for target in found if target is not None]
+
+    def members(self, name: Name, prefix: str = "") -> list[Name]:
+        """A name, or of an instrument with notes (`string`, `string.body.12`) that of each."""
+        found = self.family(name, prefix)
+        if found is None:
+            return [name]
+        parts, rest = found
+        return [Name(".".join(filter(None, (part, rest))), name.place) for part in parts.values()]
+
+    def family(self, path: str, prefix: str = "") -> tuple[dict[int, str], str] | None:
+        """An instrument with notes whose notes a path leaves out, and the rest of the path."""
+        for full in _with_prefix(path, prefix) if self.families else ():
+            words = full.split(".")
+            for count in range(len(words), 0, -1):
+                parts = self.families.get(".".join(words[:count]))
+                if parts is not None and (count == len(words) or number(words[count]) is None):
+                    return parts, ".".join(words[count:])
+        return None
+
+    def is_known(self, name: str) -> bool:
+        """Whether a key or an instrument has a name, or a module of one."""
+        return self._find(name, None, "") is not None
+
+    def spelled(self, path: str, prefix: str = "") -> str:
+        """A path whose note is written as the instrument has it: `string.Gb3` for `string.F#3`."""
+        for full in _with_prefix(path, prefix) if self.families else ():
+            words = full.split(".")
+            for count in range(1, len(words)):
+                parts = self.families.get(".".join(words[:count]))
+                note = number(words[count])
+                if parts is not None and note in parts:
+                    return ".".join((parts[note], *words[count + 1 :]))
+        return path
 
     def target(
         self, name: Name, wanted: Wanted, who: str, part: Part | None = None, prefix: str = ""
@@ -52,8 +93,16 @@ class Scene:
         `mat` and `link` are one module, `mats` and `links` may be several.
         """
         match = _MEMBERS.fullmatch(name)
-        path = match[1] if match else str(name)
-        found = self._find(path, part, prefix or (part.prefix if part else ""))
+        prefix = prefix or (part.prefix if part else "")
+        path = self.spelled(match[1] if match else str(name), prefix)
+        found = self._find(path, part, prefix)
+        if found is None and (family := self.family(path, prefix)) is not None:
+            examples = ", ".join([*family[0].values()][:4])
+            message = (
+                f"{who}: {quote(name)} has {len(family[0])} notes; write one of them: {examples}"
+            )
+            self.collector.error("E304", message, name.place)
+            return None
         if found is None:
             self._unknown(name, path, who, part)
             return None
@@ -79,7 +128,7 @@ class Scene:
             head, _, tail = path.partition(".")
             if head in part.selves and (not tail or tail in part.modules):
                 return part, tail if tail or "" in part.modules else None
-        for full in dict.fromkeys((f"{prefix}.{path}" if prefix else path, path)):
+        for full in _with_prefix(path, prefix):
             if full in self.parts:
                 owner = self.parts[full]
                 return owner, "" if "" in owner.modules else None
@@ -172,3 +221,8 @@ class Scene:
         else:
             sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
         self.collector.error("E304", f"{who}: {sentence}", name.place)
+
+
+def _with_prefix(path: str, prefix: str) -> tuple[str, ...]:
+    """A path as the file of a prefix means it, then as the score does."""
+    return (f"{prefix}.{path}", path) if prefix else (path,)

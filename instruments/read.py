@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.instruments.kinds import HOLDERS, tables
+from ergon.instruments.kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.model import Instrument, Module, Output
 from ergon.instruments.stiff import Stretched
+from ergon.instruments.transpose import INTERVAL
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.notes import Notes, read_note
 from ergon.notation.tables.shapes import (
     MISSING,
     Context,
@@ -25,15 +27,19 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
-from ergon.notation.text.errors import with_article
+from ergon.notation.text.errors import TextError, with_article
 from ergon.notation.text.values import Place
 
 MODULES_DOC = "the network: names, each with one kind of module"
 
 
 def module_table(ca: bool) -> Record:
-    """`m: {CEL: {…}}`: a name has one kind."""
-    return Record("module", "one module", (), kinds=tables(ca), kind_required=True)
+    """`m: {CEL: {…}}`: a name has one kind.
+
+    What is missing may come by `like:` or `from:`, so `whole` asks for it when these are followed.
+    """
+    kinds = {name: partly(table) for name, table in tables(ca).items()}
+    return Record("module", "one module", (), kinds=kinds, kind_required=True)
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,8 @@ _SOF = Record(
 )
 _LISTENERS: dict[str, Shape] = {
     "SOX": _HEARD,
+    "SOV": _HEARD,
+    "SOA": _HEARD,
     "SOF": Either(_HEARD.item, _SOF, _HEARD),
 }
 
@@ -106,12 +114,56 @@ class Outputs(Shape):
 
     def words(self) -> str:
         """In words."""
-        return "{SOX: m}, {SOF: b}, or names, each with such a one"
+        return "{SOX: m}, {SOV: m}, {SOA: m}, {SOF: b}, or names, each with such a one"
 
     def chosen(self, node: Node) -> Shape:
         """One output, or names of several."""
         words = node.entries if isinstance(node, document.Mapping) else {}
         return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED
+
+
+def member_table(ca: bool) -> Record:
+    """What one note of an instrument may have that the others have not."""
+    fields = (
+        Field("modules", NamesOf(module_table(ca), "module"), "fields of its modules"),
+        Field("f", k.PITCHES, "another pitch for a single generator"),
+        Field("t60", k.DURATIONS, "another decay for a single generator"),
+        Field("M", k.MASS, "another mass for a single generator"),
+    )
+    kinds = {name: partly(table) for name, table in tables(ca, HOLDERS).items()}
+    return Record("member", "what one note has of its own", fields, kinds=kinds)
+
+
+@dataclass(frozen=True)
+class Members(Shape):
+    """`{F3: {modules: …}}`: by its note, what a member has of its own."""
+
+    item: Record
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        found: dict[str, Any] = {}
+        for word, (key, child) in node.entries.items():
+            try:
+                read_note(word)
+            except TextError as error:
+                context.text_error(error, key, name, inside=False)
+                continue
+            inside = Context(context.collector, context.owner, context.name, key.place)
+            value = self.item.read(child, "", inside)
+            if value is not MISSING:
+                found[word] = value
+        return found
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["object"], "additionalProperties": self.item.schema()}
+
+    def words(self) -> str:
+        """In words."""
+        return "notes, each with fields, such as F3: {t60: 3s}"
 
 
 def instrument_table(ca: bool) -> Record:
@@ -125,14 +177,18 @@ def instrument_table(ca: bool) -> Record:
         Field("from", Reference("file/name"), "an instrument of a file that `use:` names"),
         Field("modules", NamesOf(module_table(ca), "module"), MODULES_DOC),
         Field("out", Outputs(), "what is heard of it", shown="nothing"),
-        Field("f", k.PITCHES, "another pitch for a single generator"),
+        Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
+        Field("transpose", INTERVAL, "how much higher than what it begins with, or is written"),
+        Field("notes", Notes(), "one of it at each note; its members are called by them"),
+        Field("members", Members(member_table(ca)), "what single members have of their own"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field("M", k.MASS, "another mass for a single generator"),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
         Field("at", k.RATE, "the rate of that network"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
     )
-    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=tables(ca, HOLDERS))
+    kinds = {name: partly(table) for name, table in tables(ca, HOLDERS).items()}
+    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds)
 
 
 @dataclass(frozen=True)
@@ -164,11 +220,33 @@ class InstrumentShape(Shape):
 INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))
 
 
+def whole(kind: str, values: Values) -> bool:
+    """Whether all fields that a module needs are there, once `like:` is followed; reports."""
+    required = [field for field in KINDS[kind].table.fields if field.required]
+    for field in required:
+        if field.name not in values.nodes:
+            message = f"{values.context.of('')} has no '{field.name}': {field.shape.words()}"
+            values.context.error("E103", message, values.place)
+    return all(field.name in values.given for field in required)
+
+
+def modules(values: Values) -> tuple[Module, ...]:
+    """The modules of a key or an instrument; one that was refused is left out."""
+    bodies = (values["modules"] or {}).items()
+    return tuple(
+        module(name, body.kind, body.given[body.kind])
+        for name, body in bodies
+        if body is not MISSING and whole(body.kind, body.given[body.kind])
+    )
+
+
 def module(name: str, kind: str, values: Values) -> Module:
     """A module with all its fields, defaults filled in; checks what fields mean together."""
     fields = {f.name: values[f.name] for f in values.record.fields}
     if kind == "LNL":
         fields["constants"] = dict(values.free)
+        if "interval" in values.given:
+            fields["interval"] = values.given["interval"]
     if isinstance(wire := fields.get("stretching"), Stretched):
         fields["stretching"] = wire.of(fields["masses"], fields["ends"])
     for check in _CHECKS.get(kind, ()):
@@ -260,17 +338,19 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
 
 def instrument(values: Values) -> Instrument:
     """An instrument from what was written, once `like:` and `from:` are followed."""
-    modules = []
-    if values.kind and (body := values.given[values.kind]) is not MISSING:
-        modules.append(module("", values.kind, _retuned(values, body)))
-    elif extra := values.written("f", "t60", "M"):
+    made: list[Module] = []
+    if values.kind:
+        body = values.given[values.kind]
+        if body is not MISSING and whole(values.kind, body := _retuned(values, body)):
+            made.append(module("", values.kind, body))
+    elif extra := values.written("t60", "M"):
         message = (
             f"{values.context.of(extra[0])}: only an instrument of one generator has this field"
         )
         values.error("E111", message, extra[0])
-    for name, body in (values["modules"] or {}).items():
-        if body is not MISSING:
-            modules.append(module(name, body.kind, body.given[body.kind]))
+    elif values.written("f") and (f := values["f"]) is not None and f[0] != f[1]:
+        values.error("E202", f"{values.context.of('f')}: only a BANK has a range", "f")
+    made += modules(values)
     if not values.kind and not values.written("modules"):
         values.error("E103", f"{values.context.of('')} has no modules")
     if values.kind and values.written("modules"):
@@ -283,7 +363,7 @@ def instrument(values: Values) -> Instrument:
         Output(output.name, output.kind, output.names, output.nearest, output.place)
         for output in values["out"] or ()
     )
-    return Instrument(values.context.name, tuple(modules), outputs, _ca_rate(values), values.place)
+    return Instrument(values.context.name, tuple(made), outputs, _ca_rate(values), values.place)
 
 
 def _ca_rate(values: Values) -> float | None:

@@ -127,9 +127,10 @@ def outputs(
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
         who = f"{output.kind} of {quote(called)}"
-        family = "mats" if output.kind == "SOX" else "links"
+        family = "mats" if output.is_movement else "links"
         names: tuple[Any, ...] = output.targets
-        found = (_output_target(name, family, who, part, scene) for name in names)
+        each = (one for name in names for one in _each(name, part, scene))
+        found = (_output_target(name, family, who, part, scene) for name in each)
         targets = tuple(target for target in found if target is not None)
         room = None
         if isinstance(output.nearest, str):
@@ -139,6 +140,12 @@ def outputs(
                 scene.collector.error("E304", message, output.place)
         result.append(replace(output, targets=targets, nearest=room))
     return tuple(result)
+
+
+def _each(name: Name, part: Part, scene: Scene) -> list[Name]:
+    """A name, or of another instrument with notes the names of all of them."""
+    is_own = name.partition(".")[0] in (*part.modules, *part.selves)
+    return [name] if is_own else scene.members(name, part.prefix)
 
 
 def _output_target(name: Name, family: Any, who: str, part: Part, scene: Scene) -> Target | None:

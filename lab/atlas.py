@@ -188,4 +188,4 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
     what = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {what} stiffer"
     return Map(name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
-               _RATES, seconds, case)  # fmt: skip
+               _RATES, seconds, case, as_written=(1.0, 1.0))  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, isnan, log10
 from statistics import median
@@ -25,6 +25,7 @@ from ergon.scores.staging.stage import StageError
 ROUNDS = 3  # timed, after one that warms up and makes the sound
 _LOOKS = 20  # into the ledger, to see a drift
 _DOUBLINGS = 2  # of the reference, beyond all that is charted
+_SCATTER = 1.1  # between two timings of the same work
 Progress = Callable[[int], None]
 
 
@@ -71,7 +72,8 @@ class Chart:
     """All points of a scene, and the reference that they were measured against.
 
     `floor` is the reference's own error in the metric: nothing below it can be told. None for
-    energy, whose truth is 0. `doubts` name methods that settle on another sound.
+    energy, whose truth is 0. `doubts` name methods that settle on another sound, `alike` groups of
+    methods that make the same samples here, wherever both ran: they are one curve.
     """
 
     points: list[Point]
@@ -81,6 +83,7 @@ class Chart:
     seconds: float
     rate: float
     doubts: tuple[str, ...] = ()
+    alike: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(slots=True)
@@ -172,8 +175,28 @@ def measure(
         points = [_with_energy(bench, point) for point in points]
     order = {setting: i for i, setting in enumerate(wanted)}
     points.sort(key=lambda point: order[point.setting])
-    marked = _marked(points, metric, floor)
-    return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful)
+    alike = _alike(sounds)
+    marked = _marked(points, metric, floor, alike)
+    return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
+
+
+def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
+    """Groups of methods whose sounds are the same, wherever both were computed."""
+    of: dict[str, dict[Setting, Floats]] = {}
+    for setting, sound in sounds.items():
+        if setting.method is not None:
+            of.setdefault(setting.method, {})[replace(setting, method=None)] = sound
+    groups: list[list[str]] = []
+    for method, own in of.items():
+        for group in groups:
+            theirs = of[group[0]]
+            both = own.keys() & theirs.keys()
+            if both and all(np.array_equal(own[one], theirs[one]) for one in both):
+                group.append(method)
+                break
+        else:
+            groups.append([method])
+    return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
 def _costs(bench: _Bench) -> dict[Setting, float]:
@@ -250,21 +273,41 @@ class Judge:
         return [partial for partial in found if partial is not None]
 
 
-def _marked(points: list[Point], metric: Metric, floor: float | None) -> list[Point]:
-    front = set(_front(points, metric, floor))
+def _marked(
+    points: list[Point],
+    metric: Metric,
+    floor: float | None,
+    alike: Sequence[Sequence[str]] = (),
+) -> list[Point]:
+    front = set(_front(points, metric, floor, alike))
     return [replace(point, on_front=point.setting in front) for point in points]
 
 
-def _front(points: list[Point], metric: Metric, floor: float | None) -> Iterator[Setting]:
-    """Settings that no other beats in both error and cost; below the floor all are alike."""
-    least = float("inf")
-    measured = [(p.cost, p.error(metric), p) for p in points if p.setting.method is not None]
-    told = ((c, e, p) for c, e, p in measured if c is not None and e is not None)
-    for _, error, point in sorted(told, key=lambda one: (one[0], one[1])):
-        shown = error if floor is None else max(error, floor)
-        if shown < least:
-            least = shown
-            yield point.setting
+def _front(
+    points: list[Point], metric: Metric, floor: float | None, alike: Sequence[Sequence[str]] = ()
+) -> Iterator[Setting]:
+    """Settings that no other beats in error at about their cost; below the floor all are alike.
+
+    Costs that are apart by no more than timings scatter are the same: then the smaller error
+    counts, and of equal errors the first point. Of methods that are alike the first stands for all.
+    """
+    echoes = {method for group in alike for method in group[1:]}
+    told = [
+        (point.cost, error if floor is None else max(error, floor), at, point.setting)
+        for at, point in enumerate(points)
+        if point.setting.method not in (None, *echoes)
+        and point.cost is not None
+        and (error := point.error(metric)) is not None
+    ]
+    for cost, error, at, setting in sorted(told, key=lambda one: one[:3]):
+        rivals = (
+            one for one in told if one[0] <= cost * _SCATTER and (one[1], one[2]) != (error, at)
+        )
+        if not any(
+            other < error or (other == error and (its < cost / _SCATTER or place < at))
+            for its, other, place, _ in rivals
+        ):
+            yield setting
 
 
 def likely_cost(chart: Chart, point: Point) -> float | None:

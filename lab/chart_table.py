@@ -21,6 +21,7 @@ def csv(chart: Chart, title: str, machine: str) -> str:
         "cost: seconds of one core per second of sound, median of interleaved rounds",
         f"reference: {known or 'none'}",
         *(f"doubt: {doubt}" for doubt in chart.doubts),
+        *(f"the same samples: {', '.join(group)}" for group in chart.alike),
     ]
     names = [*_HEAD, *_MEASURES, "reason"]
     return table.text(facts, names, ([row[name] for name in names] for row in rows))
@@ -75,4 +76,5 @@ def lines(chart: Chart) -> str:
             f"  reference: {chart.reference.setting}, own error about "
             f"{chart.reference.floor_db:.0f} dB of waveform{seen}\n"
         )
+    rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
     return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)

@@ -37,8 +37,13 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
         ax.set_yscale("log")
     told = [p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None]
     _front(ax, chart, told)
+    names: dict[str, str] = {method: method for method in METHODS}
+    for group in chart.alike:
+        names.update({method: "" for method in group[1:]}, **{group[0]: " = ".join(group)})
     for method in METHODS:
-        _method(ax, chart, [p for p in told if p.setting.method == method], method)
+        if names[method]:
+            row = [p for p in told if p.setting.method == method]
+            _method(ax, chart, row, method, names[method])
     for point in told:
         if point.setting.method is None:
             _planner(ax, chart, point)
@@ -62,13 +67,13 @@ def _cost(point: Point) -> float:
     return point.cost
 
 
-def _method(ax: Axes, chart: Chart, points: list[Point], method: str) -> None:
+def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str) -> None:
     colour = COLOURS[METHODS.index(method)]
     for precision, marker, line in (("f64", "o", "-"), ("f32", "s", ":")):
         row = [p for p in points if p.setting.precision == precision]
         row.sort(key=lambda p: p.setting.oversampling)
         if row:
-            label = method if precision == "f64" else f"{method}, single precision"
+            label = name if precision == "f64" else f"{name}, single precision"
             x, y = [_cost(p) for p in row], [_height(chart, p) for p in row]
             ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
         for point in row:
@@ -82,6 +87,9 @@ def _planner(ax: Axes, chart: Chart, point: Point) -> None:
     inside, label = "black", "the planner's choice"
     if budget is not None:
         inside, label = "white", f"the planner's choice for {budget:g} dB"
+        if chart.metric == "waveform":
+            ax.axhline(budget, color="black", linewidth=0.8, linestyle=":", zorder=0,
+                       label=f"{budget:g} dB, as asked for")  # fmt: skip
     ax.plot(*at, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4)
     _word(ax, point.reason, at, "black")
 

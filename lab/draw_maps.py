@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,10 @@ _STAYS, _RUNS_AWAY, _NOT_RUN = "#cfe6f5", "#eda06f", "#d9d9d9"
 _HAPPENED = {True: _STAYS, False: _RUNS_AWAY, None: _NOT_RUN}
 _FINE = 160  # points a side on which a formula's border is drawn
 _COLUMNS = 2
+_AS_WRITTEN: dict[str, Any] = {
+    "marker": "D", "linestyle": "", "markersize": 9, "markerfacecolor": "none",
+    "markeredgecolor": "#b3261e", "markeredgewidth": 1.6,
+}  # fmt: skip
 
 
 def draw(surveyed: Surveyed, title: str) -> Figure:
@@ -35,7 +39,8 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
         _panel(ax, one, spots)
     for ax in grid[len(surveyed) :]:
         ax.set_axis_off()
-    _legend(figure, grid[len(surveyed)] if len(grid) > len(surveyed) else None)
+    has_written = any(one.as_written is not None for one, _ in surveyed.values())
+    _legend(figure, grid[len(surveyed)] if len(grid) > len(surveyed) else None, has_written)
     return figure
 
 
@@ -53,6 +58,8 @@ def _panel(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
     _colours(ax, one, spots)
     _marks(ax, spots)
     _borders(ax, one, spots)
+    if one.as_written is not None:
+        ax.plot(*one.as_written, **_AS_WRITTEN, zorder=3)
 
 
 def _colours(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
@@ -121,7 +128,7 @@ def _fine(values: Sequence[float], is_log: bool) -> Floats:
     return np.geomspace(low, high, _FINE) if is_log else np.linspace(low, high, _FINE)
 
 
-def _legend(figure: Figure, ax: Axes | None) -> None:
+def _legend(figure: Figure, ax: Axes | None, has_written: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -135,6 +142,8 @@ def _legend(figure: Figure, ax: Axes | None) -> None:
         Line2D([], [], color="black", linewidth=1.4, label="border by a formula"),
         Line2D([], [], color="black", linestyle="--", label="border by the certificate"),
     ]
+    if has_written:
+        handles.append(Line2D([], [], label="the score as it is written", **_AS_WRITTEN))
     if ax is not None:
         ax.legend(handles=handles, loc="center", frameon=False)
     else:

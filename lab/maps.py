@@ -24,7 +24,8 @@ class Map:
     """A grid over two parameters.
 
     `load` is λ over the limit by a formula: 1 is the predicted border; None where there is none.
-    The error is that of the first `judged` seconds of sound.
+    The error is that of the first `judged` seconds of sound. `as_written`: where the score itself
+    stands.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Map:
     log_y: bool = True
     right: Right = RIGHT
     judged: float = EARLY
+    as_written: tuple[float, float] | None = None
 
     @property
     def n_spots(self) -> int:

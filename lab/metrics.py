@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 
 EARLY = 0.1  # [s] of sound before small errors of pitch dominate a difference of waveforms
 _ONSET = 1e-3  # of the peak: -60 dB
+_ROUNDED = 1e-13  # of the whole sound: a difference so small is rounding
 WINDOWS = (512, 2048, 8192)  # frames: strokes, notes, partials
 _HEARD_DB = -60.0  # below a frame's strongest bin nothing is compared
 _SILENT_DB = -120.0  # frames so far below the loudest one are silence
@@ -25,8 +26,22 @@ _WORST_DB = 100.0  # a bin that is missing altogether differs by this
 
 
 def waveform_db(y: Floats, x: Floats) -> float:
-    """20·log10(‖y - x‖/‖x‖); -inf where they are the same, inf where only x is silent."""
-    difference, size = float(np.linalg.norm(y - x)), float(np.linalg.norm(x))
+    """20·log10(‖y - x‖/‖x - mean‖) of the worst channel, as plans say it.
+
+    -inf where they are the same, inf where only x is silent. A channel that is silent beside the
+    others, to rounding, counts nothing.
+    """
+    ours, theirs = _columns(y), _columns(x)
+    differences = np.linalg.norm(ours - theirs, axis=0)
+    sizes = np.linalg.norm(theirs - theirs.mean(axis=0), axis=0)
+    told = differences > _ROUNDED * np.linalg.norm(theirs)
+    if not told.any():
+        return _ratio_db(float(differences.max(initial=0.0)), float(sizes.max(initial=0.0)))
+    pairs = zip(differences[told].tolist(), sizes[told].tolist(), strict=True)
+    return max(_ratio_db(difference, size) for difference, size in pairs)
+
+
+def _ratio_db(difference: float, size: float) -> float:
     if difference == 0.0:
         return -inf
     return 20.0 * log10(difference / size) if size > 0.0 else inf

@@ -218,6 +218,6 @@ def event_sentence(
         "until 3 s after that has ended",
         "tripped: frozen": f"{player}'s key tripped: its position stays the same whatever the "
         "force does; no force until it has moved for 3 s",
-        "muted": "a part diverged and is muted",
+        "muted": "a part diverged or made energy, and is muted",
         "finer": "links became too stiff for one frame: such frames are computed in finer steps",
     }.get(what, "")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.live.automated import MAX_SETS, Values, felt, value_sets
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.scene import OVER, acting
 
@@ -29,7 +30,7 @@ _FADE = 0.02
 _SHORT = 0.05
 # A longer glide is checked wherever a value has changed by this ratio, at this many places at most.
 _RATIO, _PLACES = 1.2, 20
-_KEPT = 64  # answers
+_KEPT = 256  # answers
 
 # The force limit of a hand for a response of the scene; None: the hand has no key.
 Bears = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
@@ -125,30 +126,27 @@ class Guard:
         """
         if not self._real:
             return ()
-        if stage.paths:
-            raise _core.EngineError(
-                "automation cannot be played while a real hand is connected: the force that the "
-                "hand may get is not known for every value; remove `automation`, or play without "
-                "the device"
-            )
         moments = _moments(stage, start, glides)
         on = tuple(before) if len(moments) > 1 else ()
-        if self._last and self._last[0] is stage.network and self._last[1:] == (moments, on):
-            return self._found
         hands = [hand for hand in stage.live if hand.index in self._real]
+        values = [_automated(stage, hand, hands, start) for hand in hands]
+        known = moments, on, values
+        if self._last and self._last[0] is stage.network and self._last[1:] == known:
+            return self._found
         old = {one.player: one.least for one in before}
-        found = tuple(
-            self._bearing(stage, hand, hands, moments, old.get(hand.player)) for hand in hands
-        )
-        self._last, self._found = (stage.network, moments, on), found
-        return found
+        found = []
+        for hand, led in zip(hands, values, strict=True):
+            every = tuple((at, *_with(led, first, last)) for at, first, last in moments)
+            found.append(self._bearing(stage, hand, hands, every, old.get(hand.player)))
+        self._last, self._found = (stage.network, *known), tuple(found)
+        return self._found
 
     def _bearing(
         self,
         stage: Stage,
         hand: LiveHand,
         hands: Sequence[LiveHand],
-        moments: Sequence[tuple[int, _Moment, _Moment]],
+        moments: Sequence[tuple[int, Sequence[_Moment], Sequence[_Moment]]],
         old: ForceScale | None,
     ) -> HandForceBounds:
         start = moments[0][0]
@@ -156,10 +154,10 @@ class Guard:
         every: list[ForceScale] = []
         for at, (frame, first, last) in enumerate(moments):
             is_short = len(moments) == 2 and moments[1][0] - start <= _SHORT * stage.rate
-            end = self._borne(stage, hand, hands, last)
+            end = self._least(stage, hand, hands, last)
             # A short glide begins where the stage before was.
             from_old = old if at == 0 and is_short else None
-            begin = from_old or self._borne(stage, hand, hands, first)
+            begin = from_old or self._least(stage, hand, hands, first)
             worst = min(begin, end, key=lambda borne: borne.scale)
             every.append(worst)
             is_rise = bool(bounds) and worst.scale > bounds[-1][1]
@@ -167,6 +165,13 @@ class Guard:
             bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
         least = min(every, key=lambda borne: borne.scale)
         return HandForceBounds(hand.player, tuple(bounds), least, every[-1])
+
+    def _least(
+        self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moments: Sequence[_Moment]
+    ) -> ForceScale:
+        """The least of all values that automation may have at a moment."""
+        borne = [self._borne(stage, hand, hands, moment) for moment in moments]
+        return min(borne, key=lambda one: one.scale)
 
     def _borne(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _Moment
@@ -190,6 +195,48 @@ class Guard:
         if len(self._known) > _KEPT:
             del self._known[next(iter(self._known))]
         return borne
+
+
+def _automated(
+    stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start: int
+) -> tuple[Values, ...]:
+    """The values of automation that a hand may feel; one empty set where it feels none."""
+    paths = felt(stage, hand.mat, [other.mat for other in hands]) if stage.paths else {}
+    if not paths:
+        return (Values(),)
+    sets = tuple(islice(value_sets(stage, paths, start / stage.rate), MAX_SETS + 1))
+    if len(sets) > MAX_SETS:
+        names = ", ".join(".".join(filter(None, where)) for where in paths)
+        raise _core.EngineError(
+            f"{hand.player}'s hand may feel the automation of {names}, and the force that it may "
+            f"get is found for {MAX_SETS} values at most; this has more: use fewer steps or a "
+            "smaller range, or play without the device"
+        )
+    return sets
+
+
+def _with(
+    led: Sequence[Values], first: _Moment, last: _Moment
+) -> tuple[list[_Moment], list[_Moment]]:
+    """Both ends of a stretch, with each set of values that automation may have there."""
+
+    def each(moment: _Moment) -> list[_Moment]:
+        found = []
+        for values in led:
+            mats = {mat for mat, *_ in values.ties}
+            ties = (tie for tie in moment.ties if tie[0] not in mats)
+            links = {link for link, _ in values.factors}
+            factors = (factor for factor in moment.factors if factor[0] not in links)
+            found.append(
+                replace(
+                    moment,
+                    ties=(*ties, *values.ties),
+                    factors=(*factors, *values.factors),
+                )
+            )
+        return found
+
+    return each(first), each(last)
 
 
 def _moments(
@@ -254,7 +301,7 @@ def _numbers(
     for glide in glides:
         first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
         share = min(1.0, max(0.0, (frame - first) / (last - first)))
-        if share == 1.0:
+        if share == 1.0 and glide.own is None:
             continue
         where = glide.part, glide.module
         if len(glide.before) == 3:
@@ -263,7 +310,11 @@ def _numbers(
             mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * share)
             k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
             ties.append((stage.scene.assembly.mats[where], k, z, mass))
+        elif len(glide.before) == 2:
+            first, count = stage.scene.assembly.bodies[where]
+            most = max(of + (1.0 - of) * share for of in glide.body_factors)
+            factors += [(first + link, most) for link in range(count)]
         else:
-            ratio = glide.before[0] / glide.after[0]
-            factors.append((stage.scene.assembly.links[where], ratio + (1.0 - ratio) * share))
+            ratio, to = glide.factors
+            factors.append((stage.scene.assembly.links[where], ratio + (to - ratio) * share))
     return tuple(ties), tuple(factors)

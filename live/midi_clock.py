@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from statistics import median
 from typing import NamedTuple
 
 from .midi_messages import CLOCKS, Message, SongPosition, Transport
 
 _KEPT = 96  # clocks from which tempo and phase are estimated: four beats
 _ENOUGH = 12  # clocks before anything is estimated
-_JUMP = 0.006  # [s] by which a clock is off the estimate where the tempo has jumped
+_JUMP = 0.006  # [s] by which a clock is off the estimate where it is late, or the tempo has jumped
+_SURE = 12  # such clocks in a row after which the tempo has jumped
+# A clock is late where it is this many times the median error behind the line, and so much [s].
+_LATE, _LATE_LEAST = 4.0, 0.002
+_TRIALS = 4  # lines that are drawn, each without the clocks that were late by the one before
 _SILENCE = 0.5  # [s] without a clock after which there is none to follow
 _LONGEST, _SHORTEST = 60.0 / 20.0, 60.0 / 400.0  # [s] of a beat that is followed
 
@@ -37,6 +42,7 @@ class ClockFollower:
     def __init__(self) -> None:
         """Begin without a clock."""
         self._clocks: deque[tuple[int, float]] = deque(maxlen=_KEPT)
+        self._off: list[tuple[int, float]] = []  # the latest, where all are off the estimate
         self._next = 0  # the number of the next clock
         self._last = -math.inf
         self.is_placed = False
@@ -67,42 +73,58 @@ class ClockFollower:
         moved = [(number + by, at) for number, at in self._clocks]
         self._clocks.clear()
         self._clocks.extend(moved)
+        self._off = [(number + by, at) for number, at in self._off]
         self._next = clocks
         self.is_placed = True
 
     def _clock(self, at: float) -> None:
         if at - self._last > _SILENCE or at < self._last:
             self._clocks.clear()
-        else:
-            known = self.beat()
-            if known is not None and abs(known.when(self._next / CLOCKS) - at) > _JUMP:
-                self._forget()
+            self._off.clear()
         self._last = at
-        self._clocks.append((self._next, at))
+        known, own = self.beat(), (self._next, at)
         self._next += 1
-
-    def _forget(self) -> None:
-        """Keep the latest clocks alone: the tempo has jumped, or one came late."""
-        while len(self._clocks) > _ENOUGH // 2:
-            self._clocks.popleft()
+        if known is None or abs(known.when(own[0] / CLOCKS) - at) <= _JUMP:
+            self._off.clear()
+            self._clocks.append(own)
+            return
+        # A program or a wire that was held up tells several clocks at once, and then goes on as
+        # before: only where that does not happen has the tempo jumped.
+        self._off.append(own)
+        if len(self._off) == _SURE:
+            self._clocks.clear()
+            self._clocks.extend(self._off)
+            self._off.clear()
 
     def is_heard(self, now: float) -> bool:
         """Whether clocks come."""
         return now - self._last <= _SILENCE
 
     def beat(self) -> Beat | None:
-        """The line through the latest clocks; None where there are too few, or no tempo."""
+        """The line through the latest clocks, but for those that came late; None where there are
+        too few, or no tempo."""
         clocks = list(self._clocks)
-        n = len(clocks)
-        if n < _ENOUGH:
+        if len(clocks) < _ENOUGH:
             return None
-        first, since = clocks[0]
-        numbers = [number - first for number, _ in clocks]
-        instants = [at - since for _, at in clocks]
-        x, y = sum(numbers) / n, sum(instants) / n
-        along = sum((number - x) ** 2 for number in numbers)
-        rises = zip(numbers, instants, strict=True)
-        length = sum((number - x) * (at - y) for number, at in rises) / along
-        if not _SHORTEST <= length * CLOCKS <= _LONGEST:
-            return None
-        return Beat(since + y, (first + x) / CLOCKS, length * CLOCKS)
+        found = _line(clocks)
+        for _ in range(_TRIALS):
+            errors = [at - found.when(number / CLOCKS) for number, at in clocks]
+            most = max(_LATE_LEAST, _LATE * median(map(abs, errors)))
+            kept = [one for one, error in zip(clocks, errors, strict=True) if error <= most]
+            if len(kept) == len(clocks) or len(kept) < _ENOUGH // 2:
+                break
+            clocks, found = kept, _line(kept)
+        return found if _SHORTEST <= found.length <= _LONGEST else None
+
+
+def _line(clocks: list[tuple[int, float]]) -> Beat:
+    """The line by least squares through clocks: number and instant [s]."""
+    n = len(clocks)
+    first, since = clocks[0]
+    numbers = [number - first for number, _ in clocks]
+    instants = [at - since for _, at in clocks]
+    x, y = sum(numbers) / n, sum(instants) / n
+    along = sum((number - x) ** 2 for number in numbers)
+    rises = zip(numbers, instants, strict=True)
+    length = sum((number - x) * (at - y) for number, at in rises) / along
+    return Beat(since + y, (first + x) / CLOCKS, length * CLOCKS)

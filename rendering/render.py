@@ -11,16 +11,18 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 from ergon.exchange import sound
 from ergon.exchange.safe import check_target, writing
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
+from .balance import MOST, Balance, InstrumentLevel
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
+from .quiet import FadeFinder
 from .silence import Silence
 
 if TYPE_CHECKING:
@@ -90,6 +92,8 @@ class RenderJob:
     force: bool = False
     inputs: Sequence[Path] = ()  # what is read, and so not written over
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
+    # The file ends where the sound has faded after this frame, at `stop` at the latest.
+    fades_from: int | None = None
 
     def __post_init__(self) -> None:
         """Raise FileRefusedError when the target cannot hold the samples."""
@@ -114,11 +118,16 @@ class RenderedFile:
 
 @dataclass(frozen=True, slots=True)
 class RenderedFiles:
-    """The files that a render wrote, and how long it took: `wall` [s]."""
+    """The files that a render wrote, their length, and how long it took: `wall` [s].
+
+    `instruments` are those that are heard, where there are several.
+    """
 
     mix: RenderedFile
     stems: tuple[RenderedFile, ...]
     wall: float
+    n_frames: int
+    instruments: tuple[InstrumentLevel, ...] = ()
 
 
 @dataclass(slots=True)
@@ -127,8 +136,15 @@ class _Track:
 
     path: str
     mixer: Mixer
-    finish: MasterChain
+    begin: Callable[[RenderJob], MasterChain]  # once the length of the file is known
     held: FrameSpool | None
+    finish: MasterChain | None = None
+
+    def take(self, block: NDArray[np.float64]) -> None:
+        """The next mixed frames: held, or finished at once."""
+        to = self.held or self.finish
+        assert to is not None
+        to.take(block)
 
 
 def stem_paths(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
@@ -158,10 +174,30 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         for name, mixer, limit in mixers:
             to = writing(name, binary=True, force=job.force, inputs=job.inputs)
             file = stack.enter_context(to)
-            writer = sound.writer(name, file, job.format, job.n_frames, job.stamp)
-            tracks.append(_track(stack, stage, job, name, writer, mixer, limit))
-        written = _fill(stage, job, tracks, progress)
-    return RenderedFiles(written[0], tuple(written[1:]), time.perf_counter() - start)
+
+            def written_to(
+                of: RenderJob, name: str = name, file: BinaryIO = file, limit: float | None = limit
+            ) -> MasterChain:
+                writer = sound.writer(name, file, of.format, of.n_frames, of.stamp)
+                return _chain(writer, stage, of, limit)
+
+            tracks.append(_track(stack, job, name, mixer, written_to))
+        balances = _balances(stage, job)
+        job, written = _fill(stage, job, tracks, progress, balances)
+    wall = time.perf_counter() - start
+    levels = tuple(balance.level(written[0].gain) for balance in balances)
+    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels)
+
+
+def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
+    """One for each instrument, where there are several and not too many."""
+    stems = stage.stems(highpass=job.level.highpass)
+    if not 1 < len(stems) <= MOST // max(1, stage.n_channels):
+        return []
+    return [
+        Balance(name, mixer, stage.rate, stage.n_channels, job.start, job.stop)
+        for name, mixer in stems
+    ]
 
 
 def render_array(
@@ -173,60 +209,92 @@ def render_array(
     """
     import numpy as np
 
-    frames = np.zeros((job.n_frames, job.format.n_channels))
+    made: list[NDArray[np.float64]] = []
+
+    def written_to(of: RenderJob) -> MasterChain:
+        made.append(np.zeros((of.n_frames, of.format.n_channels)))
+        return _chain(ArrayWriter(of.format, made[0]), stage, of, of.level.limit)
+
     mixer = stage.mixer(highpass=job.level.highpass)
     with contextlib.ExitStack() as stack:
-        writer = ArrayWriter(job.format, frames)
-        track = _track(stack, stage, job, "-", writer, mixer, job.level.limit)
-        (done,) = _fill(stage, job, [track], progress)
-    return frames, done
+        track = _track(stack, job, "-", mixer, written_to)
+        _, (done,) = _fill(stage, job, [track], progress)
+    return made[0], done
 
 
 def _fill(
-    stage: Staged, job: RenderJob, tracks: Sequence[_Track], progress: Callable[[int], None]
-) -> list[RenderedFile]:
-    _simulate(stage, job, tracks, progress)
-    if job.level.normalise is not None:
-        _release(job, tracks)
-    return [_close(track) for track in tracks]
+    stage: Staged,
+    job: RenderJob,
+    tracks: Sequence[_Track],
+    progress: Callable[[int], None],
+    balances: Sequence[Balance] = (),
+) -> tuple[RenderJob, list[RenderedFile]]:
+    """Compute the files; also the job, whose end is known then."""
+    if job.fades_from is None:
+        for track in tracks:
+            track.finish = track.begin(job)
+    stop = _simulate(stage, job, tracks, progress, balances)
+    job = replace(job, stop=stop)
+    for track in tracks:
+        track.finish = track.finish or track.begin(job)
+    _release(job, tracks)
+    return job, [_close(track) for track in tracks]
+
+
+def _chain(writer: Writer, stage: Staged, job: RenderJob, limit: float | None) -> MasterChain:
+    chain = MasterChain(writer, stage.rate, job.start, job.stop, limit, job.silences)
+    chain.gain = job.level.gain
+    return chain
 
 
 def _track(
     stack: contextlib.ExitStack,
-    stage: Staged,
     job: RenderJob,
     path: str,
-    writer: Writer,
     mixer: Mixer,
-    limit: float | None,
+    begin: Callable[[RenderJob], MasterChain],
 ) -> _Track:
-    finish = MasterChain(writer, stage.rate, job.start, job.stop, limit, job.silences)
-    finish.gain = job.level.gain
     held = None
-    if job.level.normalise is not None:
+    if job.level.normalise is not None or job.fades_from is not None:
         folder = None if path == "-" else Path(path).resolve().parent
         n_channels = job.format.n_channels
         held = stack.enter_context(FrameSpool(folder, n_channels, job.start, job.stop))
-    return _Track(path, mixer, finish, held)
+    return _Track(path, mixer, begin, held)
 
 
 def _simulate(
-    stage: Staged, job: RenderJob, tracks: Sequence[_Track], progress: Callable[[int], None]
-) -> None:
+    stage: Staged,
+    job: RenderJob,
+    tracks: Sequence[_Track],
+    progress: Callable[[int], None],
+    balances: Sequence[Balance],
+) -> int:
+    """Mix all frames; the frame at which the files end."""
     import numpy as np
 
     at = 0
     # A limiter looks ahead, past the cut.
-    last = min(stage.n_frames, job.stop + max(track.finish.latency for track in tracks))
+    latencies = (track.finish.latency for track in tracks if track.finish is not None)
+    last = min(stage.n_frames, job.stop + max(latencies, default=0))
+    fade = None if job.fades_from is None else FadeFinder(stage.rate, job.fades_from)
     blocks = frames_of(stage.simulation, last, job.block)
     with contextlib.closing(ahead(blocks) if job.threads > 1 else blocks) as coming:
         for frames in coming:
+            end = None
             for track in tracks:
                 mixed = np.zeros((len(frames), stage.n_channels))
                 track.mixer.process(frames, mixed)
-                (track.held or track.finish).take(_fold(mixed, job.format.n_channels))
+                folded = _fold(mixed, job.format.n_channels)
+                if fade is not None and track is tracks[0]:
+                    end = fade.take(folded)
+                track.take(folded)
+            for balance in balances:
+                balance.take(frames)
             at += len(frames)
             progress(at)
+            if end is not None:
+                return min(max(end, job.start), job.stop)
+    return job.stop
 
 
 def frames_of(
@@ -254,24 +322,32 @@ def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
 
 
 def _release(job: RenderJob, tracks: Sequence[_Track]) -> None:
-    """The second pass: every file gets the gain that the mix's peak asks for.
+    """The second pass of what was held: a file that is normalised gets the gain of the mix's peak.
 
     All stems share one gain, so that they still add up; it is that of the mix unless one of them
     would clip.
     """
-    target = job.level.normalise or 1.0
+    if job.level.normalise is not None:
+        _normalise(job, job.level.normalise, tracks)
+    for track in tracks:
+        if track.held is not None and track.finish is not None:
+            for block in track.held.blocks(job.block):
+                track.finish.take(block)
+
+
+def _normalise(job: RenderJob, target: float, tracks: Sequence[_Track]) -> None:
+    target = target or 1.0
     mix, *stems = (track.held.peak if track.held else 0.0 for track in tracks)
     gain = target / mix if mix > 0 else 1.0
     clips = job.format.bits != "float"
     shared = min(gain, ceiling_gain(max(stems, default=0.0), target)) if clips else gain
     for index, track in enumerate(tracks):
-        if track.held is not None:
+        if track.finish is not None:
             track.finish.gain = shared if index else gain
-            for block in track.held.blocks(job.block):
-                track.finish.take(block)
 
 
 def _close(track: _Track) -> RenderedFile:
-    track.finish.close()
     finish = track.finish
+    assert finish is not None
+    finish.close()
     return RenderedFile(track.path, finish.peak, finish.loudness, finish.gain, finish.sha256)

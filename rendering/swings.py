@@ -8,6 +8,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from .render import frames_of
+from .slides import Sliding, sliding
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,16 +65,19 @@ class Closing:
 
 def swings(
     stage: Any, probed: Probed, progress: Callable[[int], None]
-) -> tuple[list[Swing], list[Closing]]:
-    """Run the stage of a probed piece to its end; what its points and contacts did."""
+) -> tuple[list[Swing], list[Closing], list[Sliding]]:
+    """Run the stage of a probed piece to its end; what its points, contacts and bows did."""
     moved = [Swing(point) for point in probed.points]
     closed = [Closing(contact) for contact in probed.contacts]
+    bows = [bow for bow in map(sliding, probed.rubbings) if bow is not None]
     at = 0
     for frames in frames_of(stage.simulation, stage.n_frames, _BLOCK):
         for swing, low, high in zip(moved, frames.min(axis=0), frames.max(axis=0), strict=True):
             swing.low, swing.high = min(swing.low, float(low)), max(swing.high, float(high))
         for closing in closed:
             closing.take(frames, at)
+        for bow in bows:
+            bow.take(frames, stage.rate)
         at += len(frames)
         progress(at)
-    return moved, closed
+    return moved, closed, bows

@@ -13,9 +13,12 @@ import numpy as np
 import yaml
 
 from ergon import _core
-from ergon.api.simulate import never_closed, simulate
+from ergon.api import render as rendering
+from ergon.api.simulate import never_closed, never_stuck, simulate
+from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
+from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.stage import StageError, stage
 from ergon.scores.staging.unused import unused
 
@@ -33,6 +36,12 @@ class Code:
     bad: str
     good: str
     files: dict[str, str | bytes] = field(default_factory=dict)
+
+
+def rendered(loaded: Loaded) -> rendering.Completed:
+    """What was written of a score."""
+    options = rendering.FileOptions()
+    return rendering.write(rendering.prepare(loaded, "sound.wav", options, Report()), Report())
 
 
 @cache
@@ -55,15 +64,20 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             played = stage(loaded.piece, planned=True)
         except StageError as error:
             return [*loaded.diagnostics, *error.diagnostics], loaded
-        reports = [*loaded.diagnostics, *unused(loaded.piece), *played.diagnostics]
-        if entry.code == "W320":
-            return [*reports, *never_closed(loaded.piece, simulate(loaded.piece, NAME))], loaded
+        reports = [*loaded.diagnostics, *unused(loaded.piece), *implausible(loaded.piece)]
+        reports += played.diagnostics
+        if entry.code in ("W320", "W323"):
+            done = simulate(loaded.piece, NAME)
+            return [*reports, *never_closed(loaded.piece, done), *never_stuck(done)], loaded
+        if entry.code in ("W324", "W325"):
+            done_file = rendered(loaded)
+            return [*reports, *done_file.faint], loaded
         frames = np.zeros((min(played.n_frames, int(played.rate)), played.simulation.n_out))
         try:
             played.simulation.process(frames)
         except _core.DivergedError as error:
             reports.append(played.fault(error))
-        return reports, loaded
+        return [*reports, *played.gains()], loaded
 
 
 def told(entry: Code, text: str) -> list[str]:

@@ -11,6 +11,7 @@ from ergon.instruments.kinds import KINDS
 from ergon.instruments.read import INSTRUMENT
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
+from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY
 from ergon.scores.reading.part import PLAY
 
 _SECTIONS: tuple[tuple[str, Record], ...] = (
@@ -21,7 +22,10 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("laws", s.LAW),
     ("gestures", s.GESTURE),
     ("takes", s.TAKE),
+    ("phrases", s.PHRASE),
     ("strikes", s.STRIKES),
+    ("strikes: entries", ENTRY),
+    ("phrases: entries", PHRASE_ENTRY),
     ("players", s.PLAYER),
     ("duet", s.COUPLING),
     ("parts", PLAY),

@@ -22,6 +22,7 @@ from ergon.notation.text.errors import TextError, quote, with_article
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Place
 
+_NOBODY = (None, None)
 _NO_ARTICLE = ("rates", "strikes", "accuracy", "render", "mix", "master")
 
 
@@ -142,7 +143,8 @@ class Record(Shape):
                     value = known.shape.read(child, word, context)
                 else:
                     read = partial(known.shape.read, child, word, context)
-                    value = context.memory.made((child, word), read)
+                    named = entries.get("let", _NOBODY)[1]  # values that others may name
+                    value = context.memory.made((child, word, named), read)
                 if value is not MISSING:
                     values.given[word] = value
             elif word in self.kinds:

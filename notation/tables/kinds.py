@@ -38,7 +38,7 @@ def quantity(dimension: q.Dimension, doc: str = "") -> Text:
     units = f" *({_units(dimension)}){'?' if dimension.bare else ''}" if dimension.units else ""
     pattern = f"^({_NUMBER}{units}{'' if dimension.bare else '|0'})$"
     parse = _cached(lambda text: q.quantity(text, dimension))
-    return Text(parse, words, pattern, units=tuple(dimension.units))
+    return Text(parse, words, pattern, units=tuple(dimension.units), is_value=True)
 
 
 def span(dimension: q.Dimension, example: str) -> Text:
@@ -55,13 +55,14 @@ def span(dimension: q.Dimension, example: str) -> Text:
 
     one = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
     words = f"{with_article(dimension.name)} or a range, such as {example}"
-    return Text(_cached(parse), words, rf"^{one}(\.\.{one})?$")
+    return Text(_cached(parse), words, rf"^{one}(\.\.{one})?$", is_value=True)
 
 
 def integer(low: int, high: int, example: str) -> Text:
     """A whole number."""
     words = f"a whole number from {low:,} to {high:,}, such as {example}"
-    return Text(_cached(lambda text: q.integer(text, low, high)), words, f"^{_NUMBER}$")
+    parse = _cached(lambda text: q.integer(text, low, high))
+    return Text(parse, words, f"^{_NUMBER}$", is_value=True)
 
 
 def _title(text: str) -> str:
@@ -89,6 +90,10 @@ STIFFNESS = quantity(q.STIFFNESS)
 DAMPING = quantity(q.DAMPING)
 POSITION = quantity(q.POSITION)
 SIZE = quantity(q.SIZE)
+DISC = quantity(q.DISTANCE, "a radius, such as 5cm")
+DISTANCE = quantity(q.DISTANCE)
+ROOM_SIZE = quantity(q.ROOM_SIZE)
+PAN = quantity(q.PAN, "a place from -1 (first channel) to 1 (second channel), such as -0.3")
 PRESSURE = quantity(q.PRESSURE)
 INHARMONICITY = quantity(q.INHARMONICITY)
 POISSON = quantity(q.POISSON, "Poisson's ratio, such as 0.33")
@@ -101,6 +106,11 @@ RATE = quantity(q.RATE)
 TICK_RATE = quantity(q.TICK_RATE)
 DURATION = quantity(q.DURATION)
 PAUSE = quantity(q.INSTANT)  # a duration that may be none
+TAIL = Text(
+    lambda text: "auto" if text.strip() == "auto" else q.quantity(text, q.INSTANT),
+    f"{PAUSE.what}, or auto",
+    f"^({(PAUSE.pattern or '')[1:-1]}|auto)$",
+)
 LEVEL = quantity(q.LEVEL)
 ERROR = quantity(q.ERROR)
 CENTS = quantity(q.CENTS)
@@ -116,6 +126,7 @@ PITCH = Text(
     _cached(q.frequency),
     "a frequency or a note, such as 220Hz or A3",
     f"^({_NUMBER} *(Hz|kHz)?|{_NOTE})$",
+    is_value=True,
 )
 TRAVEL = span(q.POSITION, "-15mm..15mm")
 PITCHES = span(q.FREQUENCY, "20Hz..10kHz")
@@ -127,16 +138,27 @@ GAIN = Text(
     "a level or a factor, such as -6dB or x0.5",
     f"^({_NUMBER} *dB|x{_NUMBER})$",
     types=("string",),
+    is_value=True,
 )
 WHEN = Text(
     _cached(parse_position),
     "a position in the piece, such as 3|2.5, B+2, 12.5s or beats",
     f"^({_POSITION})$",
 )
-LENGTH = Text(_cached(parse_length), "a length, such as 4bar, 1/2 (beats) or 250ms", f"^{_LENGTH}$")
+LENGTH = Text(
+    _cached(parse_length),
+    "a length, such as 4bar, 1/2 (beats) or 250ms",
+    f"^{_LENGTH}$",
+    is_value=True,
+)
 METER = Text(parse_meter, "a meter, such as 4/4", r"^[0-9]+(\+[0-9]+)*/[0-9]+$", types=("string",))
-BPM = Text(parse_bpm, "a tempo, such as 60 or 60 -> 96", rf"^{_NUMBER}( *-> *{_NUMBER})?$")
+BPM = Text(
+    parse_bpm,
+    "a tempo, such as 60 or 60 -> 96",
+    rf"^{_NUMBER}( *-> *{_NUMBER})?$",
+    is_value=True,
+)
 TITLE = Text(_title, "a text", types=("string", "number", "boolean"))
 PATH = Text(_path, "the name of a file", types=("string",))
-TIMES = Text(_cached(parse_times), "how often, such as 8", "^[0-9]+$")
+TIMES = Text(_cached(parse_times), "how often, such as 8", "^[0-9]+$", is_value=True)
 TRUTH = Text(_truth, "true or false", types=("boolean",))

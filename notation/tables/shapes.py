@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
+from ergon.notation.tables import expressions
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -23,6 +24,8 @@ from ergon.notation.text.values import Place
 MISSING: Final = object()  # read, found wrong, reported
 MAX_NAME = 64  # characters: names are said aloud
 NAME = re.compile(r"[^\W\d][\w-]*")
+# What an editor takes for an expression.
+EXPRESSION = r"[a-z_]\w*|.*\w *[*(].*|.* [-+] .*"
 # The same for editors, whose \w knows ASCII only.
 NAME_PATTERN = "^[A-Za-z_\u00aa-\uffff][\\w\u00aa-\uffff-]*$"
 
@@ -113,6 +116,7 @@ class Text(Shape):
     choices: tuple[str | int, ...] = ()
     units: tuple[str, ...] = ()
     inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
+    is_value: bool = False  # names of `let:` and arithmetic may stand for it
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -121,6 +125,29 @@ class Text(Shape):
         try:
             return self.parse(node.text)
         except TextError as error:
+            if self.is_value:
+                return self._computed(node, name, context, error)
+            context.text_error(error, node, name, self.inside)
+            return MISSING
+
+    def _computed(self, node: Scalar, name: str, context: Context, plain: TextError) -> Any:
+        """The value of a node that is no plain one: an expression, or a mistake."""
+        try:
+            said = expressions.literal(node)
+        except TextError as error:
+            context.text_error(error, node, name, self.inside)
+            return MISSING
+        try:
+            if said is None:
+                raise plain
+            return self.parse(said)
+        except TextError as error:
+            if said is not None:
+                error = TextError(
+                    f"{quote(node.text.strip())} is {said}: {error.message}",
+                    length=max(1, len(node.text)),
+                    code=error.code,
+                )
             context.text_error(error, node, name, self.inside)
             return MISSING
 
@@ -130,12 +157,36 @@ class Text(Shape):
         if self.choices:
             schema["enum"] = list(self.choices)
         if self.pattern:
-            schema |= {"pattern": self.pattern, "patternErrorMessage": f"Expected: {self.what}"}
+            pattern = self.pattern
+            if self.is_value:
+                pattern = f"^(?:{pattern.removeprefix('^').removesuffix('$')}|{EXPRESSION})$"
+            schema |= {"pattern": pattern, "patternErrorMessage": f"Expected: {self.what}"}
         return schema
 
     def words(self) -> str:
         """In words."""
         return self.what
+
+
+class NamedValues(Shape):
+    """`{heavy: 400g, low: D2}`: values to which others may refer by name."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node; the values are known by its document."""
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        found = expressions.lets(node.document)
+        for scalar, error in found.wrong:
+            context.text_error(error, scalar, name, inside=False)
+        return dict(found.names)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": "object", "additionalProperties": {"type": ["string", "number"]}}
+
+    def words(self) -> str:
+        """In words."""
+        return "names with values, such as {heavy: 400g, low: D2}"
 
 
 def choice(*words: str) -> Text:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -149,6 +150,9 @@ class Document:
     folder: Path = field(default_factory=Path)  # paths in the file are relative to it
     first_row: int = 0  # where the text begins in its file
     size: int = 0  # how many nodes there are, aliases written out
+    # Its named values, once read, and where they stand if that is not in it.
+    lets: Any = field(default=None, repr=False, compare=False)
+    let: Node | None = field(default=None, repr=False, compare=False)
     _starts: list[int] = field(default_factory=list, repr=False)
     _tables: dict[int, Table] = field(default_factory=dict, repr=False)
 

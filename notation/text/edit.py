@@ -88,6 +88,25 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
     return edit.checked(splices, _with(edit.tree, path, lambda old: [old, value]))
 
 
+def extend(document: Document, path: Path, texts: Sequence[str], order: Sequence[str] = ()) -> str:
+    """Add several items at the end of a sequence, as `append` does one. Raises EditError."""
+    first, *rest = texts
+    longer = append(document, path, first, order)
+    if not rest:
+        return longer
+    document = read(longer, document.file)
+    edit = _Edit(document)
+    node = edit.follow(path)[-1]
+    values = [_value(text, in_flow=True) for text in rest]
+    splices = [splice for text in rest for splice in edit.changes.item(node, text)]
+    try:
+        return edit.checked(splices, _with(edit.tree, path, lambda old: [*old, *values]))
+    except EditError:  # each has a comma of its own
+        for text in rest:
+            longer = append(read(longer, document.file), path, text, order)
+        return longer
+
+
 def remove(document: Document, *paths: Path) -> str:
     """Take away entries or items, each with the comment at the end of its line.
 

@@ -22,6 +22,7 @@ class Memory:
         self._collector = Collector()
         self._now: dict[Hashable, Any] = {}
         self._before: dict[Hashable, Any] = {}
+        self.last: tuple[Any, Any] | None = None  # what was read last as a whole, and what it is
 
     def begin(self) -> Collector:
         """Another reading; where it reports."""

@@ -81,6 +81,9 @@ def remembered(
     else:
         if entries and total <= MAX_NODES and not _MARKER.search(text):
             whole.root = document.Mapping(whole, begin, len(text), entries)
+            named = entries["let"][1] if "let" in entries else None
+            for _, value in entries.values():  # a section is a document of its own
+                value.document.let, value.document.lets = named, None
             return whole
     return compose(text, file, collector)
 

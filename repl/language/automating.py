@@ -15,7 +15,9 @@ from ergon.repl.language.scope import Scope
 from ergon.scores.pattern.order import WAYS
 from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.automation import AUTOMATION, PARAMETERS, parse_range
+from ergon.scores.reading.automation import AUTOMATION, parse_range
+from ergon.scores.reading.curves import is_curve, parse_curve
+from ergon.scores.reading.leads import ALL
 
 _OF_SET = {
     "every": "1",
@@ -24,15 +26,16 @@ _OF_SET = {
     "chance": "0.6",
     "euclid": "3 8",
     "swing": "0.6",
+    "skip": "5",
 }
 _OF_LFO = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
 
 
 def _target(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
     target = str(v.TARGET.read(text, scope, given))
-    if target.rpartition(".")[2] not in PARAMETERS:
-        known = ", ".join(PARAMETERS)
-        message = f"only parameters of a CEL change by themselves: {known}"
+    if target.rpartition(".")[2] not in ALL:
+        known = ", ".join(ALL)
+        message = f"only these parameters change by themselves: {known}"
         raise TextError(message, length=len(text))
     return target
 
@@ -70,6 +73,11 @@ def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str,
             length = len(word.group())
             raise TextError(message, offset=word.start(), length=length, suggestion=near)
     shape = scope.targets[given["target"]]
+    if is_curve(values):
+        parse_curve(values, shape.parse)
+        if extra := options.keys() - {"until"}:
+            raise TextError(f"a curve has no steps; leave out `{min(extra)}`", offset=end)
+        return {"to": " ".join(values.split()), **options}
     is_pitch = given["target"].endswith(".f")
     parse_values(values, shape.parse, is_pitch=is_pitch)
     if not options.keys() & {"every", "euclid"}:
@@ -106,7 +114,7 @@ def _offers(known: Mapping[str, str], first: str = "") -> Any:
     return offers
 
 
-LED = v.Value("a parameter of a CEL, such as bell.m.f", _target, v.TARGET.offers)
+LED = v.Value("a parameter, such as bell.m.f", _target, v.TARGET.offers)
 VALUES = v.Value("values and the length of a step", _read_set, _offers(_OF_SET))
 SWING = v.Value("a range and a period", _read_lfo, _offers(_OF_LFO, "0.8..1.2"))
 

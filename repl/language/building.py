@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ergon.repl.language import values as v
+from ergon.repl.language.blocks import NEW_BLOCK
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING
 from ergon.repl.language.verbs import FORMS, forms_of
 
 # Functions for verbs that are no Python names.
-CALLED = {"define": "=", "look": "?"}
+CALLED = {"define": "=", "look": "?", "define_block": "def"}
 FUNCTIONS = {
     **{form.verb: form.verb for form in FORMS if form.verb not in CALLED.values()},
     **CALLED,
@@ -72,6 +73,8 @@ def _said(slot: Slot, value: object) -> str | None:
     text = _text(value)
     if slot.value is None:  # a word that stands alone
         return text if text == slot.lead else None
+    if slot.value is NEW_BLOCK:
+        return f"{text}:"
     if slot.value is v.FILE and " " in text:
         text = f'"{text}"'
     return slot.lead + text if slot.lead.endswith("=") else f"{slot.lead} {text}".lstrip()

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.repl.language.triggers import Trigger
 from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import Transform
@@ -266,7 +267,7 @@ class Remove(Command):
 
 @dataclass(frozen=True, slots=True)
 class Rename(Command):
-    """Give a gesture, a take or a player another name."""
+    """Give a gesture, a take, a player or a block another name."""
 
     old: str
     name: str
@@ -404,6 +405,39 @@ class Seed(Command):
     """Set the number from which all chance derives."""
 
     seed: int
+
+
+# --- blocks --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class DefineBlock(Command):
+    """`def fill: …`: give lines a name, in place of those that had it."""
+
+    name: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RunBlock(Command):
+    """`fill`: do the lines of a block, as one version."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunByRule(Command):
+    """`fill every 4bar`, `when bar % 4 == 3 fill`: run a block again and again."""
+
+    name: str
+    trigger: Trigger
+
+
+@dataclass(frozen=True, slots=True)
+class StopBlock(Command):
+    """`stop fill`: run a block no further."""
+
+    name: str
 
 
 # --- versions and files --------------------------------------------------------------------------

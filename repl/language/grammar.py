@@ -91,9 +91,13 @@ def _verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     second = words[1].text if len(words) > 1 else ""
     if second == "=":
         return "=", [words[0], *words[2:]]
+    if first in scope.blocks and second in ("", "now", *_LEADS):
+        return "run", words
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
+    is_played = first in scope.gestures or first in scope.takes
     sure = second in verbs.SUBJECT_VERBS and first not in verbs.VERBS
+    sure = sure and not (second == "every" and is_played)
     if about_player and (is_player or sure):
         return about_player[0], [words[0], *words[2:]]
     some = verbs.verbs_matching(first, verbs.VERBS)
@@ -137,12 +141,15 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
         for verb in verbs.VERBS:
             hints.found.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
         hints.found.extend(v.listed(scope.gestures))
+        hints.found.extend(v.listed(scope.blocks))
         return
     first = words[0].text
     if first in scope.players:
         about = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
         effects = ((f.verb, f.effect) for f in about if f.slots[0].value is v.PLAYER)
         hints.found.extend(v.Completion(*pair) for pair in effects)
+    elif first in scope.blocks:
+        hints.found.append(v.Completion("every", verbs.forms_of("every")[0].effect))
     elif first in scope.gestures:
         hints.found.append(v.Completion("=", "defines it anew"))
 

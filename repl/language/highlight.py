@@ -19,7 +19,7 @@ _NUMBER = re.compile(
     r"(?P<number>(?:(?<![\w.])|(?<=\bx))[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?:/\d+)?)"
     r"(?P<unit>[^\W\d_][\w/%]*)?"
 )
-_PARTS = ("players", "gestures", "takes", "keys", "marks", "instruments", "targets")
+_PARTS = ("players", "gestures", "takes", "keys", "marks", "instruments", "targets", "blocks")
 
 
 def tokens(text: str, scope: Scope) -> list[Token]:

@@ -15,6 +15,8 @@ MAX_LINES = 200  # of one submission: four screens
 
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
 _PYTHON = re.compile(r"\s*py\s")  # what follows is Python's, with its own comments
+_BLOCK = re.compile(r"\s*def\s+\S+:\s*")  # the lines of this block follow
+_END = "end"
 _WORD = re.compile(r'"[^"]*"|\S+')
 
 
@@ -29,12 +31,16 @@ class Line(NamedTuple):
 
 
 def lines(text: str) -> Iterator[Line]:
-    """Yield the lines of a submission. Raises TextError for what is too long or cannot be typed."""
+    """Yield the lines of a submission. Raises TextError for what is too long or cannot be typed.
+
+    `def NAME:` is one line with those below it, up to `end` or an empty line.
+    """
     if len(text) > MAX_PASTE:
         raise TextError(f"this text has {len(text):,} characters; {MAX_PASTE:,} are the most")
     if text.count("\n") > MAX_LINES:
         raise TextError(f"this text has more than {MAX_LINES} lines")
     joined, start, offset = "", 0, 0
+    block: Line | None = None  # as far as it is read
     for line in text.split("\n"):
         if len(joined) + len(line) > MAX_LINE:
             message = f"this line has {len(joined) + len(line):,} characters"
@@ -46,11 +52,26 @@ def lines(text: str) -> Iterator[Line]:
         if goes_on(line):
             joined += said.rstrip()[:-1].ljust(len(line)) + " "
             continue
-        if (joined + said).strip():
-            yield Line(joined + said, start)
-        joined = ""
+        whole, joined = Line(joined + said, start), ""
+        if block is not None and (not line.strip() or whole.text.strip() == _END):
+            yield block
+            block = None
+        elif block is not None:
+            block = _below(block, whole)
+        elif _BLOCK.fullmatch(whole.text):
+            block = whole
+        elif whole.text.strip():
+            yield whole
     if joined.strip():
-        yield Line(joined, start)
+        block = Line(joined, start) if block is None else _below(block, Line(joined, start))
+    if block is not None:
+        yield block
+
+
+def _below(block: Line, line: Line) -> Line:
+    """A block with a line below it, which keeps its place."""
+    text = block.text.ljust(line.start - block.start - 1) + "\n" + line.text
+    return Line(text, block.start)
 
 
 def goes_on(line: str) -> bool:
@@ -59,8 +80,16 @@ def goes_on(line: str) -> bool:
 
 
 def is_whole(text: str) -> bool:
-    r"""Whether a submission is complete: its last line does not end in "\\"."""
-    return not goes_on(text[text.rfind("\n") + 1 :][-MAX_LINE:])
+    r"""Whether a submission is complete: its last line does not end in "\\", and its blocks end."""
+    if goes_on(text[text.rfind("\n") + 1 :][-MAX_LINE:]):
+        return False
+    is_open = False
+    for line in text[:MAX_PASTE].split("\n"):
+        if is_open:
+            is_open = line.strip() not in ("", _END)
+        else:
+            is_open = _BLOCK.fullmatch(_COMMENT.sub("", line)) is not None
+    return not is_open
 
 
 def split(line: Line) -> list[Word]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language.commands import Build, Command, Define, Takes
+from ergon.repl.language.blocks import HOLDS
+from ergon.repl.language.commands import Build, Command, Define, DefineBlock, Takes
 from ergon.repl.language.grammar import command
-from ergon.repl.language.lines import lines
+from ergon.repl.language.lines import Line, lines
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_name
+from ergon.repl.language.verbs import VERBS
 
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
 
@@ -43,14 +45,55 @@ def _commands(text: str, scope: Scope) -> Iterator[Command]:
         read = command(line, scope)
         if read is None:
             continue
+        if isinstance(read, DefineBlock):
+            _check_block(read, scope)
         scope = _after(scope, read)
         yield read
+
+
+def block_line(text: str, scope: Scope) -> Command:
+    """The command of a line that a block may hold. Raises Refusal."""
+    try:
+        found = [own for line in lines(text) if (own := _held(line, 0, scope)) is not None]
+        if len(found) != 1:
+            raise TextError(f"{quote(text)} is not one line of a session", length=len(text))
+        return found[0]
+    except TextError as error:
+        raise Refusal(error.message, error.offset, error.length, None) from None
+
+
+def _check_block(block: DefineBlock, scope: Scope) -> None:
+    """Refuse a block whose name is a verb, or a line of it that no block may hold."""
+    if block.name in VERBS:
+        word = block.words["name"]
+        message = f"{quote(block.name)} is a verb: give the block another name"
+        raise TextError(message, offset=word.start, length=len(block.name))
+    text = block.words["lines"]
+    for line in lines(text.text):
+        if (read := _held(line, text.start, scope)) is not None:
+            scope = _after(scope, read)
+
+
+def _held(line: Line, offset: int, scope: Scope) -> Command | None:
+    """The command of a line of a block whose text begins at `offset`. Raises TextError."""
+    read = command(Line(line.text, offset + line.start), scope)
+    if read is None or (type(read) in HOLDS and read.when is None):
+        return read
+    said = line.text.strip()
+    place = offset + line.start + line.text.index(said)
+    why = "says when it acts, and the lines of a block act when the block is run"
+    if type(read) not in HOLDS:
+        why = "does not change the music, moves a real hand, or is about files, history or blocks"
+    message = f"a block cannot hold {quote(said)}: the line {why}"
+    raise TextError(message, offset=place, length=len(said))
 
 
 def _after(scope: Scope, read: Command) -> Scope:
     """The scope of the lines below a command: with the names that it adds."""
     if isinstance(read, Define):
         return with_name(scope, "gestures", read.name)
+    if isinstance(read, DefineBlock):
+        return with_name(scope, "blocks", read.name)
     if isinstance(read, Build):
         return with_name(scope, "instruments", read.name)
     if isinstance(read, Takes):

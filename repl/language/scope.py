@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ class Scope:
     targets: Mapping[str, Text] = field(default_factory=dict)
     folder: Path | None = None
     strikes: Mapping[str, str] = field(default_factory=dict)
+    blocks: Mapping[str, str] = field(default_factory=dict)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -56,10 +57,14 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         takes={name: f"take, {take.path.name}" for name, take in piece.takes.items()},
         keys={name: "key" for name in piece.keys},
         marks={mark.name: f"mark, {mark.at.text}" for mark in piece.marks},
-        instruments={name: "instrument" for name in piece.instruments},
+        instruments={
+            **{name: "instrument" for name in piece.instruments},
+            **{name: f"instrument of {len(own)} notes" for name, own in piece.families.items()},
+        },
         targets=dict(_targets(piece)),
         folder=folder,
         strikes={one.name: "strikes" for one in piece.strikes},
+        blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 
 
@@ -70,6 +75,10 @@ def with_name(scope: Scope, section: str, name: str) -> Scope:
         return scope
     added: Any = {section: {**known, name: "defined above"}}
     return replace(scope, **added)
+
+
+def _lines(block: Sequence[str]) -> str:
+    return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
 
 def _about(gesture: Gesture) -> str:
@@ -85,6 +94,10 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     for instrument in piece.instruments.values():
         for module in instrument.modules:
             yield from _fields(instrument.name, module, instrument.ca_rate is not None)
+    for name, members in piece.families.items():
+        if (member := piece.instruments.get(members[0])) is not None:
+            for module in member.modules:
+                yield from _fields(name, module, member.ca_rate is not None)
 
 
 def _fields(part: str, module: Module, ca: bool) -> Iterator[tuple[str, Text]]:

@@ -28,6 +28,7 @@ OPTIONS = {
     "chance": "0.6",
     "euclid": "3 8",
     "swing": "0.6",
+    "skip": "5",
     "mass": "2g",
     "speed": "1m/s",
 }

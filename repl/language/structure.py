@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.instruments.kinds import KINDS, LINKS
+from ergon.instruments.transpose import parse_interval
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
@@ -14,10 +15,11 @@ from ergon.repl.language import values as v
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.values import Completion, CompletionContext, Value
 
-_TEMPO = "ergon cannot share its tempo with other machines (link) yet"
-_SEMITONES = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))st")
+_TEMPO = (
+    "a link joins two modules; Ableton Link is no part of ergon, because its bindings contain "
+    "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
+)
 _FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
-_MOST_SEMITONES = 120.0
 _MOST_FIELDS = 40
 
 
@@ -106,11 +108,16 @@ def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, di
         word, offset = words[i]
         if word == "transpose":
             value, place = words[i + 1] if i + 1 < len(words) else ("", len(text))
-            match = _SEMITONES.fullmatch(value)
-            if match is None or abs(float(match[1])) > _MOST_SEMITONES:
-                message = "'transpose' needs semitones, such as transpose 7st or transpose -5st"
-                raise TextError(message, offset=place, length=max(1, len(value)))
-            semitones, i = float(match[1]), i + 2
+            try:
+                interval = parse_interval(value)
+            except TextError as error:
+                error.offset += place
+                raise
+            if interval.cents is None:  # a score says it as it is typed
+                fields["transpose"] = value
+            else:
+                semitones = interval.cents / 100.0
+            i += 2
             continue
         for name, value, _place in _pairs(word, offset):
             fields[name] = value
@@ -123,7 +130,7 @@ def _bases(context: CompletionContext) -> Iterator[Completion]:
         yield from v.listed(context.scope.instruments)
         yield Completion("bell/bell", "from a file: file and name")
     elif context.before[-1] == "transpose":
-        yield Completion("7st", "semitones")
+        yield Completion("7st", "semitones, -14cents or x1.5")
     elif "transpose" not in context.before and "@" not in context.before[0]:
         yield Completion("transpose", "higher or lower, in semitones")
 
@@ -158,7 +165,14 @@ def _channels(text: str, *_: Any) -> tuple[str, ...]:
 
 
 def _removable(scope: Scope) -> dict[str, str]:
-    sections = (scope.players, scope.gestures, scope.takes, scope.instruments, scope.marks)
+    sections = (
+        scope.players,
+        scope.gestures,
+        scope.takes,
+        scope.instruments,
+        scope.marks,
+        scope.blocks,
+    )
     return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
 
 
@@ -166,6 +180,19 @@ def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in (known := _removable(scope)):
         raise v.unknown(text, "a name of this score", known)
     return text
+
+
+_NAMED = v.name("a gesture, a take, a player or a block", "gestures", "takes", "players", "blocks")
+
+
+def _renamed(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
+    if text in scope.keys or text in scope.instruments:
+        message = (
+            f"{quote(text)} sounds under its name, by which it goes on from line to line: "
+            "`save NAME`, change the name in that file, and `load` it"
+        )
+        raise TextError(message, length=len(text))
+    return _NAMED.read(text, scope, given)
 
 
 PART_NAME = Value("a new name", _new_part, lambda _: ())
@@ -185,4 +212,4 @@ CHANNELS = Value("channels, such as 3 or 3 4", _channels, lambda _: (Completion(
 REMOVABLE = Value(
     "a name of this score", _removed, lambda context: v.listed(_removable(context.scope))
 )
-RENAMED = v.name("a gesture, a take or a player", "gestures", "takes", "players")
+RENAMED = Value(_NAMED.what, _renamed, _NAMED.offers)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import automating, forms
+from ergon.repl.language import automating, blocks, forms
 from ergon.repl.language import commands as c
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
@@ -99,20 +99,36 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("quant", "qua", "sets where lines take effect that do not say when",
               "quant 2bar", c.Quant, Slot("grid", "now|beat|bar|LENGTH", v.GRID), timed=False),
     ),
+    "blocks": (
+        _form("def", "de", "gives one line a name, or those below it up to `end`",
+              "def fill: ada plays lean times 2", blocks.define,
+              Slot("name", "NAME:", blocks.NEW_BLOCK),
+              Slot("lines", "LINE …", blocks.LINES, many=True), timed=False),
+        _form("run", "ru", "does all lines of a block; its name alone does the same",
+              "run fill", c.RunBlock, Slot("name", "NAME", blocks.BLOCK)),
+        _form("every", "ev", "runs a block again and again, the first time from here on",
+              "fill every 4bar", blocks.run_every, Slot("name", "NAME", blocks.BLOCK),
+              Slot("trigger", "LENGTH", blocks.EVERY), subject=True),
+        _form("when", "w", "runs a block where a condition on bar or beat holds",
+              "when bar % 4 == 3 fill", blocks.run_when,
+              Slot("rule", "CONDITION NAME", blocks.RULE, many=True)),
+        _form("stop", "st", "runs a block no further by itself", "stop fill", c.StopBlock,
+              Slot("name", "NAME", blocks.BLOCK)),
+    ),
     "matter": (
-        _form("set", "set", "a parameter of a CEL follows a pattern of values",
+        _form("set", "set", "a parameter follows a pattern of values, or a curve",
               "set bell.m.f A3 C4 E4 every 1", automating.follow,
               Slot("target", "PATH", automating.LED),
               Slot("fields", "VALUE … every LENGTH …", automating.VALUES, many=True)),
         _form("set", "set", "a physical parameter glides to a value, or by a factor",
               "set bell.m.K x1.5 over 2bar", forms.change,
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
-        _form("lfo", "lf", "a parameter of a CEL swings between two values",
+        _form("lfo", "lf", "a parameter swings between two values",
               "lfo bell.m.K 0.8..1.2 period 4bar", automating.swing,
               Slot("target", "PATH", automating.LED),
               Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", automating.SWING,
                    many=True)),
-        _form("lfo", "lf", "a parameter of a CEL has its own value again",
+        _form("lfo", "lf", "a parameter has its own value again",
               "lfo bell.m.K off", automating.stop_lfo, Slot("target", "PATH", automating.LED),
               _OFF),
         _form("couple", "c", "joins two keys by a spring and a damper",
@@ -138,7 +154,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True)),
         _form("remove", "rem", "removes what has a name, and what belongs to it alone",
               "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
-        _form("rename", "ren", "gives a gesture, a take or a player another name",
+        _form("rename", "ren", "gives a gesture, a take, a player or a block a new name",
               "rename lean tilt", c.Rename,
               Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME)),
         _form("uncouple", "unc", "removes what joins two keys",

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
+from ergon.scores.pattern.steps import Steps
 
 if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
@@ -67,8 +68,10 @@ def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tupl
         beats = [piece.tempo_map.resolve(play.at)] if found is None else found
         first = bisect_left(beats, starts[0] - SAME)
         last = bisect_left(beats, starts[-1] - SAME)
-        for beat in beats[first:last]:
-            yield beat, play.what
+        for place in range(first, last):
+            what = beats.course.played(place) if isinstance(beats, Steps) else play.what
+            if what is not None:  # a rest, or what chance leaves out
+                yield beats[place], what
 
 
 def _row(total: int, cells: Sequence[tuple[int, str]]) -> str:

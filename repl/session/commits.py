@@ -21,6 +21,7 @@ from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Versio
 from ergon.scores.staging.stage import StageError
 
 if TYPE_CHECKING:
+    from ergon.notation.clock.tempo import TempoMap
     from ergon.repl.session.engine import Engine
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
@@ -60,6 +61,7 @@ class Waiting:
     made: Running | None = None
     on: Running | None = None  # the version that `made` follows
     number: int = 0
+    version: Version | None = None  # what the texts are from this line on
 
     def is_before(self, other: Waiting) -> bool:
         """Whether it takes effect before a line that was typed later.
@@ -90,9 +92,11 @@ class Commits:
     under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
     making_seconds: float = 0.0  # the time to make a version, the slowest of the last ones [s]
     dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
+    said: list[str] = field(default_factory=list)  # messages
     # What each line made when it was last computed, by number: in the end what takes effect.
     past: dict[int, PastVersion] = field(default_factory=dict)
     handed: list[int] = field(default_factory=list)  # numbers of lines, in the order of effect
+    moved: list[Waiting] = field(default_factory=list)  # lines whose beat has another frame now
 
     def __post_init__(self) -> None:
         """Add to the margin the time in which forces on real hands fall."""
@@ -141,9 +145,13 @@ class Commits:
             beat = max(first, tempo.after(self.now(), when))
         else:
             beat = first if when is NOW or grid is None else boundary(tempo, first, grid)
-        frames = (clock.seconds(tempo, beat) - lead) * self.rate
+        return beat, max(start, self._takes_over(clock, tempo, beat))
+
+    def _takes_over(self, clock: Clock, tempo: TempoMap, beat: float) -> int:
+        """The frame at which a version takes over that acts on a beat."""
         every = self.engine.tick_frames
-        return beat, max(start, math.floor(frames / every + SAME) * every)
+        frames = (clock.seconds(tempo, beat) - self.lead) * self.rate
+        return math.floor(frames / every + SAME) * every
 
     def frame(self, beat: float) -> int:
         """The first frame of the tick of a beat; the soonest frame where the piece is stopped."""
@@ -151,6 +159,14 @@ class Commits:
             return self.soonest()
         tempo, every = self.head.piece.tempo_map, self.engine.tick_frames
         return int(self.running.clock.seconds(tempo, beat) * self.rate) // every * every
+
+    def version_at(self, beat: float) -> Version:
+        """The version of a beat from now on: with all lines that take effect by then."""
+        version = self.running.version
+        for one in self.waiting:
+            if one.beat <= beat + SAME and one.version is not None:
+                version = one.version
+        return version
 
     def _resolved(self, position: Position) -> float:
         try:
@@ -184,21 +200,48 @@ class Commits:
         after: list[Waiting],
     ) -> None:
         """Replace the waiting lines: `queue`, whose versions are `made`, and `after`."""
-        version = made[-1][0].version if made else self.running.version
+        on = made[-1][0] if made else self.running
+        starts = self._starts(after, on)
+        after = sorted(after, key=lambda one: starts[id(one)])
+        version = on.version
+        further = []
         for one in after:
-            version = self._version(version, one)
+            try:
+                version = self._version(version, one)
+            except REFUSALS as error:
+                waits = f"'{one.line}' waits for {version.piece.tempo_map.written(one.beat)}"
+                raise NotTakenError(f"{waits} and would fail after this line: {error}") from error
+            further.append(version)
         # From here on nothing can fail, so the queue may change.
         for one, (running, on) in zip(queue, made, strict=True):
-            one.made, one.on = running, on
-        for one in after:
-            one.made = one.on = None
+            one.made, one.on, one.version = running, on, running.version
+        for one, of_one in zip(after, further, strict=True):
+            one.made, one.on, one.version = None, None, of_one
+            if one.start != starts[id(one)]:
+                one.start = starts[id(one)]
+                self.moved.append(one)
         self.waiting = [*queue, *after]
         self.head = version
+
+    def _starts(self, lines: Sequence[Waiting], on: Running) -> dict[int, int]:
+        """When lines take over that wait for their beats behind a version, by identity.
+
+        A tempo or a jump moves the frame of a beat; a beat that is past then is due just after.
+        """
+        clock, tempo = on.clock, on.version.piece.tempo_map
+        soonest = max(on.start + self.engine.tick_frames, self.soonest())
+        return {
+            id(one): one.start
+            if one.is_now or one.goes or not clock.goes
+            else max(soonest, self._takes_over(clock, tempo, one.beat))
+            for one in lines
+        }
 
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
         before = replace(before, cuts=False, damp=None, glide=GLIDE, enters=None, read=None)
-        before = replace(before, dropped=())
+        goes = before.goes if one.goes is None else one.goes
+        before = replace(before, dropped=(), goes=goes)
         return one.edit(before, one.beat)
 
     def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
@@ -222,6 +265,12 @@ class Commits:
         elif version.enters is not None:
             enter = version.enters
             clock = entered(clock, version.piece.tempo_map, enter, seconds + self.lead)
+        elif clock.goes:
+            # The piece has jumped over the beat of a line that waited: it goes on from where it is.
+            tick = self.engine.tick_frames / self.rate
+            tempo = on.version.piece.tempo_map
+            if clock.beat(tempo, seconds + self.lead - tick) > one.beat + SAME:
+                leave = enter = clock.beat(tempo, seconds + self.lead)
         made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
         self._check_sound(made.stage)
         # Every version is made here, so none plays that a real hand's key cannot bear.
@@ -279,13 +328,22 @@ class Commits:
             self._hand(group)
         bars = self.running.version.piece.tempo_map.bars
         running = self.running
-        if not running.clock.goes or self.waiting:
+        # An extension that waits already is enough; nothing extends what has no end.
+        is_fixed = any(not one.number for one in self.waiting) or running.until == math.inf
+        if not running.clock.goes or is_fixed:
             return late
-        half = bars.start(bars.bar_beat(running.until)[0] - HORIZON // 2)
-        if self.now() > half:
+        # A line that waits extends it too, if it is due in time.
+        left = HORIZON // 4 if self.waiting else HORIZON // 2
+        if self.now() > bars.start(bars.bar_beat(running.until)[0] - left):
             damp = running.version.damp
             again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
-            self.take(again)
+            try:
+                self.take(again)
+            except REFUSALS as error:  # a value that automation reaches later, under a real hand
+                end = self.running.version.piece.tempo_map.written(running.until)
+                self.said.append(f"nothing new begins from {end} on: {error}")
+                self.running = replace(running, until=math.inf)
+                return late
             late += self.tick()
         return late
 
@@ -338,7 +396,7 @@ class Commits:
         version = self.running.version
         for one in self.waiting[:]:
             try:
-                version = self._version(version, one)
+                one.version = version = self._version(version, one)
             except REFUSALS as error:  # a line before it was dropped
                 self.dropped.append((one, str(error)))
                 self.waiting.remove(one)
@@ -376,6 +434,10 @@ class Commits:
         version = replace(self.running.version, base=base)
         self.running = replace(self.running, version=version)
         self._find_head()
+
+    def lines_of(self, ticket: int) -> Sequence[Waiting]:
+        """The lines of a change under way; none where it is not known yet. From any thread."""
+        return next((group for own, group, _ in [*self.under_way] if own == ticket), ())
 
     def done(self, ticket: int) -> Sequence[Waiting]:
         """Forget a change that was made; the lines whose it was."""

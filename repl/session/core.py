@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
-from ergon.repl.language.commands import NOW, Command, Guide, When
+from ergon.repl.language.commands import NOW, Command, DefineBlock, Guide, When
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import computing, inspection, version_edits
+from ergon.repl.session.block_runs import BlockRuns
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
@@ -29,14 +30,14 @@ from ergon.repl.session.movements import Movements
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops
-from ergon.repl.session.version import NotTakenError, PastVersion, Version
+from ergon.repl.session.version import NotTakenError, PastVersion, Version, in_short
 from ergon.repl.session.watch import Watch
 from ergon.repl.session_protocol import Reply
 from ergon.scores.edits import merging
 
 if TYPE_CHECKING:
     from ergon.repl.language.scope import Scope
-    from ergon.repl.session.engine import Engine
+    from ergon.repl.session.engine import Engine, EngineEvent
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
@@ -104,6 +105,7 @@ class SessionCore:
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
         self.movements = Movements(self)
+        self.block_runs = BlockRuns(self)
         self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
         self.traced: str | None = None  # whose key is drawn while it moves
@@ -122,6 +124,9 @@ class SessionCore:
         self._troubled: dict[str, tuple[str, float]] = {}
         self._messages += self.force_messages(running)
         self.lock = threading.RLock()
+        self._taking = threading.Lock()
+        # Taken from the engine and not handled, and whether the journal has them.
+        self._events: deque[tuple[EngineEvent, bool]] = deque()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -155,6 +160,8 @@ class SessionCore:
             if isinstance(command, Guide):
                 allow(command, self.commits)
         when: When = next((c.when for c in commands if c.when is not None), None)
+        if when is None and all(isinstance(command, DefineBlock) for command in commands):
+            when = NOW  # nothing is heard of it
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
         said = [version_edits.summary(command, made, where) for command in commands]
@@ -167,7 +174,7 @@ class SessionCore:
         found = []
         for spot in version.dropped:
             line = self._typed_at(spot)
-            typed = f"'{line}'" if line else "what was typed"
+            typed = f"'{in_short(line)}'" if line else "what was typed"
             found.append(f"{spot} has changed in the file too, which stands: {typed} is dropped")
         return found
 
@@ -201,12 +208,13 @@ class SessionCore:
         is_limited: bool = True,
         redoes: bool = False,
         replaces: int | None = None,
+        is_typed: bool = True,
     ) -> tuple[str, Running]:
         """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
-        In the history it `replaces` a line. Returns the beat as written, and the version staged.
-        Texts read from files are kept in the journal. Raises StoppedError where a line that
-        `is_limited` takes too long.
+        In the history it `replaces` a line; one that nobody typed has no place
+        there. Returns the beat as written, and the version staged. Texts read from files are kept
+        in the journal. Raises StoppedError where a line that `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self.number += 1
@@ -247,9 +255,10 @@ class SessionCore:
             restores=restores,
             where=where,
             **({} if replaces is None else {"replaces": replaces}),
+            **({} if is_typed else {"typed": False}),
             **(self._fields_read(made.version) if is_read else {}),
         )
-        if restores is None:
+        if restores is None and is_typed:
             self.history.add(number)
             if replaces is not None:
                 self.history.remove(replaces)
@@ -257,9 +266,16 @@ class SessionCore:
             if not redoes:
                 self.cancelled.clear()
             self.history.sort(self.commits.order())
+        self._tell_moved()
         self._rescope()
         self.pump()
         return where, made
+
+    def _tell_moved(self) -> None:
+        """Note in the journal which lines wait for another frame now."""
+        for one in self.commits.moved:
+            self._tell("late", number=one.number, beat=one.beat, start=one.start)
+        self.commits.moved.clear()
 
     def _fields_read(self, version: Version) -> dict[str, object]:
         disk: dict[str, object] = {}
@@ -275,6 +291,7 @@ class SessionCore:
         """Remove a line that has not taken effect."""
         self.commits.drop(waiting)
         self.note_dropped(waiting)
+        self._tell_moved()
         self._rescope()
 
     def note_dropped(self, waiting: Waiting) -> None:
@@ -301,12 +318,18 @@ class SessionCore:
         with self.lock:
             self._handle_events()
             self._late(self.commits.tick())
+            self._messages += self.commits.said
+            self.commits.said.clear()
             while self.commits.dropped:
                 one, why = self.commits.dropped.pop(0)
-                self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
+                self._messages.append(
+                    f"'{in_short(one.line)}' could not take effect and is dropped: {why}"
+                )
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
             self.movements.turn()
+            if not self.stops.panicked:
+                self.block_runs.turn()
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
             said, closed = self.sound_file.turn(self.commits.engine, self.commits.rate)
@@ -343,19 +366,36 @@ class SessionCore:
                 self._troubled[kind] = trouble, frame
                 self._messages.append(f"{self._written(frame)} {trouble}")
 
+    def _take_events(self) -> None:
+        """Take the engine's events, and write to the journal what happened at once, while a line
+        is computed too: a kill loses none of it. Any thread may call it."""
+        with self._taking:
+            for event in self.commits.engine.events():
+                if event.strike is not None:
+                    self.midi.struck(event)
+                    continue
+                lines: Sequence[Waiting] = ()
+                if event.ticket is not None and not event.is_late:
+                    lines = self.commits.lines_of(event.ticket)
+                    self._tell_committed(lines, event.frame)
+                self._events.append((event, bool(lines)))
+
     def _handle_events(self) -> None:
-        for event in self.commits.engine.events():
+        self._take_events()
+        while self._events:
+            event, is_told = self._events.popleft()
             for player, is_real in event.real.items():
                 self._tell("hand", player=player, real=is_real, frame=event.frame)
             if event.sentence:
                 self._messages.append(f"{self._written(event.frame)} {event.sentence}")
-            elif event.strike is not None:
-                self.midi.struck(event)
             elif event.ticket is not None and event.is_late:
                 self.guidance.late(event.ticket)
                 self._late(self.commits.late(event.ticket))
             elif event.ticket is not None:
-                self._committed(self.commits.done(event.ticket), event.frame)
+                lines = self.commits.done(event.ticket)
+                self._committed(event.frame)
+                if not is_told:
+                    self._tell_committed(lines, event.frame)
         for frame, begins in self.commits.engine.silences():
             self._tell("silence", frame=frame, begins=begins)
 
@@ -385,15 +425,18 @@ class SessionCore:
                 self._tell("late", number=one.number, beat=one.beat, start=one.start)
             if one.line and not one.is_now:
                 self._messages.append(
-                    f"'{one.line}' was not ready in time; it takes effect at the next bar"
+                    f"'{in_short(one.line)}' was not ready in time; it takes effect at the next bar"
                 )
 
-    def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
+    def _committed(self, frame: int) -> None:
         if not self.commits.waiting:  # a waiting line may have been made for another version
             running = self.commits.running
             self._messages += [
                 f"{self._written(frame)} {said}" for said in self.force_messages(running)
             ]
+
+    def _tell_committed(self, lines: Sequence[Waiting], frame: int) -> None:
+        """Note in the journal which lines took effect at a frame."""
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
                 # What a line read is merged with what plays when it takes effect.

@@ -73,7 +73,12 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
         return frozenset()
     if name in piece.instruments:
         return frozenset([name])
-    key = piece.players[name].key
+    if name in piece.families:
+        return frozenset(piece.families[name])
+    player = piece.players.get(name)
+    if player is None:  # a line that was typed later and acts earlier has renamed or removed it
+        raise NotTakenError(f"nothing is called {name} any more")
+    key = player.key
     touched = frozenset(
         end.part
         for instrument in piece.instruments.values()

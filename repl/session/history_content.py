@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ergon.repl.session.block_rules import read_rules, rules_field
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event
 from ergon.repl.session.journal_names import journal_name
@@ -55,6 +56,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 "gone": sorted(before.keys() - files.keys()),
                 **faders_fields(version.faders),
                 **maps_field(version.maps),
+                **rules_field(version.rules),
             }
         )
         before = files
@@ -91,6 +93,7 @@ def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVers
                 {},
                 row.get("where", str, ""),
                 maps=read_maps(row),
+                rules=read_rules(row),
             )
         )
     if len({version.number for version in versions}) < len(versions):

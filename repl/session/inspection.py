@@ -29,7 +29,17 @@ _WIDTH_MAX, _HEIGHT = 100, 16  # characters
 _POINTS = 4  # of a curve in each character: two in each dot
 _SCOPE, _SCOPE_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
 _LINES_MAX = 40  # of a definition
-_SECTIONS = ("parts", "gestures", "takes", "keys", "instruments", "players", "marks", "strikes")
+_SECTIONS = (
+    "parts",
+    "gestures",
+    "takes",
+    "keys",
+    "instruments",
+    "players",
+    "marks",
+    "strikes",
+    "blocks",
+)
 
 
 def drawn(version: Version, name: str) -> list[str]:
@@ -135,6 +145,7 @@ def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> li
         said = [_entry(line.play) for line in goes_on] or ["nothing"]
         said += [f"then {_entry(line.play)}" for line in coming[:1]]
         rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(said)}")
+    rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return rows
 
 

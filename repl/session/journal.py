@@ -43,6 +43,7 @@ class Journal:
         self._trouble = ""
         self.has_failed = False  # something of it was not written
         self._told = threading.Event()
+        self._writing = threading.Lock()  # lines of two threads do not mix
         self._over = False
         self._thread = threading.Thread(target=self._settle, name="ergon journal", daemon=True)
         self._thread.start()
@@ -71,8 +72,9 @@ class Journal:
             )
             return
         try:
-            self._file.write(line + "\n")
-            self._file.flush()
+            with self._writing:
+                self._file.write(line + "\n")
+                self._file.flush()
         except (OSError, ValueError) as error:
             self._trouble = f"the journal cannot be written: {error}"
             self.has_failed = True

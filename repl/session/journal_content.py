@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from ergon.notation.text.bounds import Bounds
 from ergon.rendering.silence import Silence
+from ergon.repl.session.block_rules import Rule, read_rules, rules_field
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.history_content import faders_fields, history_fields, read_history
@@ -46,10 +47,12 @@ class SessionStart:
     base: Texts | None = None
     take: JournalTake | None = None
     maps: Mapping[str, Map] = field(default_factory=dict)
+    rules: Mapping[str, Rule] = field(default_factory=dict)
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
-        return Version(0, "", self.texts, piece_of(self.texts), self.faders, maps=self.maps)
+        made = Version(0, "", self.texts, piece_of(self.texts), self.faders)
+        return replace(made, maps=self.maps, rules=self.rules)
 
     def fields(self) -> dict[str, object]:
         """The fields of the journal's first event."""
@@ -62,6 +65,7 @@ class SessionStart:
             "limit": self.limit,
             "highpass": self.highpass,
             **maps_field(self.maps),
+            **rules_field(self.rules),
             **({} if self.history is None else history_fields(self.history)),
             **({} if self.base is None else {"base": text_fields(self.base)}),
             **({} if self.take is None else self.take.fields()),
@@ -146,6 +150,8 @@ class JournalContent:
             restores = event.fields.get("restores")
             if event.name == "dropped":
                 history.remove(number)
+            elif event.fields.get("typed") is False:
+                continue
             elif isinstance(restores, int):
                 history.go_to(restores)
             else:
@@ -190,6 +196,7 @@ def read_journal(
         read_history(first, where.texts, _desk),
         take=take_of(first, path),
         maps=read_maps(first),
+        rules=read_rules(first),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))

@@ -174,9 +174,12 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     ]
     for frame, beat, event in (*replay.commits, *waited):
         with _errors_placed(event):
+            goes = event.fields.get("goes")
+            now_goes = goes if isinstance(goes, bool) else version.goes
             version = replace(version, cuts=False, damp=None, glide=GLIDE, enters=None)
+            version = replace(version, goes=now_goes)
             version = edit_of_line(event, versions, version, replay.read)(version, beat)
-            tempo, goes = version.piece.tempo_map, event.fields.get("goes")
+            tempo = version.piece.tempo_map
             versions[event.get("number", int)] = PastVersion.of(
                 version, tempo.written(beat), event.get("line", str)
             )
@@ -193,7 +196,7 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     bar, _ = tempo.bar_beat(beat)
     # Guidance does not resume: a hand is pulled only after a line asks for it.
     begun = replace(version, number=0, line="", guides={}, cuts=False, damp=None, glide=GLIDE)
-    begun = replace(begun, base=replay.base, enters=None)
+    begun = replace(begun, base=replay.base, enters=None, goes=False)
     return begun, Clock(None, tempo.bars.start(bar)), _past(replay, begun, versions)
 
 

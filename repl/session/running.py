@@ -10,7 +10,7 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import UNSAID, Play
-from ergon.scores.staging.gliding import Glide, glides
+from ergon.scores.staging.gliding import Glide, LeavingLink, glides, leaving, with_leaving
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.stage import Going, Span, stage
 
@@ -34,7 +34,8 @@ JOIN = 0.02
 class Running:
     """A version that plays from frame `start` on, and stretches of earlier ones that go on.
 
-    The timeline holds occurrences up to beat `until`; `bearings` are the forces on real hands.
+    The timeline holds occurrences up to beat `until`; `bearings` are the forces on real hands;
+    links that are `leaving` were removed, and still let go.
     """
 
     version: Version
@@ -45,6 +46,7 @@ class Running:
     until: float
     glides: tuple[Glide, ...] = ()
     bearings: Sequence[HandForceBounds] = ()
+    leaving: tuple[LeavingLink, ...] = ()
 
     def beat(self, frame: int) -> float:
         """The beat of the piece at a frame."""
@@ -105,8 +107,10 @@ def follow(
     new = (Span(piece, Window(enter, until, after)),) if clock.goes else ()
     pieces = before.version.piece, version.piece
     moving = glides(*pieces, before.glides, after, version.glide)
-    staged = _staged(version, clock, (*old, *new), before.stage, start, real, None, moving)
-    return Running(version, clock, (*old, *new), staged, start, until, moving)
+    links = leaving(*pieces, before.glides, before.leaving, after)
+    moving = (*moving, *(one.glide for one in links))
+    staged = _staged(version, clock, (*old, *new), before.stage, start, real, None, moving, links)
+    return Running(version, clock, (*old, *new), staged, start, until, moving, (), links)
 
 
 def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
@@ -133,8 +137,9 @@ def _staged(
     real: Real,
     store: Store | None,
     moving: tuple[Glide, ...] = (),
+    links: tuple[LeavingLink, ...] = (),
 ) -> Stage:
-    piece = version.piece
+    piece = with_leaving(version.piece, links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
     piece = replace(piece, tempo_map=tempo)
     return stage(

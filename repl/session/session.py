@@ -59,6 +59,7 @@ class Session(SessionCore):
             except BaseException as error:  # also pyo3's panics and SystemExit
                 reply = _not_taken(f"internal error: {type(error).__name__}; nothing has changed")
             frame = self.commits.engine.frame  # so that `--resume` knows how far the session went
+            self._handle_events()  # a journal that says a frame has all that happened before it
             self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame)
             return reply
 
@@ -151,7 +152,13 @@ class Session(SessionCore):
         looks = itertools.count()
         while not self._over.wait(_LOOK):
             try:
-                self.pump()
+                if not self.lock.acquire(blocking=False):
+                    self._take_events()  # a line is computed
+                    continue
+                try:
+                    self.pump()
+                finally:
+                    self.lock.release()
                 for turn in self._turns:
                     turn(time.monotonic())
                 if (paths := self.guidance.due()) is not None:

@@ -17,7 +17,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
 from ergon.repl.session import bars, computing, files, inspection, version_edits
 from ergon.repl.session.scene_edits import scene_of
-from ergon.repl.session.version import NotTakenError, Version
+from ergon.repl.session.version import NotTakenError, Version, in_short
 from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
@@ -114,16 +114,16 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
 
 @_does(c.Undo)
 def _undo(session: SessionCore, command: c.Undo) -> Reply:
-    return _back_by(session, 1, "undo", "this is the first version")
+    return _back_by(session, command, 1, "undo", "this is the first version")
 
 
 @_does(c.Back)
 def _back(session: SessionCore, command: c.Back) -> Reply:
     line = f"back {command.count}"
-    return _back_by(session, command.count, line, "there are fewer versions than that")
+    return _back_by(session, command, command.count, line, "there are fewer versions than that")
 
 
-def _back_by(session: SessionCore, count: int, line: str, none: str) -> Reply:
+def _back_by(session: SessionCore, command: c.Command, count: int, line: str, none: str) -> Reply:
     """Restore the version of so many lines ago; lines that wait are taken back."""
     history = session.history
     target = history.index - count
@@ -135,17 +135,17 @@ def _back_by(session: SessionCore, count: int, line: str, none: str) -> Reply:
         session.drop(one)
         session.cancelled.append(one)
     if len(waiting) == len(left):
-        lines = " and ".join(f"'{one.line}'" for one in waiting)
+        lines = " and ".join(f"'{in_short(one.line)}'" for one in waiting)
         said = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
         return Reply(True, f"ok {lines} {said} took effect")
-    return _restore(session, target, line)
+    return _restore(session, command, target, line)
 
 
 @_does(c.Redo)
 def _redo(session: SessionCore, command: c.Redo) -> Reply:
     history, commits = session.history, session.commits
     if history.index + 1 < len(history.numbers):
-        return _restore(session, history.index + 1, "redo")
+        return _restore(session, command, history.index + 1, "redo")
     if not session.cancelled:
         raise NotTakenError("no version was undone; `history` lists the versions")
     one = session.cancelled[-1]
@@ -154,18 +154,21 @@ def _redo(session: SessionCore, command: c.Redo) -> Reply:
         at = parse_position(session.written(one.beat))
     where, _ = session.queue(one.line, one.edit, at, is_read=one.is_read, redoes=True)
     session.cancelled.pop()
-    return Reply(True, f"ok {where} {one.line}")
+    return Reply(True, f"ok {where} {in_short(one.line)}")
 
 
-def _restore(session: SessionCore, index: int, line: str) -> Reply:
+def _restore(session: SessionCore, command: c.Command, index: int, line: str) -> Reply:
     past, number = session.commits.past, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
         return past[number].restored(version, beat)
 
-    where, made = session.queue(line, restored, restores=number)
+    where, made = session.queue(line, restored, command.when, restores=number)
     session.history.go_to(number)
-    said = [f"as after: {past[number].line or 'the beginning'}", *session.force_messages(made)]
+    said = [
+        f"as after: {in_short(past[number].line) or 'the beginning'}",
+        *session.force_messages(made),
+    ]
     return Reply(True, f"ok {where} {'; '.join(said)}")
 
 
@@ -175,7 +178,9 @@ def _history(session: SessionCore, command: c.History) -> Reply:
     for index, number in enumerate(session.history.numbers):
         version = session.commits.past[number]
         here = ">" if index == session.history.index else " "
-        rows.append(f"{here} {index:3}  {version.where:>8}  {version.line or '(the score)'}")
+        rows.append(
+            f"{here} {index:3}  {version.where:>8}  {in_short(version.line) or '(the score)'}"
+        )
     return Reply(True, "", lines=tuple(rows))
 
 

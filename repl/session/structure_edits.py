@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 from ergon.repl.language import commands as c
-from ergon.repl.session.edit_table import writes
+from ergon.repl.session.edit_table import makes, with_texts, writes
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.scores.edits import structure
 from ergon.scores.edits.texts import Texts
+
+if TYPE_CHECKING:
+    from ergon.repl.session.commits import VersionEdit
 
 
 @writes(c.Build)
@@ -49,6 +55,14 @@ def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
     return structure.remove(version.texts, version.piece, command.name)
 
 
-@writes(c.Rename)
-def _rename(command: c.Rename, version: Version, beat: float) -> Texts:
-    return structure.rename(version.texts, version.piece, command.old, command.name)
+@makes(c.Rename)
+def _rename(command: c.Rename) -> VersionEdit:
+    """Give something another name; a block goes on running by its rule."""
+
+    def edit(version: Version, beat: float) -> Version:
+        texts = structure.rename(version.texts, version.piece, command.old, command.name)
+        names = {command.old: command.name} if command.old in version.piece.blocks else {}
+        rules = {names.get(name, name): rule for name, rule in version.rules.items()}
+        return replace(with_texts(version, texts), rules=rules)
+
+    return edit

@@ -10,6 +10,7 @@ from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
     from ergon.repl.language.commands import MapControl, MapNotes
+    from ergon.repl.session.block_rules import Rule
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece
@@ -59,10 +60,11 @@ class Version:
 
     A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
     that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
-    player who guides a real hand; `maps` are those of MIDI, by their names; a version that `enters`
-    goes on from that beat of its own piece, whatever the beat was before; `read` is what the line
-    read from the disk, and `dropped` are the places whose typing gave way to it. `base` is what the
-    files held when they were last read or saved.
+    player who guides a real hand; `maps` are those of MIDI, by their names; `rules` say when
+    blocks run by themselves, by their names; a version that `enters` goes on from that beat of its
+    own piece, whatever the beat was before; `read` is what the line read from the disk, and
+    `dropped` are the places whose typing gave way to it. `base` is what the files held when they
+    were last read or saved; while the score's time `goes`, beats pass.
     """
 
     number: int
@@ -76,9 +78,11 @@ class Version:
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
     enters: float | None = None
     maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
+    rules: Mapping[str, Rule] = field(default_factory=dict)
     read: Texts | None = None
     dropped: Sequence[Spot] = ()
     base: Texts | None = None
+    goes: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +100,24 @@ class PastVersion:
     where: str = ""
     base: Texts | None = None
     maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
+    rules: Mapping[str, Rule] = field(default_factory=dict)
 
     @classmethod
     def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
         """Keep a version for `undo`, as that of another `line` where one is given."""
         line = version.line if line is None else line
         own = version
-        return cls(own.number, line, own.texts, own.faders, own.guides, where, own.base, own.maps)
+        return cls(
+            own.number,
+            line,
+            own.texts,
+            own.faders,
+            own.guides,
+            where,
+            own.base,
+            own.maps,
+            own.rules,
+        )
 
     def restored(self, version: Version, beat: float) -> Version:
         """The version as it was, in place of another."""
@@ -114,8 +129,15 @@ class PastVersion:
             faders=self.faders,
             guides=self.guides,
             maps=self.maps,
+            rules=self.rules,
             base=self.base or version.base,
         )
+
+
+def in_short(line: str) -> str:
+    """A line as messages and the history show it: of several lines the first."""
+    first, *more = line.strip().split("\n")
+    return f"{first} …" if more else first
 
 
 def piece_of(texts: Texts) -> Piece:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
+from ergon.repl.session import block_edits as block_edits
 from ergon.repl.session import midi_maps
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
@@ -20,6 +21,7 @@ from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, pi
 from ergon.scores.edits import automation, keys, matter, merging, names, parts, strikes, times
 from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
+from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
@@ -44,9 +46,9 @@ def combined(commands: Sequence[c.Command]) -> VersionEdit:
 
 
 def hushed(version: Version, beat: float) -> Version:
-    """No player plays on, and no strikes follow."""
+    """No player plays on, no strikes follow, and no block runs by itself."""
     texts = parts.hush(version.texts, version.piece, beat)
-    return replace(with_texts(version, texts), cuts=True)
+    return replace(with_texts(version, texts), cuts=True, rules={})
 
 
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:
@@ -136,9 +138,16 @@ def _set(command: c.Set, version: Version, beat: float) -> Texts:
 
 @makes(c.Set)
 def _set_gliding(command: c.Set) -> VersionEdit:
-    """Set a parameter, which glides `over` a length."""
+    """Set a parameter, which glides `over` a length: in the score's time, where that goes."""
 
     def edit(version: Version, beat: float) -> Version:
+        own, words = version, command.words
+        if command.over is not None and version.goes:
+            value, over = words["change"].text, words["over"].text
+            args = command.target, beat, value, {"over": over}, value_on
+            return with_texts(own, automation.glide(own.texts, own.piece, *args))
+        if command.over is not None:
+            automation.check(own.piece, command.target)
         made = with_texts(version, _set(command, version, beat))
         if command.over is None:
             return made

@@ -1,16 +1,22 @@
-"""Changing which parameters follow patterns or swing, from a beat on."""
+"""Changing which parameters glide, follow patterns or swing, from a beat on."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from ergon.notation.clock.meter import SAME
+from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits.lists import dropped, place
+from ergon.scores.edits.matter import said
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading import leads
 from ergon.scores.reading.piece import Piece
+
+# The value of a parameter of a piece's module on a beat, as automation leads it.
+ValueOn = Callable[[Piece, tuple[str, str], str, float], float]
 
 
 def automate(
@@ -28,6 +34,44 @@ def automate(
     texts = texts.append(("automation",), edit.flow(said))
     texts, _ = _ended(texts, piece, at, target)
     return texts
+
+
+def glide(
+    texts: Texts,
+    piece: Piece,
+    target: str,
+    at: float,
+    value: str,
+    fields: Mapping[str, str],
+    value_on: ValueOn,
+) -> Texts:
+    """Let a parameter glide to a value, `over` a length, and stay there.
+
+    `x1.5` is a factor of the value that it has on that beat. Raises EditError.
+    """
+    head, _, parameter = target.rpartition(".")
+    check(piece, target)
+    if value.startswith("x") and any(one.name == target for one in piece.automation):
+        known = leads.found(head, piece.keys, piece.instruments)
+        assert known is not None
+        part, module, _ = known
+        if module.kind != "BANK":
+            now = value_on(piece, (part, module.name), parameter, at)
+            value = said(q.factor(value) * now, parameter, is_ca=False)
+    entry: dict[str, edit.Tree] = {"set": target, "to": value, **fields, "at": written(piece, at)}
+    texts = texts.append(("automation",), edit.flow(entry))
+    return _ended(texts, piece, at, target)[0]
+
+
+def check(piece: Piece, target: str) -> None:
+    """Raise EditError where a parameter cannot glide."""
+    head, _, parameter = target.rpartition(".")
+    known = leads.found(head, piece.keys, piece.instruments)
+    if known is None:
+        raise EditError(f"{target} cannot glide; leave out `over`, and it is set at once")
+    _, module, is_ca = known
+    if why := leads.refusal(module, parameter, is_ca=is_ca):
+        raise EditError(f"{head} {why}; leave out `over`, and it is set at once")
 
 
 def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:

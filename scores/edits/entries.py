@@ -150,8 +150,9 @@ def change(
                 text = edit.put(own, item, line.entry.with_fields(until=until).flow())
             own = edit.read(text, own.file)
         # New entries first: a list that never becomes empty keeps its style.
-        for entry in new:
-            own = edit.read(edit.append(own, path, entry.flow(), SECTIONS), own.file)
+        if new:
+            flows = [entry.flow() for entry in new]
+            own = edit.read(edit.extend(own, path, flows, SECTIONS), own.file)
         if dropped:
             return edit.remove(own, *((*path, line.number - lacks) for line in dropped))
         return own.text

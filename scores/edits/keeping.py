@@ -15,19 +15,32 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries
+from ergon.scores.edits import entries, matter
+from ergon.scores.edits.automation import ValueOn
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.scenes import END
+from ergon.scores.edits.strikes import only
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading import leads
+from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
 
 
-def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Texts:
+def keep(
+    texts: Texts,
+    piece: Piece,
+    name: str,
+    start: float,
+    stop: float,
+    value_on: ValueOn | None = None,
+) -> Texts:
     """A score of the entries that begin between two beats, which begins at the first.
+
+    A glide that began before needs the value that it has by then.
 
     Raises EditError when nothing does.
     """
-    window = _Window(piece, start, stop)
+    window = _Window(piece, start, stop, value_on)
     kept = texts.put(("title",), edit.quoted(name))
     found = False
     for player in piece.players:
@@ -48,11 +61,15 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
     return window.tempo(kept)
 
 
+_PIECES = 32  # of a glide that is cut
+
+
 class _Window:
     """Beats from `start` to `stop` of a piece, told from `start` on."""
 
-    def __init__(self, piece: Piece, start: float, stop: float) -> None:
+    def __init__(self, piece: Piece, start: float, stop: float, value_on: ValueOn | None) -> None:
         self.piece = piece
+        self.value_on = value_on
         self.map = piece.tempo_map
         self.start = start
         self.stop = stop
@@ -87,6 +104,10 @@ class _Window:
         """Strikes as far as they fall here."""
         path = ("strikes", strikes.name)
         begin = self.map.resolve(strikes.at)
+        if strikes.hits and strikes.length is None:
+            falls = [beat for beat, *_ in strikes.falls(self.map)]
+            kept = only(texts, self.piece, strikes, self.start, self.stop, self.at)
+            return kept, bool(self.within(falls))
         stop = begin if strikes.until is None else self.map.resolve(strikes.until)
         if strikes.span is not None:
             stop = self.map.after(begin, strikes.span)
@@ -105,12 +126,16 @@ class _Window:
         else:
             end = stop if strikes.until is not None or strikes.span is not None else None
             every, times = strikes.every, strikes.times
-            found = starts(self.map, begin, Time(), every=every, times=times, until=end)
+            found = (
+                strikes.rounds(self.map)
+                if strikes.hits
+                else starts(self.map, begin, Time(), every=every, times=times, until=end)
+            )
             inside = self.within(found)
             if not inside:
                 return texts.remove(path), False
             said |= {"at": self.at(inside[0])}
-            if every is not None:
+            if every is not None or strikes.hits:
                 said |= {"times": str(len(inside))}
         return self._said(texts, path, said), True
 
@@ -135,6 +160,9 @@ class _Window:
             begin = self.map.resolve(one.at)
             end = math.inf if one.until is None else self.map.resolve(one.until)
             said: dict[str, str | None] = {"at": self.at(begin)}
+            if one.points:
+                texts = self._glide(texts, number, one, begin, end)
+                continue
             places = None if one.swing is not None else one.steps(self.map, self.piece.seed)
             if places is not None:
                 end = min(end, places.beat(len(places)))
@@ -156,6 +184,35 @@ class _Window:
                 said["phase"] = f"{phase:.12g}"
             texts = self._said(texts, place(texts, "automation", number), said)
         return texts
+
+    def _glide(self, texts: Texts, number: int, one: Automation, begin: float, end: float) -> Texts:
+        """A glide as far as it is heard here: one that began before goes on as a curve."""
+        if begin >= self.stop - SAME or end <= self.start + SAME:
+            return dropped(texts, "automation", number)
+        said: dict[str, str | None] = {"at": self.at(begin)}
+        if end < math.inf:
+            said["until"] = self.at(min(end, self.stop))
+        if begin < self.start - SAME and self.value_on is not None:
+            said |= {"at": self.at(self.start), "over": None, "curve": None}
+            piece, where, tempo = self.piece, (one.target.part, one.target.module), self.map
+            if one.over is not None:
+                ended = tempo.after(begin, one.over)
+            else:
+                ended = tempo.beats(tempo.instant(begin, one.points[-1].at))
+            left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
+            points = []
+            for step in range(_PIECES + 1 if left > 0.0 else 1):
+                at = left * step / _PIECES
+                beat = tempo.beats(tempo.seconds(self.start) + at)
+                value = self.value_on(self.piece, where, one.parameter, beat)
+                known = leads.found(".".join(filter(None, where)), piece.keys, piece.instruments)
+                if known is not None and known[1].kind == "BANK":
+                    word = f"x{value:.12g}"
+                else:
+                    word = matter.said(value, one.parameter, is_ca=False)
+                points.append(f"{word}@{at:.12g}s")
+            said["to"] = " line ".join(points)
+        return self._said(texts, place(texts, "automation", number), said)
 
     def tempo(self, texts: Texts) -> Texts:
         """The tempo and meter that hold at the beginning, and the changes that follow."""

@@ -9,14 +9,19 @@ from dataclasses import dataclass
 
 from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
+from ergon.instruments.read import member_table
+from ergon.instruments.transpose import is_mechanics, moved
+from ergon.notation.tables import notes
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Text
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading import overlay
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import KEY
 
@@ -40,7 +45,8 @@ class _Owner:
 
     part: str  # the key or instrument, as the score calls it
     section: str
-    own: Values  # the key or instrument as its own file has it
+    own: Values  # the key or instrument as its own file has it, or a note of it
+    base: tuple[str, ...]  # the path of that
     module: str  # "" where it bears the name of its part
     kind: str  # "" for a key of M, K, Z
     said: Values  # the fields as `like` and `from` leave them
@@ -50,11 +56,6 @@ class _Owner:
     def file(self) -> str:
         """Where its key or instrument is written."""
         return self.own.node.document.file
-
-    @property
-    def base(self) -> tuple[str, ...]:
-        """The path of its key or instrument."""
-        return (self.section, self.own.context.name)
 
     def home(self, name: str) -> tuple[str, ...] | None:
         """The path of the mapping for a field; None where it stands in what this began with."""
@@ -73,12 +74,13 @@ class _Owner:
 def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     """Set `bell.m.K`, `k1.M` or `gong.f` to a value, or multiply it (`x1.5`).
 
-    What is shared by `like` or `from` is written out for this one alone. K and Z take the place of
+    What is shared by `like` or `from` is written for this one alone. K and Z take the place of
     f and t60, and the other way round, without a change of the other one. Raises EditError.
     """
     owner, name = _owner(texts, target)
     changes = _changes(owner, piece, target, name, value)
     home = owner.home(name)
+    changes = _as_written(owner, home, changes)
     if home is not None:
         here = edit.tree(_node(texts, home, owner.file))
         for field, text in changes.items():
@@ -87,13 +89,11 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
             elif isinstance(here, dict) and field in here:
                 texts = texts.remove((*home, field), file=owner.file)
         return texts
-    body = edit.tree(owner.said.node)
-    assert isinstance(body, dict)
-    copy = {field: text for field, text in {**body, **changes}.items() if text is not None}
+    said = {field: text for field, text in changes.items() if text is not None}
     if not owner.module:
-        return texts.put((*owner.base, owner.kind), edit.flow(copy), owner.file)
+        return texts.put((*owner.base, owner.kind), edit.flow(said), owner.file)
     path = (*owner.base, "modules", owner.module)
-    return texts.put(path, edit.flow({owner.kind: copy}), owner.file)
+    return texts.put(path, edit.flow({owner.kind: said}), owner.file)
 
 
 def quantities(module: Module) -> Iterator[tuple[str, float]]:
@@ -141,10 +141,17 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
             values, _ = uses.resolved(section, entry)
             if values is None:
                 raise EditError(f"the definition of {quote(part)} has mistakes")
+            own = entry.values
+            path: tuple[str, ...] = (section, own.context.name)
+            if (values["notes"] or ()) if section == "instruments" else ():
+                found = _member(values, own, words[count])
+                if found is not None:
+                    note, values, own = found
+                    part, path, count = f"{part}.{note}", (*path, "members", note), count + 1
             module, name = ".".join(words[count:-1]), words[-1]
             said, kind = _fields(values, module, target)
             is_ca = section == "instruments" and values["units"] == "ca"
-            owner = _Owner(part, section, entry.values, module, kind, said, is_ca)
+            owner = _Owner(part, section, own, path, module, kind, said, is_ca)
             known = KINDS[kind].table if kind else KEY
             if name not in known.by_name and name not in said.free:
                 fields = ", ".join([*known.by_name, *said.free])
@@ -154,6 +161,20 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
                 )
             return owner, name
     raise EditError(f"{quote(target)} is not a field of a key or an instrument")
+
+
+def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values] | None:
+    """The note that a word names, the instrument there, and what its file says of that note."""
+    wanted = notes.number(word)
+    for note in values["notes"]:
+        if notes.number(note) == wanted:
+            written = overlay.member(own, wanted or 0)
+            if written is None:
+                written = Values(member_table(False), own.node, own.context)
+            else:
+                note = next(w for w in own["members"] if notes.number(w) == wanted)
+            return note, overlay.at(values, note), written
+    return None
 
 
 def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
@@ -195,8 +216,10 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
     node = owner.said.nodes.get(name)
     if "calib" in owner.said.nodes and not owner.own.written(name):
         node = None  # the measured value holds, not the written one
-    if (scaled := _scaled(node.text, factor) if isinstance(node, Scalar) else None) is not None:
-        return {**changes, name: scaled}
+    if isinstance(node, Scalar) and _is_said(owner, name, node.text):
+        scaled = _scaled(node.text, factor)
+        if scaled is not None:
+            return {**changes, name: scaled}
     amount = now.get(name)
     if not isinstance(amount, float):
         raise EditError(f"{quote(target)} has no value that could be multiplied: set a value first")
@@ -210,6 +233,37 @@ def _now(owner: _Owner, piece: Piece) -> Mapping[str, object]:
         if module.name == owner.module:
             return module.fields
     return owner.said.given
+
+
+def _is_said(owner: _Owner, name: str, text: str) -> bool:
+    """Whether a field has the value of its text, for a transposition moves it."""
+    field = (KINDS[owner.kind].table if owner.kind else KEY).by_name.get(name)
+    if field is None or not isinstance(field.shape, Text):
+        return True
+    return bool(field.shape.parse(text) == owner.said.given.get(name))
+
+
+def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -> Changes:
+    """Values that are to sound, as they are written where `transpose` moves what is written."""
+    interval = owner.own.given.get("transpose")
+    if interval is None or (owner.kind and is_mechanics(owner.kind, owner.said)):
+        return changes
+    is_root = not owner.own.written("like", "from")
+    table = KINDS[owner.kind].table
+    said = dict(changes)
+    for name, text in changes.items():
+        is_moved = is_root or (home == owner.base and name == "f")
+        shape = table.by_name[name].shape if name in table.by_name else None
+        if not is_moved or text is None or not isinstance(shape, Text):
+            continue
+        try:
+            value = shape.parse(text)
+        except TextError:
+            continue  # reported where the score is read
+        before = moved(name, value, interval.back())
+        if before != value and isinstance(before, float):
+            said[name] = f"{before!r}{_UNITS.get(name, '')}"
+    return said
 
 
 def _plain(now: Mapping[str, object]) -> dict[str, float]:

@@ -26,7 +26,7 @@ def play(texts: Texts, piece: Piece, player: str, at: float, entry: Entry) -> Te
     entry = entry.at(written(piece, at))
     if {"every", "euclid"} & set(entry.fields) and not {"times", "until"} & set(entry.fields):
         entry = entry.with_fields(until=end(piece, at))
-    return _ended(texts, piece, _known(piece, player), at, [entry])
+    return ended(texts, piece, _known(piece, player), at, [entry])
 
 
 def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequence[str]) -> Texts:
@@ -76,11 +76,11 @@ def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
             texts = strikes.end(texts, piece, one, at)
         return texts
     for name in piece.players if player is None else (_known(piece, player),):
-        texts = _ended(texts, piece, name, at)
+        texts = ended(texts, piece, name, at)
     return texts
 
 
-def _ended(texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()) -> Texts:
+def ended(texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()) -> Texts:
     """The part of a player ended at a beat, and new entries in its place."""
     lines = entries.lines(texts, piece, player)
     closed = [line for line in lines if line.is_open(at, piece)]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ergon.instruments.model import Instrument
@@ -13,11 +14,15 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, matter, parts, times
+from ergon.scores.edits import entries, matter, parts, rounds, times
+from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.positions import end, written
+from ergon.scores.edits.strikes import row
 from ergon.scores.edits.texts import Texts
+from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.piece import Key, Piece, Strikes
 
 END = "end"  # the mark at which a scene begins again
@@ -51,18 +56,20 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
     missing = next((name for name in scene.piece.players if name not in piece.players), None)
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
         raise EditError(f"this score has no player {missing}, who plays in the scene")
-    texts = parts.hush(texts, piece, at)
+    for strikes in piece.strikes:
+        texts = strikes_edits.end(texts, piece, strikes, at)
     stop = end(piece, at) if until is None else written(piece, until)
     last = math.inf if until is None else until - SAME
-    for player in scene.piece.players:
-        lines = entries.lines(scene.texts, scene.piece, player)
+    for player in piece.players:
+        known = scene.piece.players
+        lines = entries.lines(scene.texts, scene.piece, player) if player in known else []
         new = [
             entry.with_fields(at=written(piece, at + begin), until=stop)
             for line in lines
             for begin, entry in _looped(line, scene.beats)
             if at + begin < last
         ]
-        texts = entries.change(texts, player, new=new)
+        texts = parts.ended(texts, piece, player, at, new)
     texts = _defined(texts, scene)
     texts = _coupled(texts, piece, scene, at, None if until is None else stop)
     for strikes in scene.piece.strikes:
@@ -92,6 +99,7 @@ def sounds_from(piece: Piece, beat: float) -> bool:
     ends += [found[-1] for found in piece.starts if found]
     for strikes in piece.strikes:
         begin = tempo.resolve(strikes.at)
+        ends += [beat for beat, *_ in strikes.falls(tempo)]
         ends.append(begin if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
             ends.append(tempo.after(begin, strikes.span))
@@ -100,7 +108,11 @@ def sounds_from(piece: Piece, beat: float) -> bool:
 
 def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
     """The entries that play an entry again every so many beats: the first beat of each."""
-    entry = line.entry.with_fields(times=None, until=None, every=f"{beats:.12g}")
+    entry = line.entry.with_fields(times=None, until=None)
+    if isinstance(line.starts, Steps):
+        yield from rounds.entries(entry, line.starts, line.count_before(beats), beats)
+        return
+    entry = entry.with_fields(every=f"{beats:.12g}")
     begins = [line.begin] if line.starts is None else [*line.starts]
     begins = [begin for begin in begins if begin < beats - SAME]
     step = beats / len(begins) if begins else beats
@@ -192,40 +204,68 @@ def _struck(
     stop = begin if strikes.until is None else tempo.resolve(strikes.until)
     if strikes.span is not None:
         stop = tempo.after(begin, strikes.span)
+    if strikes.hits:
+        return _melody(texts, piece, scene, strikes, at, last, until)
     node = scene.texts.section("strikes")
     said = edit.tree(node)
     assert isinstance(said, dict)
     body = said[strikes.name]
     assert isinstance(body, dict)
     body = {name: value for name, value in body.items() if name not in ("for", "until", "times")}
+    found: list[tuple[float, Mapping[str, object]]]
     if strikes.rate is not None:
         fills = begin < SAME and stop >= scene.beats - SAME
         end_ = at + min(stop, scene.beats)
         ends = until if fills or end_ > last else written(piece, end_)
-        rounds = [{**body, "at": written(piece, at + begin), "until": ends}]
-        rounds = rounds if begin < scene.beats - SAME and at + begin < last else []
+        found = [(begin, {**body, "until": ends})] if begin < scene.beats - SAME else []
+    elif strikes.pattern is not None:
+        places = strikes.steps(scene.piece)
+        count = bisect_left(places, scene.beats - SAME)
+        notes = {name: _note(name, amount) for name, amount in strikes.notes.items()}
+        found = [*rounds.strikes(body, places, count, scene.beats, notes)]
     else:
         limit = None if strikes.until is None and strikes.span is None else stop
-        every, count = strikes.every, strikes.times
-        found = starts(tempo, begin, Time(), every=every, times=count, until=limit)
-        rounds = [
-            {
-                **body,
-                "at": written(piece, at + beat),
-                "every": f"{scene.beats:.12g}",
-                "until": until,
-            }
-            for beat in found
-            if beat < scene.beats - SAME and at + beat < last
-        ]
-    for one in rounds:
-        texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(one))
+        every, most = strikes.every, strikes.times
+        begins = starts(tempo, begin, Time(), every=every, times=most, until=limit)
+        again = {**body, "every": f"{scene.beats:.12g}"}
+        found = [(beat, again) for beat in begins if beat < scene.beats - SAME]
+    for beat, fields in found:
+        if at + beat < last:
+            said = {"until": until, **fields, "at": written(piece, at + beat)}
+            said["until"] = said.pop("until")  # where it is written by hand
+            texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
     return texts
 
 
-def _free(texts: Texts, name: str) -> str:
+def _note(name: str, amount: Amount) -> str:
+    """A note of a pattern as it is written by itself; those of a scale have no names."""
+    return f"{amount.value!r}Hz" if "." in name else name
+
+
+def _melody(
+    texts: Texts,
+    piece: Piece,
+    scene: Scene,
+    strikes: Strikes,
+    at: float,
+    last: float,
+    until: str,
+) -> Texts:
+    """A melody of a scene as a phrase as long as the scene, under a name that is free."""
+    falls = [(beat, hit) for beat, _, hit in strikes.falls(scene.piece.tempo_map)]
+    rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
+    if not rows or at >= last:
+        return texts
+    name = _free(texts, strikes.name, "phrases")
+    phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": rows}
+    texts = texts.put(("phrases", name), edit.flow(phrase))
+    said: edit.Tree = {"play": name, "at": written(piece, at), "until": until}
+    return texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
+
+
+def _free(texts: Texts, name: str, section: str = "strikes") -> str:
     """A name of strikes that is free: `rain`, `rain-2`, …"""
-    said = edit.tree(texts.section("strikes"))
+    said = edit.tree(texts.section(section))
     taken = said if isinstance(said, dict) else {}
     count = 1
     while (free := name if count == 1 else f"{name}-{count}") in taken:

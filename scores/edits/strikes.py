@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from math import inf
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text import edit
 from ergon.scores.edits.positions import end as distant
 from ergon.scores.edits.positions import written
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.reading.piece import Hit, Piece, Strikes
 
 
 def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str, str]) -> Texts:
@@ -47,6 +48,8 @@ def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
     tempo = piece.tempo_map
     begin = tempo.resolve(strikes.at)
     path = ("strikes", strikes.name)
+    if strikes.hits and strikes.length is None:
+        return only(texts, piece, strikes, -inf, at, None)
     if begin >= at - SAME:
         return texts.remove(path)
     stop = begin if strikes.until is None else tempo.resolve(strikes.until)
@@ -56,6 +59,39 @@ def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
     elif strikes.pattern is not None and strikes.until is None:
         places = strikes.steps(piece)
         stop = places.beat(len(places))
+    elif strikes.hits and strikes.until is None:
+        stop = strikes.rounds(tempo)[-1] + 2 * SAME
     elif strikes.times is not None and strikes.every is not None and strikes.until is None:
         stop = tempo.after(begin, strikes.every.times(strikes.times))
     return texts.put((*path, "until"), written(piece, at)) if stop > at + SAME else texts
+
+
+def only(
+    texts: Texts,
+    piece: Piece,
+    strikes: Strikes,
+    since: float,
+    until: float,
+    moved: Callable[[float], str] | None,
+) -> Texts:
+    """A melody of `entries` with those of its strikes that fall in a stretch; none: without it.
+
+    `moved` writes their beats, where these are others than before. Raises EditError.
+    """
+    path, tempo = ("strikes", strikes.name), piece.tempo_map
+    falling = [(beat, hit) for beat, _, hit in strikes.falls(tempo)]
+    kept = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until - SAME]
+    if len(kept) == len(falling) and moved is None:
+        return texts
+    texts = texts.remove(path)
+    if not kept:
+        return texts
+    write = moved or (lambda beat: written(piece, beat))
+    return texts.put(path, edit.flow({"entries": [row(hit, write(beat)) for beat, hit in kept]}))
+
+
+def row(hit: Hit, at: str) -> edit.Tree:
+    """A strike of a melody as it is written."""
+    low, high = hit.impulse
+    impulse = f"{low!r}Ns" if low == high else f"{low!r}Ns..{high!r}Ns"
+    return {"at": at, "what": [target.text for target in hit.to], "impulse": impulse}

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
-from ergon.scores.edits import matter
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
 from ergon.scores.reading.piece import Piece
 
 LINKS = "links"  # the instrument that holds links between others
-_AUDIBLE = 20.0  # [Hz] slower modules are mechanics, which a transposition leaves alone
-_SEMITONES = 12.0
 
 Fields = Mapping[str, str]
 
@@ -26,13 +24,13 @@ def build(
 ) -> Texts:
     """Add an instrument like another (`bell`), or one from a file (`bell/bell`).
 
-    Its own `fields` replace those of the other; a transposition moves every cell and generator
-    that is heard. Raises EditError.
+    Its own `fields` replace those of the other. Raises EditError.
     """
     said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
+    if semitones:
+        said["transpose"] = f"{semitones:g}st"
     texts = texts if piece.mix.routes else _routed(texts, piece)
-    made = texts.put(("instruments", name), edit.flow(said))
-    return _transposed(made, name, semitones) if semitones else made
+    return texts.put(("instruments", name), edit.flow(said))
 
 
 def key(texts: Texts, name: str, like: str) -> Texts:
@@ -69,7 +67,11 @@ def route(
     """Let an instrument sound from channels, in place of where it did. Raises EditError."""
     texts = texts if piece.mix.routes else _routed(texts, piece)
     to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
-    own = [number for number, node in enumerate(items(texts, "mix", "route")) if _is_of(node, name)]
+    family = next((f for f, members in piece.families.items() if name in members), None)
+    routes = items(texts, "mix", "route")
+    if family is not None and any(_is_from(node, family) for node in routes):
+        raise EditError(f"{name} is routed with all notes of {family}: route {family}")
+    own = [number for number, node in enumerate(routes) if _is_of(node, name)]
     for number in reversed(own[1:]):
         texts = texts.remove(("mix", "route", number))
     if own:
@@ -111,11 +113,15 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
 
 
 def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
-    """Give a gesture, a take or a player another name, wherever it is named. Raises EditError."""
+    """Give a gesture, a take, a player or a block another name, wherever it is named.
+
+    Raises EditError.
+    """
     section, _ = _written(texts, old)
-    if section not in ("gestures", "takes", "players"):
-        raise EditError(f"{old} sounds under its name: what moves keeps its name while it plays")
-    taken = {*piece.players} if section == "players" else {*piece.gestures, *piece.takes}
+    if section not in ("gestures", "takes", "players", "blocks"):
+        raise EditError(f"{old} is no gesture, take, player or block")
+    names = {"players": piece.players, "blocks": piece.blocks}
+    taken = {*names.get(section, {**piece.gestures, **piece.takes})}
     if new in taken:
         raise EditError(f"the name {quote(new)} is in use")
     root = texts.document().root
@@ -125,34 +131,6 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
     for start, stop in places:
         text, after = f"{text}{texts.text[after:start]}{new}", stop
     return texts.changed(text + texts.text[after:])
-
-
-def _transposed(texts: Texts, name: str, semitones: float) -> Texts:
-    """An instrument, every cell and generator of which is moved by so many semitones."""
-    loaded = texts.load()
-    if loaded.piece is None:
-        first = next(found for found in loaded.diagnostics if found.severity == "error")
-        raise EditError(first.message)
-    instrument, ratio = loaded.piece.instruments[name], 2.0 ** (semitones / _SEMITONES)
-    count = 0
-    for module in instrument.modules:
-        f, stiffness, mass = (module.fields.get(field) for field in ("f", "K", "M"))
-        path = ".".join(filter(None, (name, module.name)))
-        if isinstance(f, float):
-            target, factor, is_heard = f"{path}.f", ratio, f >= _AUDIBLE
-        elif module.kind == "CEL" and isinstance(stiffness, float) and isinstance(mass, float):
-            target, factor = f"{path}.K", ratio * ratio
-            is_heard = stiffness > mass * (2.0 * 3.141592653589793 * _AUDIBLE) ** 2
-        elif isinstance(f, tuple):  # a bank's range
-            target, factor, is_heard = f"{path}.f", ratio, f[1] >= _AUDIBLE
-        else:
-            continue
-        if is_heard:
-            texts = matter.set_value(texts, loaded.piece, target, f"x{factor:.17g}")
-            count += 1
-    if not count:
-        raise EditError(f"{name} has no cell and no generator that could be transposed")
-    return texts
 
 
 def _routed(texts: Texts, piece: Piece) -> Texts:
@@ -170,7 +148,16 @@ def _routed(texts: Texts, piece: Piece) -> Texts:
 def _written(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
     """The section in which the score itself defines a name, and its path. Raises EditError."""
     part, _, module = name.partition(".")
-    for section in ("players", "gestures", "takes", "keys", "instruments", "strikes", "marks"):
+    for section in (
+        "players",
+        "gestures",
+        "takes",
+        "keys",
+        "instruments",
+        "strikes",
+        "marks",
+        "blocks",
+    ):
         if _has(texts, (section, name)):
             return section, (section, name)
         if module and _has(texts, (section, part, "modules", module)):
@@ -183,6 +170,11 @@ def _has(texts: Texts, path: Sequence[str]) -> bool:
     for name in path[1:]:
         node = node.get(name) if isinstance(node, document.Mapping) else None
     return node is not None
+
+
+def _is_from(route: Node, name: str) -> bool:
+    source = route.get("from") if isinstance(route, document.Mapping) else None
+    return isinstance(source, Scalar) and source.text == name
 
 
 def _is_of(route: Node, name: str) -> bool:
@@ -198,6 +190,9 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[tuple[in
     if isinstance(own, document.Mapping) and name in own.entries:
         word, _ = own.entries[name]
         yield word.start, word.end
+    if section == "blocks":
+        return
+    yield from _in_blocks(root.get("blocks"), name)
     parts = root.get("parts")
     players = parts.entries if isinstance(parts, document.Mapping) else {}
     if section == "players":
@@ -215,6 +210,16 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[tuple[in
     for table, field in ((gestures, "like"), (hands, "standin")):
         for _, node in table.entries.values() if isinstance(table, document.Mapping) else ():
             yield from _same(node.get(field) if isinstance(node, document.Mapping) else None, name)
+
+
+def _in_blocks(blocks: Node | None, name: str) -> Iterator[tuple[int, int]]:
+    """Where lines of blocks have a word."""
+    word = re.compile(rf"(?<![\w.-]){re.escape(name)}(?![\w-])")
+    for _, block in blocks.entries.values() if isinstance(blocks, document.Mapping) else ():
+        lines = block.items if isinstance(block, document.Sequence) else [block]
+        for line in lines:
+            for match in word.finditer(line.document.text, line.start, line.end):
+                yield match.span()
 
 
 def _same(node: Node | None, name: str) -> Iterator[tuple[int, int]]:

@@ -63,8 +63,15 @@ class Texts:
         return replace(self, overlay={**files, **self.overlay}, sealed=True)
 
     def load(self) -> Loaded:
-        """The piece that these texts describe, or their mistakes."""
-        return load(
+        """The piece that these texts describe, or their mistakes.
+
+        A sealed score without mistakes is read once.
+        """
+        known = self.memory.last
+        if self.sealed and known is not None and known[0] == self:
+            loaded: Loaded = known[1]
+            return loaded
+        loaded = load(
             self.path,
             text=self.text,
             overlay=self.overlay,
@@ -72,6 +79,9 @@ class Texts:
             bounds=self.bounds,
             sealed=self.sealed,
         )
+        if self.sealed and loaded.piece is not None:
+            self.memory.last = self, loaded
+        return loaded
 
     def document(self, file: str | None = None) -> Document:
         """The nodes of the score, or of another file. Raises EditError."""
@@ -172,7 +182,8 @@ class Texts:
         """The node of a section of the score; its places count from the section's first line."""
         if (section := self._alone(name)) is not None:
             return section.value
-        root = self.document().root
+        read = self.load().files.get(self.path) if self.sealed else None
+        root = (self.document() if read is None else read).root
         return root.get(name) if isinstance(root, document.Mapping) else None
 
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:

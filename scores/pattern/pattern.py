@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -65,16 +65,15 @@ class Course:
         self._round = lru_cache(_ROUNDS)(self._drawn)
         self._names = lru_cache(_ROUNDS)(self._named)
         order = pattern.order
-        self._steady = None
-        if order.is_steady:
-            self._steady = tuple(place.at for place in _places(order, None, 0))
+        self._steps = lru_cache(_ROUNDS)(self._split)
+        self._steady = _split(_places(order, None, 0)) if order.is_steady else None
 
     def step(self, place: int) -> tuple[int, float]:
         """The step of the line in which a place is, and how far into the step."""
         turn, number = divmod(place + self.pattern.skip, self.pattern.order.places)
-        at = self._steady[number] if self._steady is not None else self._round(turn)[number].at
-        step = int(at)
-        return turn * self.pattern.order.steps + step, float(at - step)
+        steady = self._steady
+        step, into = steady[number] if steady is not None else self._steps(turn)[number]
+        return turn * self.pattern.order.steps + step, into
 
     def position(self, place: int) -> float:
         """Where a place begins, in steps from the beginning of the pattern, swing included."""
@@ -121,8 +120,16 @@ class Course:
     def _named(self, turn: int) -> Sequence[str | None]:
         return tuple(_names(self.pattern.order, self.draws, turn))
 
+    def _split(self, turn: int) -> Sequence[tuple[int, float]]:
+        return _split(self._round(turn))
+
     def _drawn(self, turn: int) -> Sequence[Place]:
         return tuple(_places(self.pattern.order, self.draws, turn))
+
+
+def _split(places: Iterable[Place]) -> Sequence[tuple[int, float]]:
+    """The step of a round in which each place is, and how far into the step."""
+    return tuple((int(place.at), float(place.at - int(place.at))) for place in places)
 
 
 def _names(item: Leaf | Group, draws: Draws, turn: int) -> Iterator[str | None]:

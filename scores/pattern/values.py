@@ -7,38 +7,10 @@ from dataclasses import dataclass
 
 from ergon import _core
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables.notes import SCALES
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern.order import Group, parse
-
-# Semitones above the root.
-SCALES: Mapping[str, tuple[int, ...]] = {
-    "major": (0, 2, 4, 5, 7, 9, 11),
-    "minor": (0, 2, 3, 5, 7, 8, 10),
-    "harmonic-minor": (0, 2, 3, 5, 7, 8, 11),
-    "melodic-minor": (0, 2, 3, 5, 7, 9, 11),
-    "dorian": (0, 2, 3, 5, 7, 9, 10),
-    "phrygian": (0, 1, 3, 5, 7, 8, 10),
-    "lydian": (0, 2, 4, 6, 7, 9, 11),
-    "mixolydian": (0, 2, 4, 5, 7, 9, 10),
-    "locrian": (0, 1, 3, 5, 6, 8, 10),
-    "pentatonic": (0, 2, 4, 7, 9),
-    "minor-pentatonic": (0, 3, 5, 7, 10),
-    "blues": (0, 3, 5, 6, 7, 10),
-    "whole-tone": (0, 2, 4, 6, 8, 10),
-    "chromatic": tuple(range(12)),
-    "maj": (0, 4, 7),
-    "min": (0, 3, 7),
-    "dim": (0, 3, 6),
-    "aug": (0, 4, 8),
-    "sus2": (0, 2, 7),
-    "sus4": (0, 5, 7),
-    "maj7": (0, 4, 7, 11),
-    "min7": (0, 3, 7, 10),
-    "dom7": (0, 4, 7, 10),
-    "dim7": (0, 3, 6, 9),
-    "m7b5": (0, 3, 6, 10),
-}
 
 
 @dataclass(frozen=True, slots=True)

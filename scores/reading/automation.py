@@ -1,12 +1,11 @@
-"""Automation: parameters that follow a pattern of values, or swing between two."""
+"""Automation: parameters that glide, follow a pattern of values, or swing between two."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
-from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module, Target
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
@@ -16,17 +15,17 @@ from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
-from ergon.notation.text.values import Place
+from ergon.notation.text.values import Place, Time
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Course, Pattern
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount, parse_values
+from ergon.scores.reading.curves import CurvePoint, amount_of, is_curve, parse_curve
+from ergon.scores.reading.leads import reader
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 
 Shape = Literal["sine", "triangle", "ramp", "square"]
 SHAPES: tuple[Shape, ...] = ("sine", "triangle", "ramp", "square")
-# Parameters of a CEL that can follow.
-PARAMETERS = ("f", "t60", "K", "Z", "M")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +41,10 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Automation:
-    """A parameter that follows a pattern of `amounts`, or a swing, between two positions."""
+    """A parameter that follows a pattern of `amounts`, a swing or a curve between two positions.
+
+    Of `points` without times (`to` with `over`) there is one, reached in a length along a `way`.
+    """
 
     target: Target
     parameter: str
@@ -56,6 +58,8 @@ class Automation:
     place: Place
     at_place: Place
     struck: str = ""  # whose strikes sound with each value, which is there when they fall
+    points: tuple[CurvePoint, ...] = field(default=(), metadata={"untold": True})
+    over: Length | None = field(default=None, metadata={"untold": True})
 
     @property
     def name(self) -> str:
@@ -73,20 +77,24 @@ class Automation:
 
 AUTOMATION = Record(
     "automation",
-    "a parameter of a CEL that follows a pattern of values (`set`), or swings (`lfo`)",
+    "a parameter that glides or follows a pattern of values (`set`), or swings (`lfo`)",
     (
         Field(
             "set",
-            Reference("a parameter of a CEL, such as bell.m.f", ("modules",)),
-            "what follows a pattern",
+            Reference("a parameter, such as bell.m.f", ("modules",)),
+            "what glides or follows a pattern",
         ),
-        Field("to", Text(str, "values, such as A3 C4 E4 or x1 x1.5"), "the pattern of its values"),
+        Field(
+            "to",
+            Text(str, "a value, a curve such as A3@0 smooth C4@2, or values such as A3 C4 E4"),
+            "the value that it glides to, its curve, or the pattern of its values",
+        ),
+        Field("over", k.LENGTH, "how long it glides to a value"),
+        Field("curve", choice("line", "smooth"), "the way to that value", "line"),
         Field("every", k.LENGTH, "length of a step"),
         Field("times", k.TIMES, "number of rounds", shown="once, or until `until`"),
         *OF_PATTERN,
-        Field(
-            "lfo", Reference("a parameter of a CEL, such as bell.m.K", ("modules",)), "what swings"
-        ),
+        Field("lfo", Reference("a parameter, such as bell.m.K", ("modules",)), "what swings"),
         Field("range", Text(str, "two values or factors, such as 0.8..1.2"), "between what"),
         Field("period", k.LENGTH, "length of one swing"),
         Field("shape", choice(*SHAPES), "the way from one end to the other and back", "sine"),
@@ -95,7 +103,8 @@ AUTOMATION = Record(
         Field("until", k.WHEN, "where the parameter has its own value again"),
     ),
 )
-_OF_SET = ("to", "every", "times", *(field.name for field in OF_PATTERN))
+_OF_PATTERN = ("every", "times", *(field.name for field in OF_PATTERN))
+_OF_SET = ("to", "over", "curve", *_OF_PATTERN)
 _OF_LFO = ("range", "period", "shape", "phase")
 
 
@@ -115,6 +124,14 @@ def check(values: Values) -> bool:
     for name in values.written(*others):
         values.error("E111", f"automation: `{name}` does not belong to `{kind}`", name)
         return False
+    glides = values.written("over") or is_curve(str(values["to"] or ""))
+    for name in values.written(*_OF_PATTERN) if glides else values.written("curve"):
+        what = "a glide has no steps" if glides else "only a glide `over` a length has a way"
+        values.error("E111", f"automation: {what}; remove `{name}`", name)
+        return False
+    if values.written("over") and is_curve(str(values["to"] or "")):
+        values.error("E111", "automation: a curve has times of its own; remove `over`", "over")
+        return False
     return all(name in values.given for name in (*kinds, *needs))
 
 
@@ -122,26 +139,38 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
     """The automation of a parameter that is known; None after a report."""
     v, pattern, swing = values, None, None
     amounts: Mapping[str, Amount] = {}
+    points: tuple[CurvePoint, ...] = ()
+    name = "to" if v.written("set") else "range"
     try:
-        if v.written("set"):
-            field = "to"
+        if v.written("set") and is_curve(v["to"]):
+            points = parse_curve(v["to"], reader(module, parameter))
+        elif v["over"] is not None:
+            points = (CurvePoint(Time(), one_amount(v["to"], module, parameter), v["curve"]),)
+            if not max(v["over"].bars, v["over"].beats, v["over"].seconds) > 0.0:
+                v.error("E202", "automation: a glide takes a time above 0", "over")
+                return None
+        elif v.written("set"):
             read, is_pitch = reader(module, parameter), parameter == "f"
             order, amounts = parse_values(v["to"], read, is_pitch=is_pitch)
             pattern = pattern_of(v.given, order)
             if v["every"] is None and pattern.euclid is None:
-                v.error("E103", "automation: the length of a step is missing; write `every`", "to")
+                message = (
+                    "automation: one value needs `over`, the length of the glide"
+                    if order.places == 1
+                    else "automation: the length of a step is missing; write `every`"
+                )
+                v.error("E103", message, "to")
                 return None
         else:
-            field = "range"
             low, high = parse_range(v["range"], reader(module, parameter))
             swing = Swing(low, high, v["period"], v["shape"], v["phase"])
             if not max(swing.period.bars, swing.period.beats, swing.period.seconds) > 0.0:
                 v.error("E202", "automation: the period must be above 0", "period")
                 return None
     except TextError as error:
-        node = v.nodes[field]
+        node = v.nodes[name]
         assert isinstance(node, Scalar)
-        v.context.text_error(error, node, field, inside=False)
+        v.context.text_error(error, node, name, inside=False)
         return None
     return Automation(
         target,
@@ -155,17 +184,26 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
         swing,
         v.node.place,
         v.place_of("at"),
+        points=points,
+        over=v["over"],
     )
 
 
-def reader(module: Module, parameter: str) -> Any:
-    """What reads a value of a parameter."""
-    shape = KINDS[module.kind].table.by_name[parameter].shape
-    assert isinstance(shape, Text)
-    return shape.parse
+def one_amount(text: str, module: Module, parameter: str) -> Amount:
+    """The value that a glide ends with. Raises TextError."""
+    words = text.split()
+    if len(words) > 1:
+        message = "a glide goes to one value; several values need the length of a step: every 1"
+        raise TextError(message, length=len(text), code="E201")
+    word = text.strip()
+    amount = amount_of(word, reader(module, parameter))
+    if not amount.value > 0.0:
+        message = f"{quote(word)}: a glide ends above 0, for nothing glides from 0"
+        raise TextError(message, length=max(1, len(word)), code="E202")
+    return amount
 
 
-def parse_range(text: str, read: Any) -> tuple[Amount, Amount]:
+def parse_range(text: str, read: Callable[[str], float]) -> tuple[Amount, Amount]:
     """Read `0.8..1.2` (factors of the own value) or `1kN/m..3kN/m`. Raises TextError."""
     low, dots, high = (part.strip() for part in text.partition(".."))
     if not dots or not low or not high:

@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
-from ergon.notation.clock.positions import Position
+from ergon.instruments.read import modules as read_modules
+from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
@@ -16,15 +17,17 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.gesture import notation
+from ergon.scores.gesture import midi_file, notation
 from ergon.scores.pattern.order import plain
 from ergon.scores.pattern.values import Amount, parse_values
+from ergon.scores.reading import mixing
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
     Accuracy,
     Coupling,
     Gesture,
+    Hit,
     Key,
     Master,
     Mix,
@@ -70,12 +73,7 @@ def key(values: Values, files: Files) -> Key:
                 f"{values.context.of('')} has no `struck`; write the module that ergons strike"
             )
             values.error("E103", message)
-        bodies = (values["modules"] or {}).items()
-        modules = tuple(
-            module(name, body.kind, body.given[body.kind])
-            for name, body in bodies
-            if body is not MISSING
-        )
+        modules = read_modules(values)
     else:
         if not values.written("M"):
             values.error("E103", f"{values.context.of('')} has no 'M': its mass, such as 400g")
@@ -150,10 +148,14 @@ def take(values: Values, files: Files) -> TakeFile:
     path = folder / file
     if path.suffix.lower() == ".gms":
         v.error("E108", f"{who}ergon does not read GMS files yet", "file")
-    elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz"):
-        v.error("E206", f"{who}a take is a .take, .csv, .wav or .npz file", "file")
+    elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz", *midi_file.SUFFIXES):
+        v.error("E206", f"{who}a take is a .take, .csv, .wav, .npz or .mid file", "file")
     else:
         path = files.locate(file, folder, v.place_of("file"), who, is_text=False) or path
+    is_midi = path.suffix.lower() in midi_file.SUFFIXES
+    for name in v.written(*(("trim", "smooth", "rate") if is_midi else ("velocity", "depth"))):
+        which = "a MIDI file" if is_midi else "a take that is no MIDI file"
+        v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
     return TakeFile(
         name=v.context.name,
         path=path,
@@ -237,6 +239,28 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     )
 
 
+def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:
+    """A melody whose strikes are known, in `length` that of a phrase."""
+    v = values
+    targets = dict.fromkeys(target for hit in hits for target in hit.to)
+    return Strikes(
+        name=v.context.name,
+        to=tuple(targets),
+        at=v["at"] or START,
+        span=None,
+        until=v["until"],
+        rate=None,
+        every=v["every"],
+        times=v["times"],
+        impulse=None,
+        mass=None,
+        speed=None,
+        place=v.place,
+        hits=hits,
+        length=length,
+    )
+
+
 def player(values: Values) -> Player:
     """A player; a note says what plays for a live one."""
     v = values
@@ -296,7 +320,9 @@ def mix(values: Values | None, files: Files) -> Mix:
     if values["layout"] is not None:
         room = layout(values["layout"], folder, values.place_of("layout"), files)
     routes = tuple(_route(route) for route in values["route"] or ())
-    highest = max((max(r.to) for r in routes if r.to != "nearest"), default=0)
+    rooms = mixing.rooms(values["rooms"])
+    heard = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
+    highest = max(map(max, heard), default=0)
     speakers = len(room.speakers) if room else 0
     channels = values["channels"] or max(highest, speakers)
     for route in routes:
@@ -307,6 +333,13 @@ def mix(values: Values | None, files: Files) -> Mix:
         elif max(route.to) > channels:
             message = f"channel {max(route.to)} does not exist; the mix has {channels}"
             values.context.error("E202", message, route.place)
+        if route.pan is not None and (route.to == "nearest" or len(set(route.to)) != 2):
+            message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
+            values.context.error("E103", message, route.place)
+    for own in rooms:
+        if max(own.to, default=1) > channels:
+            message = f"channel {max(own.to)} does not exist; the mix has {channels}"
+            values.context.error("E202", message, own.place)
     if room is not None and values.written("channels") and speakers > channels:
         message = f"the layout has {speakers} loudspeakers, but the mix has {channels} channels"
         values.error("E202", message, "channels")
@@ -314,14 +347,26 @@ def mix(values: Values | None, files: Files) -> Mix:
     master_of_mix = None
     if isinstance(master, Values):
         m = master
-        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place)
-    return Mix(channels, room, routes, master_of_mix, values.place)
+        fade = mixing.fade(m["fade"])
+        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place, fade)
+    return Mix(channels, room, routes, master_of_mix, values.place, rooms)
 
 
 def _route(values: Values) -> Route:
     name = values["from"]
     v = values
-    return Route(name, None, v["to"], v["gain"], v["highpass"], name.place)
+    return Route(
+        name,
+        None,
+        v["to"],
+        v["gain"],
+        v["highpass"],
+        name.place,
+        mixing.pan(v["pan"]),
+        mixing.sends(v["send"]),
+        mixing.fade(v["fade"]),
+        v["radiate"],
+    )
 
 
 def accuracy(values: Values | None) -> Accuracy:

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
 from ergon.instruments import rules
-from ergon.instruments.kinds import member_count
+from ergon.instruments.kinds import KINDS, member_count
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
+from ergon.instruments.transpose import named_pitch
+from ergon.notation.tables.expressions import lets
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import automation, build
+from ergon.scores.reading import automation, build, leads, melodies, overlay, pressed
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.melody import Voices
+from ergon.scores.reading.mixing import Room
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
@@ -27,6 +33,7 @@ from ergon.scores.reading.piece import (
     Piece,
     Play,
     Player,
+    Route,
     Strikes,
     TakeFile,
 )
@@ -68,10 +75,11 @@ class Checker:
         times = Times(score, self.collector)
         self._played()
         self._parts()
-        strikes = [self._strikes(v) for v in self._own("strikes")]
+        strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
         players = {v.context.name: self._player(v) for v in self._own("players")}
         mix = self._mix()
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
+        self._reach_led()
         self._modules()
         plays = self._plays()
         changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
@@ -96,6 +104,8 @@ class Checker:
             place=score.place,
             tempo_map=times.map,
             automation=tuple(changes),
+            blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
+            families={n: tuple(own.values()) for n, own in self.scene.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
@@ -132,13 +142,25 @@ class Checker:
 
     def _take(self, name: str, entry: Entry) -> None:
         if name not in self.takes and isinstance(entry.values, Values):
-            self.takes[name] = _called(build.take(entry.values, self.uses.files), name)
+            made = _called(build.take(entry.values, self.uses.files), name)
+            if not melodies.is_midi(entry.values):
+                self.takes[name] = made
+
+    def _pressed(self, name: str, entry: Entry) -> None:
+        """A MIDI take that a hand plays is a gesture."""
+        if name not in self.gestures:
+            self._take(name, entry)
+            made = pressed.gesture(entry.values, self.uses.files, self._room)
+            self.gestures[name] = _called(made, name) if made else None
+            self._room -= len(made.points) if made else 0
 
     def _reach_played(self, name: Name, who: str) -> None:
         """The gesture or take of a name becomes part of the piece; reports when there is none."""
         tables = self.names.tables
         if name in tables["gestures"]:
             self._gesture(name, tables["gestures"][name])
+        elif name in tables["takes"] and melodies.is_midi(tables["takes"][name].values):
+            self._pressed(name, tables["takes"][name])
         elif name in tables["takes"]:
             self._take(name, tables["takes"][name])
         else:
@@ -164,16 +186,45 @@ class Checker:
                 if values is None:
                     self.scene.broken.add(name)
                     continue
-                part_object = _called(self._made(section, entry, values), name)
-                struck = part_object.struck if isinstance(part_object, Key) else None
-                modules = {module.name: module for module in part_object.modules}
-                written = values["modules"] or {}
-                broken = frozenset(n for n, body in written.items() if body is MISSING)
-                part = Part(name, modules, struck, entry.prefix, broken, selves)
-                self.scene.parts[name] = part
-                self._written[name] = (entry, part_object)
-                self.bodies[name] = _bodies(values)
-                self.written[name] = values
+                if section == "instruments" and values.written("notes"):
+                    self._notes(name, entry, values, selves)
+                else:
+                    self._part(section, name, entry, values, selves)
+
+    def _part(
+        self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
+    ) -> None:
+        part_object = _called(self._made(section, entry, values), name)
+        struck = part_object.struck if isinstance(part_object, Key) else None
+        modules = {module.name: module for module in part_object.modules}
+        broken = frozenset(values["modules"] or {}).difference(modules)
+        self.scene.parts[name] = Part(name, modules, struck, entry.prefix, broken, selves)
+        self._written[name] = (entry, part_object)
+        self.bodies[name] = _bodies(values)
+        self.written[name] = values
+
+    def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
+        """An instrument of each note, which is called by it: `string.F3`."""
+        notes = values["notes"]
+        if notes is None:
+            self.scene.broken.add(name)
+            return
+        if named_pitch(values) is None:
+            reason = "its modules have no named pitch; write `f`, at which they are written"
+            if values.kind == "BANK":
+                reason = "a BANK has pitches of its own"
+            values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
+            self.scene.broken.add(name)
+            return
+        self.scene.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
+        known = self.scene.families[name]
+        for word, own in (values["members"] or {}).items():
+            if number(word) not in known:
+                message = f"{values.context.of('members')}: it has no note {quote(word)}"
+                self.collector.error("E301", message, own.place, word=word, names=notes)
+        for note in notes:
+            part = f"{name}.{note}"
+            self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
 
     def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
         if section == "keys":
@@ -182,7 +233,8 @@ class Checker:
         if memory is None or values is not entry.values:  # what begins with another is merged anew
             return instrument(values)
         # Under its name, for an alias is one node of several names.
-        key = instrument, values.node, values.context.name
+        named = tuple(lets(values.node.document).names.items())
+        key = instrument, values.node, values.context.name, named
         return memory.made(key, partial(instrument, values))
 
     def _modules(self) -> None:
@@ -294,13 +346,27 @@ class Checker:
                 plays.append(play)
         return plays
 
-    def _strikes(self, values: Values) -> Strikes:
+    def _strikes(self, values: Values) -> Strikes | None:
+        if not melodies.is_whole(values):
+            return None
+        if melodies.kind_of(values):
+            found = melodies.hits_of(values, self.scene, self._phrases(), self.uses.files)
+            return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
-        targets = (self.scene.target(name, "mats", who) for name in values["to"] or ())
-        made = build.strikes(values, tuple(t for t in targets if t is not None))
+        names = values["to"] or ()
+        targets = tuple(t for name in names for t in self.scene.targets(name, "mats", who))
+        made = build.strikes(values, targets)
+        if made.notes and names and all(self.scene.family(name) for name in names):
+            return melodies.voiced(made, values, Voices(self.scene, names), who)
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
+
+    def _phrases(self) -> dict[str, Any]:
+        """Phrases, and takes that are MIDI files."""
+        tables = self.names.tables
+        known = {n: e.values for n, e in tables["takes"].items() if melodies.is_midi(e.values)}
+        return {**known, **{name: entry.values for name, entry in tables["phrases"].items()}}
 
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
@@ -311,29 +377,42 @@ class Checker:
             message = f"{who}: {quote(target.text)} has no pitch of its own; notes are for CELs"
             self.collector.error("E304", message, target.place)
 
+    def _reach_led(self) -> None:
+        """What automation changes belongs to the piece."""
+        for values in self.score["automation"] or ():
+            if isinstance(values, Values):
+                words = str(values["set"] or values["lfo"] or "").split(".")
+                heads = (".".join(words[:count]) for count in range(len(words) - 1, 0, -1))
+                self.scene.reached |= {head for head in heads if head in self._written}
+
     def _automation(self, values: Any) -> Automation | None:
         if not isinstance(values, Values) or not automation.check(values):
             return None
         name = values["set"] or values["lfo"]
         head, _, parameter = str(name).rpartition(".")
-        if not head or parameter not in automation.PARAMETERS:
-            known = ", ".join(automation.PARAMETERS)
-            message = f"automation: {quote(name)} is not a parameter of a CEL ({known})"
+        known = leads.found(head, self.keys, self.instruments)
+        if known is None and head and parameter in leads.ALL:
+            # What the head reaches, or what is wrong with it.
+            target = self.scene.target(Name(head, name.place), "mat", "automation")
+            if target is None:
+                return None
+            known = leads.found(
+                f"{target.part}.{target.module}".rstrip("."), self.keys, self.instruments
+            )
+            if known is not None and KINDS[known[1].kind].family == "generator":
+                message = f"automation: {quote(head)} is a member; its body changes as a whole"
+                self.collector.error("E304", message, name.place)
+                return None
+        if known is None:
+            words = ", ".join(leads.ALL)
+            message = f"automation: {quote(name)} is not a parameter that changes ({words})"
             self.collector.error("E301", message, name.place)
             return None
-        target = self.scene.target(Name(head, name.place), "mat", "automation")
-        part = None
-        if target is not None:
-            part = self.keys.get(target.part) or self.instruments.get(target.part)
-        if target is None or part is None:
+        part, module, is_ca = known
+        if why := leads.refusal(module, parameter, is_ca=is_ca):
+            self.collector.error("E304", f"automation: {quote(head)} {why}", name.place)
             return None
-        module = next(one for one in part.modules if one.name == target.module)
-        is_ca = isinstance(part, Instrument) and part.ca_rate is not None
-        if module.kind != "CEL" or is_ca:
-            why = "has algorithmic values" if is_ca else f"is a {module.kind}, not a CEL"
-            message = f"automation: {quote(head)} {why}; automation changes CELs with SI values"
-            self.collector.error("E304", message, name.place)
-            return None
+        target = Target(part, module.name, 0, 1, head, name.place)
         return automation.made(values, target, module, parameter)
 
     def _coupling(self, values: Any, number: int) -> Coupling | None:
@@ -362,7 +441,8 @@ class Checker:
     def _mix(self) -> Mix:
         mix = build.mix(self.score["mix"], self.uses.files)
         routes = []
-        for route in mix.routes:
+        written = [r for route in mix.routes for r in self._each_note(route)]
+        for route in written:
             part, out = str(route.part), None
             if part not in self._written and "." in part:
                 part, _, out = part.rpartition(".")
@@ -385,7 +465,27 @@ class Checker:
                 )
             self.scene.reached.add(part)
             routes.append(replace(route, part=part, out=out))
+            self._treatment(routes[-1], entry[1], mix.rooms)
         return replace(mix, routes=tuple(routes))
+
+    def _each_note(self, route: Route) -> list[Route]:
+        """A route, or one from each note of an instrument that has notes."""
+        name = Name(self.scene.spelled(route.part), route.place)
+        return [replace(route, part=each) for each in self.scene.members(name)]
+
+    def _treatment(self, route: Route, instrument: Instrument, rooms: Sequence[Room]) -> None:
+        """A route sends to rooms that there are, and radiates accelerations."""
+        known = tuple(room.name for room in rooms)
+        for name, _ in route.sends:
+            if name not in known:
+                message = f"route: no room is called {quote(name)}"
+                self.collector.error("E301", message, route.place, word=name, names=known)
+        heard = [out for out in instrument.outputs if route.out in (None, out.name)]
+        wrong = next((out for out in heard if out.kind != "SOA"), None)
+        if route.radiation is not None and wrong is not None:
+            message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
+            help = "listen by SOA: the pressure of a small source goes by its acceleration"
+            self.collector.error("E304", message, route.place, help=help)
 
 
 def _called(made: _Named, name: str) -> _Named:

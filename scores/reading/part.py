@@ -103,7 +103,12 @@ _TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirro
 _AT = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
     Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
-    Field("times", k.TIMES, "number of repetitions, or of rounds", shown="once, or until `until`"),
+    Field(
+        "times",
+        k.TIMES,
+        "number of repetitions; of whole rounds, where a pattern plays",
+        shown="once, or until `until`",
+    ),
     Field("until", k.WHEN, "position from which on no repetition begins"),
     *OF_PATTERN,
     Field("nth", _TURNS, "transformations of every nth round"),

@@ -5,17 +5,19 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
+from math import inf
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from ergon.instruments.kinds import LATER_FIELDS
 from ergon.instruments.model import Instrument, Layout, Module, Target
-from ergon.notation.clock.meter import Meter
+from ergon.notation.clock.meter import SAME, Meter
+from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.document import Scalar
-from ergon.notation.text.values import Place, Point
+from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
@@ -23,6 +25,7 @@ from ergon.scores.pattern.pattern import Course, Pattern
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.mixing import Fade, Radiation, Room
 
 # Of a field that came later: where it says nothing, the hash of a score is what it was before.
 UNTOLD = {"untold": True}
@@ -129,10 +132,25 @@ class TakeFile:
 
 
 @dataclass(frozen=True, slots=True)
+class Hit:
+    """One strike of a melody: at a position, or so long after the beginning of a phrase.
+
+    The impulse [N·s] lies between two values.
+    """
+
+    at: Position | Length
+    to: tuple[Target, ...]
+    impulse: tuple[float, float]
+    place: Place
+    what: str = ""  # as it is written
+
+
+@dataclass(frozen=True, slots=True)
 class Strikes:
     """Ergons that hit modules directly: a Poisson `rate` [Hz] for each, or `every` so often.
 
-    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s].
+    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s]. A melody has
+    `hits`; with a `length` it is a phrase that begins at `at`, `every` so often.
     """
 
     name: str
@@ -149,11 +167,36 @@ class Strikes:
     place: Place
     pattern: Pattern | None = field(default=None, metadata=UNTOLD)
     notes: Mapping[str, Amount] = field(default_factory=dict, metadata=UNTOLD)  # of the pattern
+    # Where the notes of the pattern are those of an instrument: what each name of it strikes.
+    voices: Mapping[str, tuple[Target, ...]] = field(default_factory=dict, metadata=UNTOLD)
+    hits: tuple[Hit, ...] = field(default=(), metadata=UNTOLD)
+    length: Length | None = field(default=None, metadata=UNTOLD)
 
     @property
     def who(self) -> str:
         """Whose draws a pattern makes."""
         return f"strikes/{self.name}"
+
+    def rounds(self, tempo: TempoMap) -> list[float]:
+        """Beats on which a melody begins: a phrase every time it is played. Raises TextError."""
+        if self.length is None:
+            return [0.0]
+        until = None if self.until is None else tempo.resolve(self.until)
+        at, every, times = tempo.resolve(self.at), self.every, self.times
+        if self.length.bars and every is None:
+            every = self.length
+        own = Time(self.length.beats, self.length.seconds)
+        return starts(tempo, at, own, every=every, times=times, until=until)
+
+    def falls(self, tempo: TempoMap) -> Iterator[tuple[float, int, Hit]]:
+        """Every strike of a melody: its beat, its number and what it strikes. Raises TextError."""
+        until = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
+        for turn, start in enumerate(self.rounds(tempo)):
+            for number, hit in enumerate(self.hits):
+                at = hit.at
+                beat = tempo.resolve(at) if isinstance(at, Position) else tempo.after(start, at)
+                if beat < until:
+                    yield beat, turn * len(self.hits) + number, hit
 
     def steps(self, piece: Piece) -> Steps:
         """When a pattern strikes: its places. Raises TextError."""
@@ -238,6 +281,10 @@ class Route:
     gain: float
     highpass: float | None
     place: Place
+    pan: tuple[float, float] | None = field(default=None, metadata=UNTOLD)  # gains of two channels
+    sends: tuple[tuple[str, float], ...] = field(default=(), metadata=UNTOLD)  # rooms, ratios
+    fade: Fade = field(default=(), metadata=UNTOLD)
+    radiation: Radiation | None = field(default=None, metadata=UNTOLD)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +295,7 @@ class Master:
     limit: float | None
     gain: float
     place: Place
+    fade: Fade = field(default=(), metadata=UNTOLD)
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,15 +307,16 @@ class Mix:
     routes: tuple[Route, ...]
     master: Master | None
     place: Place | None
+    rooms: tuple[Room, ...] = field(default=(), metadata=UNTOLD)
 
 
 @dataclass(frozen=True, slots=True)
 class RenderSpec:
-    """The file that `render` writes; `tail` [s] after the last event."""
+    """The file that `render` writes; `tail` [s] after the last event, or until it has faded."""
 
     file: str | None
     bits: Literal[16, 24, "float"]
-    tail: float
+    tail: float | Literal["auto"]
     channels: int | None
     place: Place | None
 
@@ -315,6 +364,10 @@ class Piece:
     # Of each part: the beats on which it is played; None where a take's file says how long it is.
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
     automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
+    # Lines that a session runs, by the name of their block; nothing else reads them.
+    blocks: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False, repr=False)
+    # Instruments with notes: the names of their members.
+    families: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)
 
     def modules(self) -> Iterator[tuple[str, Module]]:
         """Every module of the keys and instruments, with the name of its part."""
@@ -330,12 +383,32 @@ class Piece:
         """
         return _sha(self)
 
-    def scene(self) -> str:
-        """SHA-256 of what its modules are and how they are heard, by whatever is played on them."""
-        return _sha(of_scene(self))
+
+def is_same_scene(one: Piece, other: Piece) -> bool:
+    """Whether their modules are the same and heard in the same way, whatever is played on them.
+
+    Text, comments and places do not count, as in `Piece.digest`; a hash takes ten times as long.
+    """
+    return _is_same(_of_scene(one), _of_scene(other))
 
 
-of_scene = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
+def _is_same(one: Any, other: Any) -> bool:
+    """Whether two values have the same chunks; most parts of two versions are one object."""
+    if one is other or one == other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, (tuple, list)):
+        return len(one) == len(other) and all(map(_is_same, one, other))
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(_is_same(one[key], other[key]) for key in one)
+    if isinstance(one, (Key, Instrument)):
+        names = [f.name for f in fields(one) if f.name not in _NOT_VALUES.get(type(one), ())]
+        return all(_is_same(getattr(one, name), getattr(other, name)) for name in names)
+    return [*_chunks(one)] == [*_chunks(other)]
+
+
+_of_scene = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
 
 
 def _sha(value: Any) -> str:
@@ -353,7 +426,9 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     TakeFile: ("places",),
     Position: ("text",),
     Target: ("text",),
-    Piece: ("tempo_map", "starts"),  # follow from the others
+    Hit: ("what",),
+    # What follows from the others, or is never computed.
+    Piece: ("tempo_map", "starts", "blocks", "families"),
     RenderSpec: ("file",),
 }
 

@@ -118,6 +118,15 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
         stop = tempo.after(start, strikes.span) if strikes.span is not None else start
     lasting = tempo.seconds(stop) - tempo.seconds(start)
     each = 1.0
+    if strikes.hits:
+        try:
+            once = sum(target.count for hit in strikes.hits for target in hit.to)
+            count = float(once * len(strikes.rounds(tempo)))
+        except TextError as error:
+            message = f"strikes {quote(strikes.name)}: {error.message}"
+            collector.error("E305", message, strikes.place)
+            return 0.0
+        return _left(strikes, count, left, collector)
     if strikes.pattern is not None:
         try:
             each = float(len(strikes.steps(piece)))
@@ -140,7 +149,13 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
                 "has no limit; write `times`, `for` or `until`"
             )
             collector.error("E103", message, strikes.place)
-    count = each * sum(target.count for target in strikes.to)
+    voices = strikes.voices.values() or (strikes.to,)
+    struck = max(sum(target.count for target in voice) for voice in voices)
+    return _left(strikes, each * struck, left, collector)
+
+
+def _left(strikes: Strikes, count: float, left: float, collector: Collector) -> float:
+    """How many strikes there are; 0 after a report that they are too many."""
     if count <= left:
         return count
     message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"

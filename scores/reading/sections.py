@@ -7,12 +7,15 @@ from typing import Any
 
 from ergon.instruments.kinds import LINKS, tables
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
+from ergon.instruments.transpose import INTERVAL
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
+    MISSING,
     Context,
     Either,
     ListOf,
+    NamedValues,
     NamesOf,
     Reference,
     Shape,
@@ -20,10 +23,12 @@ from ergon.notation.tables.shapes import (
     choice,
     wrong_shape,
 )
-from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
+from ergon.scores.reading import mixing
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.manner import DO, OF_GESTURE
+from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.part import PART
 from ergon.scores.reading.patterns import OF_PATTERN
 from ergon.scores.reading.piece import METHODS
@@ -119,8 +124,15 @@ TAKE = Record(
     "take",
     "a captured movement",
     (
-        Field("file", k.PATH, "a recording (.take), CSV, WAV or npz", required=True),
-        Field("channel", k.TITLE, "the column, or the player of a recording", shown="the only one"),
+        Field("file", k.PATH, "a recording (.take), CSV, WAV, npz or MIDI (.mid)", required=True),
+        Field(
+            "channel",
+            k.TITLE,
+            "the column, the player of a recording, a MIDI channel",
+            shown="the only one; of MIDI all",
+        ),
+        Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
+        Field("depth", k.TRAVEL, "how far such notes press a key that plays them"),
         Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),
         Field("smooth", k.HERTZ, "cutoff of a low-pass filter, run forward and backward"),
         Field("rate", k.HERTZ, "sample rate of a file without a column t [s]"),
@@ -131,20 +143,65 @@ STRIKES = Record(
     "strikes",
     "ergons that hit modules directly, without a key",
     (
-        Field("to", _TARGETS, "what", required=True),
-        Field("at", k.WHEN, "when they begin", required=True),
+        Field("to", _TARGETS, "what; of a melody the instrument whose notes are struck"),
+        Field("at", k.WHEN, "when they begin"),
         Field("for", k.LENGTH, "how long"),
         Field("until", k.WHEN, "when they end, instead of `for`"),
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
-        Field("times", k.TIMES, "number of strikes, with `every`; of rounds, with `euclid`"),
+        Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
         *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
         Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
+        Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
+        Field("play", Reference("a phrase or a MIDI take"), "what is played, `every` so often"),
+        Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
+        Field("do", DO, "transformations of the phrase, left to right"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
     ),
 )
+PHRASE = Record(
+    "phrase",
+    "a melody with a length of its own, which `strikes` play",
+    (
+        Field("entries", Entries(PHRASE_ENTRY), "its strikes", required=True),
+        Field("length", k.LENGTH, "its length", shown="to the beat after its last strike"),
+        Field("to", _TARGETS, "the instrument whose notes are struck"),
+        Field("impulse", k.IMPULSES, "impulse of strikes that say none"),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class MelodyShape(Shape):
+    """Fields of a record, or a list or a table that stands for its `entries`."""
+
+    record: Record
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
+        if not is_bare:
+            return self.record.read(node, name, context)
+        values = Values(self.record, node, context)
+        entries = self.record.by_name["entries"].shape.read(node, name, context)
+        if entries is MISSING:
+            return MISSING
+        values.given["entries"], values.nodes["entries"] = entries, node
+        return values
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        own = self.record.schema()
+        return {**self.record.by_name["entries"].shape.schema(), **own, "type": _ANY}
+
+    def words(self) -> str:
+        """In words."""
+        return f"{self.record.words()}, or its entries alone"
+
+
+_ANY = ["object", "array", "string", "null"]
 PLAYER = Record(
     "player",
     "a hand on a key",
@@ -181,6 +238,10 @@ COUPLING = Record(
     kinds={name: _without_between(table) for name, table in tables(False, LINKS).items()},
     kind_required=True,
 )
+_LINK = (
+    "Ableton Link is no part of ergon, because all bindings to it contain code under the GPL "
+    "(docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
+)
 TEMPO = Record(
     "tempo entry",
     "a tempo, a ramp or a meter from a position on",
@@ -190,7 +251,7 @@ TEMPO = Record(
         Field("over", k.LENGTH, "length of the ramp"),
         Field("meter", k.METER, "meter from this position on", shown="4/4"),
     ),
-    refused={"link": "Ableton Link is not built yet"},
+    refused={"link": _LINK},
 )
 
 
@@ -203,6 +264,7 @@ _TO = Either(
     scalar=Text(_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
     sequence=ListOf(_CHANNEL, 1, MAX_CHANNELS),
 )
+ROOM = mixing.room_table(ListOf(_CHANNEL, 1, MAX_CHANNELS, single=True))
 ROUTE = Record(
     "route",
     "from an instrument to loudspeakers",
@@ -217,6 +279,10 @@ ROUTE = Record(
         Field("to", _TO, "channels, or the loudspeaker nearest to each module", required=True),
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
+        Field("pan", k.PAN, "place between two channels, by constant power"),
+        Field("send", mixing.SENDS, "rooms by name, each with a level"),
+        Field("fade", mixing.FADE, "levels at positions of the piece"),
+        Field("radiate", mixing.RADIATION, "as a disc in a wall, heard at a distance"),
     ),
 )
 MASTER = Record(
@@ -226,6 +292,7 @@ MASTER = Record(
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
         Field("normalise", k.GAIN, "level of the highest peak, in a file"),
         Field("limit", k.GAIN, "ceiling of the limiter"),
+        Field("fade", mixing.FADE, "levels at positions of the piece"),
     ),
 )
 MIX = Record(
@@ -235,6 +302,7 @@ MIX = Record(
         Field("channels", _CHANNEL, "how many", shown="as many as the routes need"),
         Field("layout", k.PATH, "a file that says where loudspeakers are"),
         Field("route", ListOf(ROUTE, single=True), "from instruments to channels"),
+        Field("rooms", NamesOf(ROOM, "room"), "rooms that routes send to"),
         Field("master", MASTER, "all channels together"),
     ),
 )
@@ -244,7 +312,7 @@ RENDER = Record(
     (
         Field("file", k.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
-        Field("tail", k.PAUSE, "time after the last event", 5.0, shown="5s"),
+        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", 5.0, shown="5s"),
         Field("channels", _CHANNEL, "as in the mix"),
     ),
 )
@@ -276,6 +344,22 @@ LAW = Record(
         Field("damping", k.TITLE, "force over elongation d and its rate v"),
     ),
     free=k.CONSTANT,
+)
+MAX_BLOCK = 50  # lines that a block has at most
+
+
+def _line(text: str) -> str:
+    """A line of a session, which is read when the block is run."""
+    if not text.strip() or "\n" in text.strip():
+        raise TextError("a block is a list of lines, each a line of a session", length=len(text))
+    return text.strip()
+
+
+BLOCK = ListOf(
+    Text(_line, "a line of a session, such as ada plays knock every 1/2", types=("string",)),
+    1,
+    MAX_BLOCK,
+    single=True,
 )
 _FILE = Raw("the name of a file")
 USE = Either(scalar=_FILE, mapping=NamesOf(_FILE, "prefix"), sequence=ListOf(_FILE))
@@ -324,6 +408,8 @@ def _own_fields(table: Record) -> tuple[str, ...]:
     return tuple(f.name for f in table.fields if f.name not in ("ergon", "title"))
 
 
+LETS = NamedValues()
+
 SCORE = Record(
     "score",
     "a whole score; a file that `use:` names has the same sections",
@@ -332,6 +418,7 @@ SCORE = Record(
         Field("title", k.TITLE, "the piece's name", ""),
         Field("seed", k.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
         Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
+        Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
         Field("marks", NamesOf(k.WHEN, "mark"), "names of instants"),
@@ -340,16 +427,18 @@ SCORE = Record(
         Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),
         Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
         Field("takes", NamesOf(TAKE, "take"), "captured hands"),
-        Field("strikes", NamesOf(STRIKES, "strikes"), "ergons without a key"),
+        Field("phrases", NamesOf(MelodyShape(PHRASE), "phrase"), "melodies that strikes play"),
+        Field("strikes", NamesOf(MelodyShape(STRIKES), "strikes"), "ergons without a key"),
         Field("automation", ListOf(AUTOMATION, single=True), "parameters that change in time"),
         Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
         Field("duet", ListOf(COUPLING, single=True), "links between keys"),
         Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
+        Field("blocks", NamesOf(BLOCK, "block"), "lines that a session runs together, by a name"),
         Field("mix", MIX, "loudspeakers and the ways to them"),
         Field("render", RENDER, "the file that is written"),
         Field("accuracy", ACCURACY, "error and cost that the plan may have"),
     ),
-    refused={"link": "Ableton Link is not built yet"},
+    refused={"link": _LINK},
     foreign={
         **dict.fromkeys(_own_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"),
         **dict.fromkeys(_own_fields(LAYOUT), "a layout is named by the mix: `layout: FILE`"),

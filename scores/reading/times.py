@@ -101,6 +101,14 @@ class Times:
                 start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
                 stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
                 self._order(start, stop, values.place_of("until"))
+        for strikes in piece.strikes:
+            for hit in strikes.hits:
+                if isinstance(hit.at, Position):
+                    self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
+        fades = [route.fade for route in piece.mix.routes]
+        fades += [piece.mix.master.fade] if piece.mix.master else []
+        for point in (point for fade in fades for point in fade):
+            self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
         for part in piece.instruments.values():
             for module in part.modules:
                 if isinstance(at := module.fields.get("at"), Position):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
+from ergon.instruments.transpose import sounding_at
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.kinds import PATH
 from ergon.notation.tables.shapes import MISSING, Context, Name
@@ -14,17 +15,16 @@ from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
+from ergon.scores.reading.overlay import overlaid
 from ergon.scores.reading.sections import SCORE
 
-SECTIONS = ("keys", "instruments", "gestures", "takes", "laws")  # whose names other files may use
+# Sections whose names other files may use.
+SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
+# Sections that say what happens, which a file that is used brings to nobody.
+PLAYED = ("strikes", "automation", "duet", "parts")
 MAX_USES = 20  # files deep
 MAX_LIKE = 32  # things that begin with another
-NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "take", "law"), strict=True))
-# What is written here replaces what stands for the same in the other: K for f, a table for a line.
-_EXCLUSIVE = (
-    (("K", "Z"), ("f", "t60"), ("modules", "struck")),
-    (("notation",), ("points",)),
-)
+NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
 
 
 @dataclass(slots=True)
@@ -100,7 +100,10 @@ class Uses:
             message = f"{document.file} uses itself: {' -> '.join(steps)}"
             self.collector.error("E302", message, place)
             return
+        is_new = document.file not in self._read
         used = self.read(document, place)
+        if is_new and used.score is not None:
+            self._tell_unplayed(used.score, document.file, place)
         names.used[PurePath(file).stem] = used
         if prefix:
             names.used[prefix] = used
@@ -108,11 +111,19 @@ class Uses:
             for word, entry in table.items():
                 self._add(names, section, word, entry, place, prefix)
 
+    def _tell_unplayed(self, score: Values, file: str, place: Place) -> None:
+        """W330 where a file that is used has sections that only a score of its own plays."""
+        unplayed = [section for section in PLAYED if score[section]]
+        if unplayed:
+            message = f"what {file} says in {_and(unplayed)} is left out"
+            help = f"`use` brings in names of {_and(SECTIONS)}; what is played stands in the score"
+            self.collector.error("W330", message, place, help=help)
+
     def _add(
         self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str
     ) -> None:
         full = f"{prefix}.{word}" if prefix else word
-        seen = f"{prefix}.{entry.prefix}" if prefix else entry.prefix
+        seen = ".".join(filter(None, (prefix, entry.prefix)))
         existing = names.tables[section].get(full)
         if existing is None:
             names.tables[section][full] = Entry(entry.values, entry.home, seen, place)
@@ -154,8 +165,13 @@ class Uses:
                 return None, frozenset()
             entry = base
         result = chain[-1]
+        is_instrument = section == "instruments"
+        if is_instrument:
+            result = sounding_at(result, result, is_root=True)
         for values in reversed(chain[:-1]):
-            result = _overlaid(result, values)
+            if is_instrument:
+                result = sounding_at(result, values, is_root=False)
+            result = overlaid(result, values)
         return result, frozenset(values.context.name for values in chain)
 
     def _base(self, section: str, values: Values, home: Names) -> Entry | None:
@@ -201,28 +217,6 @@ class Uses:
         return entry
 
 
-def _overlaid(base: Values, own: Values) -> Values:
-    """The base's fields under one's own; modules merge by name, transformations add up."""
-    hidden: set[str] = set()
-    for groups in _EXCLUSIVE:
-        if any(own.written(*group) for group in groups):
-            for group in groups:
-                if not own.written(*group):
-                    hidden.update(group)
-    given = {name: value for name, value in base.given.items() if name not in hidden}
-    nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
-    merged: dict[str, Callable[[Any, Any], Any]] = {
-        "modules": lambda a, b: {**a, **b},
-        "do": lambda a, b: (*a, *b),
-    }
-    for name, value in own.given.items():
-        join = merged.get(name)
-        given[name] = join(given[name], value) if join and name in given else value
-    nodes.update(own.nodes)
-    kind = own.kind or base.kind
-    return Values(own.record, own.node, own.context, given, nodes, {**base.free, **own.free}, kind)
-
-
 def _files(score: Values) -> list[tuple[str, Place, str]]:
     """(file, place, prefix) of every file that a score uses."""
     use = score["use"]
@@ -237,3 +231,9 @@ def _files(score: Values) -> list[tuple[str, Place, str]]:
             if file is not MISSING:
                 files.append((file, node.place, prefix))
     return files
+
+
+def _and(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    quoted = [f"`{word}`" for word in words]
+    return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))

@@ -1,29 +1,26 @@
-"""From `automation:` to points through which the engine leads the parameters of CELs."""
+"""From `automation:` to points through which the engine leads the parameters of modules."""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from ergon import _core
-from ergon.instruments.model import Module
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.shifted import NEVER
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.reading.automation import Automation, Shape, Swing
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.gliding import LN_1000, TWO_PI, ties
-
-Where = tuple[str, str]  # a part and one of its modules
-Point = tuple[float, float, float, float]  # an instant [s], K [N/m], Z [N·s/m], M [kg]
-Points = Sequence[Point]
+from ergon.scores.staging.leading import Led, Points, Where
 
 # A value that a pattern sets is reached in this time [s]: a jump would click.
 GLIDE = 0.02
 MAX_POINTS = 200_000
+GRID = _core.GRID  # frames from one place at which the engine has points to the next
 # How far back the value that holds at a beat is looked for, in places of its pattern.
 _BACK = 256
 # The pitch of a note is there so many frames before its strike: a place of the engine's grid.
@@ -38,8 +35,8 @@ _QUARTER = (
 _HALF = (*_QUARTER[:-1], *reversed(_QUARTER))
 _SINE = (*_HALF[:-1], *(0.0 - x for x in _HALF))
 _PIECES = len(_SINE) - 1
-_FOR_EVER = 1e9  # the t60 of what does not fade [s]
-_FOR_EVER = 1e9  # the t60 of what does not fade [s]
+# Places on the engine's grid at which a glide has points of its own, at most.
+_PLACES = 1_024
 
 
 @dataclass(slots=True)
@@ -49,6 +46,7 @@ class _Curve:
     own: float
     t: list[float] = field(default_factory=list)
     x: list[float] = field(default_factory=list)
+    within: set[float] = field(default_factory=set)  # instants inside glides
 
     def to(self, instant: float, value: float) -> None:
         """Go on to a value, evenly from the last point."""
@@ -73,38 +71,64 @@ class _Curve:
 def automated(
     piece: Piece, since: float, until: float, collector: Collector
 ) -> dict[Where, Points]:
-    """The points of each CEL with automation, for the beats from `since` to `until`."""
+    """The points of each module with automation, for the beats from `since` to `until`."""
     lines: dict[Where, dict[str, list[Automation]]] = {}
     for one in (*piece.automation, *_notes(piece)):
         where = one.target.part, one.target.module
         lines.setdefault(where, {}).setdefault(one.parameter, []).append(one)
     found: dict[Where, Points] = {}
     for where, parameters in lines.items():
-        cell = _module(piece, where)
-        if cell is None:
+        led = Led.of(piece, where)
+        if led is None:
             continue  # a gesture is rehearsed without instruments
-        module, scale = cell
-        own = _own(module)
         curves = {
-            name: _curve(piece, some, own[name], since, until, collector)
+            name: _curve(piece, some, led.own[name], since, until, collector)
             for name, some in parameters.items()
         }
         instants = sorted({t for curve in curves.values() for t in curve.t})
-        if len(instants) > MAX_POINTS:
+        if led.cost * len(instants) > MAX_POINTS:
             place = next(iter(parameters.values()))[0].place
-            message = f"automation: a CEL changes more than {MAX_POINTS:,} times"
+            message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, place)
         elif instants:
-            known: dict[tuple[float, ...], tuple[float, float, float]] = {}
+            known: dict[tuple[float, ...], tuple[float, ...]] = {}
             points = []
             for t in instants:
                 values = tuple(curve.at(t) for curve in curves.values())
                 if values not in known:  # a swing has the same values in every period
-                    said = dict(zip(curves, values, strict=True))
-                    known[values] = _tied(module, said, scale)
+                    known[values] = led.numbers(dict(zip(curves, values, strict=True)))
                 points.append((max(0.0, t), *known[values]))
-            found[where] = points
+            within = set().union(*(curve.within for curve in curves.values()))
+            found[where] = _chords(points, within) if within else points
     return found
+
+
+def _chords(points: Points, within: Container[float]) -> Points:
+    """Points whose chords have the means of the curve that they lie on, to fourth order.
+
+    What is led goes straight from point to point, and a pitch that is a little too high all the
+    way would end on another phase.
+    """
+    made = list(points)
+    for at in range(1, len(points) - 1):
+        (before, *low), (here, *own), (after, *high) = points[at - 1 : at + 2]
+        if here in within and abs((here - before) - (after - here)) < 1e-9:
+            bends = (a - 2.0 * x + b for a, x, b in zip(low, own, high, strict=True))
+            made[at] = (here, *(x - bend / 12.0 for x, bend in zip(own, bends, strict=True)))
+    return made
+
+
+def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
+    """The value of a parameter on a beat, as automation leads it."""
+    led = Led.of(piece, where)
+    assert led is not None
+    lines = [
+        one
+        for one in piece.automation
+        if (one.target.part, one.target.module) == where and one.parameter == parameter
+    ]
+    curve = _curve(piece, lines, led.own[parameter], beat, beat, Collector())
+    return curve.at(piece.tempo_map.seconds(beat))
 
 
 def _notes(piece: Piece) -> Iterator[Automation]:
@@ -131,16 +155,17 @@ def led_on(
     """
     found: dict[Where, Points] = {}
     for where in {**before, **after}:
-        known = _module(piece, where)
-        if known is None:
+        led = Led.of(piece, where)
+        if led is None:
             continue  # the module is gone
-        module, scale = known
-        own = (0.0, *_tied(module, {}, scale))
+        own = (0.0, *led.numbers_alone)
         old, new = before.get(where) or [own], after.get(where) or [own]
+        if len(old[0]) != len(new[0]):
+            old = [own]  # it was a module of another kind
         if not _is_same(old, new, start):
             soon = start + GLIDE
             later = (point for point in new if point[0] > soon)
-            new = [(start, *_value(old, start)), (soon, *_value(new, soon)), *later]
+            new = [(start, *value_at(old, start)), (soon, *value_at(new, soon)), *later]
         if any(point[1:] != own[1:] for point in new):
             found[where] = new
     return found
@@ -157,56 +182,14 @@ def _is_same(old: Points, new: Points, start: float) -> bool:
     return all(one == other for one, other in zip(old, new, strict=False))
 
 
-def _value(points: Points, instant: float) -> tuple[float, float, float]:
+def value_at(points: Points, instant: float) -> tuple[float, ...]:
+    """The numbers of an instant [s]."""
     after = bisect_right(points, instant, key=lambda point: point[0])
     if after in (0, len(points)):
-        _, k, z, m = points[0 if after == 0 else -1]
-        return k, z, m
+        return points[0 if after == 0 else -1][1:]
     (begin, *low), (end, *high) = points[after - 1], points[after]
     share = (instant - begin) / (end - begin)
-    k, z, m = (a + (b - a) * share for a, b in zip(low, high, strict=True))
-    return k, z, m
-
-
-def _module(piece: Piece, where: Where) -> tuple[Module, float] | None:
-    """A CEL, and what turns its values into those that the scene sees; None where it is not."""
-    name, module_name = where
-    key = piece.keys.get(name)
-    part = key or piece.instruments.get(name)
-    modules = () if part is None else part.modules
-    module = next((one for one in modules if one.name == module_name), None)
-    if module is None or module.kind != "CEL":
-        return None
-    return module, 1.0 if key is None else 1.0 / (key.reach * key.reach)
-
-
-def _own(module: Module) -> dict[str, float]:
-    """The five parameters of a CEL as they are."""
-    k, z, m = ties(module.fields)
-    sigma = z / (2.0 * m)
-    f, t60 = module.fields.get("f"), module.fields.get("t60")
-    return {
-        "K": k,
-        "Z": z,
-        "M": m,
-        "f": float(f) if f else math.sqrt(max(0.0, k / m - sigma * sigma)) / TWO_PI,
-        "t60": float(t60) if t60 else (LN_1000 / sigma if sigma else _FOR_EVER),
-    }
-
-
-def _tied(module: Module, said: Mapping[str, float], scale: float) -> tuple[float, float, float]:
-    """K, Z and M of a CEL some of whose parameters have other values."""
-    fields = dict(module.fields)
-    if said.keys() & {"f", "t60"} and not fields.get("f"):
-        fields |= _own(module)
-    fields |= said
-    if float(fields.get("t60") or 0.0) >= _FOR_EVER:
-        fields["t60"] = None
-    if said.keys() & {"K", "Z"} and fields.get("f"):
-        k, z, _ = ties(fields)
-        fields |= {"f": None, "K": said.get("K", k), "Z": said.get("Z", z)}
-    k, z, m = ties(fields)
-    return k * scale, z * scale, m * scale
+    return tuple(a + (b - a) * share for a, b in zip(low, high, strict=True))
 
 
 def _curve(
@@ -232,6 +215,9 @@ def _curve(
         try:
             if one.swing is not None:
                 _swing(piece, one.swing, curve, (begin, min(stop, until)), since)
+                ended = stop
+            elif one.points:
+                _glide(piece, one, curve, begin, stop)
                 ended = stop
             else:
                 ended = min(stop, _set(piece, one, curve, min(stop, until), since))
@@ -269,6 +255,57 @@ def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float
             following = tempo.seconds(places.beat(place + 1))
             curve.set(instant, one.amounts[name].of(curve.own), max(following, instant))
     return places.beat(len(places))
+
+
+def _glide(piece: Piece, one: Automation, curve: _Curve, begin: float, stop: float) -> None:
+    """Add a glide or a written curve, as far as the beat `stop`; the value stays at its end."""
+    tempo, here = piece.tempo_map, piece.tempo_map.seconds(begin)
+    to_path, of_path = _SCALES.get(one.parameter, (_same, _same))
+    values = [to_path(point.amount.of(curve.own)) for point in one.points]
+    if one.over is not None:
+        began = curve.at(here)
+        instants = [here, tempo.seconds(tempo.after(begin, one.over))]
+        values.insert(0, to_path(began))
+        ways = ["line", one.points[0].way]
+    else:
+        instants = [tempo.instant(begin, point.at) for point in one.points]
+        ways = [point.way for point in one.points]
+        if values[0] != to_path(curve.at(here)):
+            curve.set(here, of_path(values[0]), instants[1] if len(instants) > 1 else math.inf)
+    if any(after <= before for before, after in pairwise(instants)):
+        raise TextError("the points of the curve do not rise in time at this tempo")
+    path = list(zip(instants, values, ways, strict=True))
+    last = min(instants[-1], tempo.seconds(stop))
+    step = GRID / piece.rate
+    if one.over is not None:  # it sets out from the value that holds on the grid before it
+        curve.to(math.floor(here / step) * step, curve.at(here))
+    first = max(curve.t[-1], here) if curve.t else here
+    places = range(math.floor(first / step) + 1, math.ceil(last / step))
+    if len(path) > 1 and len(places):
+        stride = -(-len(places) // _PLACES)
+        times = [place * step for place in places[::stride]]
+        # A corner has no curvature.
+        near = stride * step * (1.0 + SAME)
+        curve.within.update(t for t in times if all(abs(t - at) > near for at in instants))
+        for t, value in zip(times, _core.path_values(path, times), strict=True):
+            curve.to(t, of_path(value))
+    (end,) = _core.path_values(path, [last])
+    curve.to(last, of_path(end))
+
+
+def _same(value: float) -> float:
+    return value
+
+
+def _inverse(value: float) -> float:
+    return 1.0 / value
+
+
+# A glide goes evenly in pitch and in damping, whatever numbers say them.
+_SCALES: Mapping[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
+    "f": (_core.ln, _core.exp),
+    "t60": (_inverse, _inverse),
+}
 
 
 def _swing(

@@ -12,9 +12,10 @@ from ergon.scores.staging.stage import Stage, StageError, stage
 
 if TYPE_CHECKING:
     from ergon.scores.gesture.transforms import Transform
+    from ergon.scores.staging.planning import Store
 
-# How many times the audio rate ergons are recorded at, at most.
-_FINEST = 64
+# Ergons are recorded at so many times the audio rate at most: a second then takes some minutes.
+_FINEST = 4096
 
 
 def stage_or_plan(piece: Piece, **options: Any) -> Stage:
@@ -29,18 +30,20 @@ def stage_or_plan(piece: Piece, **options: Any) -> Stage:
         return stage(piece, planned=True, **options)
 
 
-def stage_recording(piece: Piece, *, seed: int | None = None) -> Stage:
+def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | None = None) -> Stage:
     """Stage a piece whose simulation records its ergons, which no plan does.
 
-    Where the scheme is unstable at the audio rate, the rate of the stage is the lowest of 2, 4 …
-    64 times the audio rate that the engine accepts. Raises StageError with the mistakes found at
-    the audio rate.
+    Where the scheme is unstable at the audio rate and a plan plays the piece all the same, the rate
+    of the stage is the lowest of 2, 4, 8 … 4096 times the audio rate that the engine accepts.
+    Raises StageError with the mistakes of the plan where no plan plays the piece, as `check` does,
+    and with those found at the audio rate where none of these rates is enough.
     """
     try:
         return stage(piece, seed=seed, record=True)
     except StageError as refused:
         if any(found.code != "E309" for found in refused.diagnostics if found.severity == "error"):
             raise
+        stage(piece, seed=seed, planned=True, store=store)
         factor = 2
         while factor <= _FINEST:
             try:

@@ -1,27 +1,37 @@
-"""Parameters on their way from one version of a piece to the next."""
+"""What is on its way from one version of a piece to the next: parameters, links that come or go."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
 from ergon.instruments.kinds import LINKS
+from ergon.instruments.model import Instrument
 
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
-    from ergon.instruments.model import Module
+    from ergon.instruments.model import Module, Target
     from ergon.scores.reading.piece import Piece
 
-_Values = tuple[float, ...]  # of a CEL k, z, m; of a link K, where its force goes by it
+# Of a CEL k, z, m; of a link K, or a factor where it has none; of a STRING or PLATE K and Z of its
+# links, but for a factor that stays.
+_Values = tuple[float, ...]
+_LEAVES = 0.02  # [s] in which a link that was removed lets go
+_POINTS = ("MAS", "CEL", "SOL")
 TWO_PI = 6.283185307179586
 LN_1000 = 6.907755278982137  # a decay by 60 dB
+_BODIES = ("STRING", "PLATE")
+_TUNING = ("f", "t60", "M", "X0", "V0")
 
 
 @dataclass(frozen=True, slots=True)
 class Glide:
-    """A module's parameters go evenly from `before` to `after` between two instants [s]."""
+    """A module's parameters go evenly from `before` to `after` between two instants [s].
+
+    `own` is the K that a link has in the network, where it is not the one after.
+    """
 
     part: str
     module: str
@@ -29,6 +39,13 @@ class Glide:
     after: _Values
     start: float
     stop: float
+    own: float | None = None
+
+    @property
+    def factors(self) -> tuple[float, float]:
+        """Of a link: the factors of its force at both ends."""
+        own = self.after[0] if self.own is None else self.own
+        return self.before[0] / own, self.after[0] / own
 
     def at(self, instant: float) -> _Values:
         """Where they are."""
@@ -36,15 +53,25 @@ class Glide:
         pairs = zip(self.before, self.after, strict=True)
         return tuple(before + (after - before) * share for before, after in pairs)
 
+    @property
+    def body_factors(self) -> tuple[float, float]:
+        """K and Z of a body's links before, as factors of what they are after."""
+        pairs = zip(self.before, self.after, strict=True)
+        k, z = (before / after if after else 1.0 for before, after in pairs)
+        return k, z
+
     def put(self, timeline: _core.Timeline, assembly: Assembly) -> None:
         """Let it happen on a timeline. Raises EngineError."""
         where = self.part, self.module
         if len(self.before) == 3:
             k, z, m = self.before
             timeline.glide(assembly.mats[where], k, z, m, self.start, self.stop)
+        elif len(self.before) == 2:
+            first, count = assembly.bodies[where]
+            points = [(self.start, *self.body_factors), (self.stop, 1.0, 1.0)]
+            timeline.lead(first, points, n=count)
         else:
-            ratio = self.before[0] / self.after[0]
-            timeline.fade(assembly.links[where], ratio, 1.0, self.start, self.stop)
+            timeline.fade(assembly.links[where], *self.factors, self.start, self.stop)
 
 
 def glides(
@@ -54,28 +81,103 @@ def glides(
     what differs, and what is `running` already to its end. A link that is new comes from no force,
     where it joins what was there before."""
     old, new = dict(_values(before)), dict(_values(after))
+    forms = dict(_forms(before)), dict(_forms(after))
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     found = {}
     for where, values in new.items():
         current = under_way.get(where)
-        if where not in old and len(values) == 1 and _joins(after, where, before):
-            found[where] = current or Glide(*where, (0.0,), values, start, start + seconds)
-            continue
         if where not in old or len(old[where]) != len(values):
             continue
+        if len(values) == 2 and forms[0].get(where) != forms[1][where]:
+            continue  # another body takes its place
         if current is not None and current.after == values:
             found[where] = current
         elif old[where] != values:
             now = old[where] if current is None else current.at(start)
             found[where] = Glide(*where, now, values, start, start + seconds)
+    known = _links(before)
+    for where, module in _links(after).items():
+        current = under_way.get(where)
+        if where not in known and _joins(module, before):
+            values = _of(module) or (1.0,)
+            now = (0.0,) if current is None else current.at(start)
+            made = Glide(*where, now, values, start, start + seconds)
+            found[where] = current if current is not None and current.after == values else made
     return tuple(found.values())
 
 
-def _joins(piece: Piece, where: tuple[str, str], before: Piece) -> bool:
+@dataclass(frozen=True, slots=True)
+class LeavingLink:
+    """A link that was removed, and lets go of what it joins."""
+
+    module: Module
+    glide: Glide
+
+
+def leaving(
+    before: Piece,
+    after: Piece,
+    running: Iterable[Glide],
+    earlier: Iterable[LeavingLink],
+    start: float,
+) -> tuple[LeavingLink, ...]:
+    """Links that let go from `start` [s] on, where both their ends stay, and `earlier` ones that
+    still do."""
+    kept = _links(after)
+    under_way = {(g.part, g.module): g for g in running if g.stop > start}
+    found = [one for one in earlier if one.glide.stop > start]
+    gone = {where: module for where, module in _links(before).items() if where not in kept}
+    for where, module in gone.items():
+        own = _of(module) or (1.0,)
+        now = under_way[where].at(start) if where in under_way else own
+        found.append(
+            LeavingLink(module, Glide(*where, now, (0.0,), start, start + _LEAVES, own[0]))
+        )
+    return tuple(
+        one
+        for one in found
+        if (one.glide.part, one.glide.module) not in kept
+        and all(_stays(end, before, after) for end in one.module.fields["between"])
+    )
+
+
+def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
+    """A piece, and links that let go."""
+    instruments = dict(piece.instruments)
+    for one in links:
+        name, module = one.glide.part, one.module
+        own = instruments.get(name) or Instrument(name, (), (), None, module.place)
+        instruments[name] = replace(own, modules=(*own.modules, module))
+    return replace(piece, instruments=instruments) if instruments != piece.instruments else piece
+
+
+def _links(piece: Piece) -> dict[tuple[str, str], Module]:
+    """The links of instruments, by (part, module), but for those of discrete networks."""
+    return {
+        (part.name, module.name): module
+        for part in piece.instruments.values()
+        if part.ca_rate is None
+        for module in part.modules
+        if module.kind in LINKS
+    }
+
+
+def _stays(end: Target, before: Piece, after: Piece) -> bool:
+    """Whether what an end names is there in both pieces, and has as many members."""
+    old, new = _named(end, before), _named(end, after)
+    if old is None or new is None or old.kind != new.kind:
+        return False
+    return old.kind in _POINTS or old.fields == new.fields
+
+
+def _named(end: Target, piece: Piece) -> Module | None:
+    part = piece.keys.get(end.part) or piece.instruments.get(end.part)
+    modules = () if part is None else part.modules
+    return next((own for own in modules if own.name == end.module), None)
+
+
+def _joins(module: Module, before: Piece) -> bool:
     """Whether a link has an end in a part that another piece has too."""
-    part, name = where
-    owner = piece.keys.get(part) or piece.instruments[part]
-    module = next(module for module in owner.modules if module.name == name)
     ends = {end.part for end in module.fields["between"]}
     return any(end in before.keys or end in before.instruments for end in ends)
 
@@ -94,6 +196,15 @@ def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
                 yield (instrument.name, module.name), values
 
 
+def _forms(piece: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
+    """What is not pitch, decay or mass of the STRINGs and PLATEs of a piece."""
+    for instrument in piece.instruments.values():
+        for module in instrument.modules:
+            if module.kind in _BODIES:
+                form = {name: own for name, own in module.fields.items() if name not in _TUNING}
+                yield (instrument.name, module.name), {**form, "kind": module.kind}
+
+
 def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
     """K [N/m], Z [N·s/m] and M [kg] of a CEL's fields."""
     mass = float(fields["M"])
@@ -107,7 +218,18 @@ def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
 def _of(module: Module) -> _Values | None:
     if module.kind == "CEL":
         return ties(module.fields)
+    if module.kind in _BODIES:
+        return _of_body(module.fields)
     fields: Mapping[str, Any] = module.fields
     if module.kind in LINKS and fields.get("K"):
         return (float(fields["K"]),)
     return None
+
+
+def _of_body(fields: Mapping[str, Any]) -> _Values | None:
+    """K and Z of the links of a STRING or PLATE, but for a factor that its form says."""
+    t60, mass = fields.get("t60"), float(fields["M"])
+    if t60 is not None and not isinstance(t60, float):
+        return None  # its dampers follow from all of its modes
+    omega, sigma = TWO_PI * float(fields["f"]), LN_1000 / t60 if t60 else 0.0
+    return mass * (omega * omega + sigma * sigma), mass * sigma

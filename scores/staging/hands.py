@@ -183,6 +183,8 @@ class Hands:
         """What a pattern plays in its places within the window."""
         course = places.course
         since, until = self.window.since - SAME, self.window.until - SAME
+        if not places or places[-1] < since:
+            return
         first, last = bisect_left(places, since), bisect_left(places, until)
         own: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         due: list[tuple[Play, float, int]] = []

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import repeat
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Instrument, Layout, Output, Target
+from ergon.notation.text.errors import Collector
+from ergon.scores.reading.mixing import Fade, Room
 from ergon.scores.reading.piece import Piece, Route
 
+_NEVER = 1e9  # [s]
 _Range = tuple[int, int, float]
+Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +28,9 @@ class Way:
     channel: int
     gain: float
     highpass: float | None
+    room: int | None = None  # in place of the channel
+    delay: int = 0  # frames
+    fade: Curve | None = None
 
 
 @dataclass(slots=True)
@@ -32,6 +40,8 @@ class Listening:
     n_channels: int
     outputs: list[str] = field(default_factory=list)
     ways: list[Way] = field(default_factory=list)
+    rooms: tuple[Room, ...] = ()
+    fade: Curve = ()  # of all channels
     # Instruments whose taps hear nothing: somebody else knows what they sound like.
     silent: Container[str] = ()
 
@@ -48,13 +58,36 @@ class Listening:
     ) -> _core.Mixer:
         """A fresh mixer of all ways, or of one part's; `highpass` [Hz] where a way has none."""
         mixer = _core.Mixer(rate, n_out, self.n_channels)
+        for room in self.rooms:
+            channels = [c - 1 for c in room.to] or range(self.n_channels)
+            mixer.room(room.name, channels, size=room.size, t60=room.t60, gain=room.gain)
+        if self.fade:
+            mixer.fade(self.fade)
         # The routes of an instrument are a group: its gain may be moved while it sounds.
         groups = {name: group for group, name in enumerate(self.parts())}
         for way in self.ways:
             if part is None or way.part == part:
                 cut = highpass if way.highpass is None else way.highpass
-                mixer.route(way.tap, way.channel, way.gain, cut or None, groups[way.part])
+                mixer.route(
+                    way.tap,
+                    way.channel if way.room is None else way.room,
+                    way.gain,
+                    cut or None,
+                    groups[way.part],
+                    delay=way.delay,
+                    curve=way.fade,
+                    to_room=way.room is not None,
+                )
         return mixer
+
+
+def check_rooms(piece: Piece, collector: Collector) -> None:
+    """E202 where a room cannot fade as it is written."""
+    for room in piece.mix.rooms:
+        try:
+            _core.Mixer(piece.rate, 1, 1).room(room.name, [0], size=room.size, t60=room.t60)
+        except _core.EngineError as error:
+            collector.error("E202", f"room {room.name}: {error}", room.place)
 
 
 def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
@@ -69,7 +102,13 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
     The taps of `silent` instruments are there and hear nothing.
     """
     all_heard = heard(piece)
-    listening = Listening(max(1, piece.mix.channels), silent=silent)
+    master = piece.mix.master
+    listening = Listening(
+        max(1, piece.mix.channels),
+        rooms=piece.mix.rooms,
+        fade=_curve(piece, master.fade) if master else (),
+        silent=silent,
+    )
     taps: dict[tuple[str, str], int] = {}
     alone = Counter(route for route, *_ in all_heard)
     position: dict[Route, int] = {}
@@ -82,9 +121,11 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
             if name not in taps:
                 taps[name] = _tap(listening, assembly, name, output)
             # As many outputs as channels: one each, in order; else each output to all channels.
-            channels = route.to[index : index + 1] if alone[route] == len(route.to) else route.to
+            is_one_each = alone[route] == len(route.to) and route.pan is None
+            channels = route.to[index : index + 1] if is_one_each else route.to
             _ways(listening, piece, taps[name], (c - 1 for c in channels), route)
-    used = (way.channel + 1 for way in listening.ways)
+    used = [way.channel + 1 for way in listening.ways]
+    used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *used, 1)
     return listening
 
@@ -109,8 +150,26 @@ def _ways(
     listening: Listening, piece: Piece, tap: int, channels: Iterable[int], route: Route
 ) -> None:
     gain = route.gain * (piece.mix.master.gain if piece.mix.master else 1.0)
-    for channel in channels:
-        listening.ways.append(Way(route.part, tap, channel, gain, route.highpass))
+    delay = 0
+    if route.radiation is not None:
+        gain *= route.radiation.gain
+        delay = route.radiation.delay(piece.rate)
+    fade = _curve(piece, route.fade) or None
+    way = Way(route.part, tap, 0, gain, route.highpass, None, delay, fade)
+    for channel, share in zip(channels, route.pan or repeat(1.0), strict=False):
+        listening.ways.append(replace(way, channel=channel, gain=gain * share))
+    rooms = [room.name for room in piece.mix.rooms]
+    for name, share in route.sends:
+        room = rooms.index(name)
+        listening.ways.append(replace(way, room=room, gain=gain * share))
+
+
+def _curve(piece: Piece, fade: Fade) -> Curve:
+    """A fade by the frames of the piece."""
+    tempo = piece.tempo_map
+    instants = (tempo.seconds(tempo.resolve(point.at)) for point in fade)
+    frames = (int(min(instant, _NEVER) * piece.rate + 0.5) for instant in instants)
+    return tuple((n, point.gain, point.is_smooth) for n, point in zip(frames, fade, strict=True))
 
 
 def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output) -> int:
@@ -119,7 +178,7 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
     forces: list[_Range] = []
     ground: list[_Range] = []
     for target in output.targets if name[0] not in listening.silent else ():
-        if output.kind == "SOX":
+        if output.is_movement:
             positions.append(_range(assembly, target))
         elif (target.part, target.module) in assembly.links:
             forces.append((assembly.links[target.part, target.module], 1, 1.0))
@@ -127,7 +186,11 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
             ground.append(_range(assembly, target))
     listening.outputs.append(".".join(filter(None, name)))
     return assembly.network.listen(
-        listening.outputs[-1], positions=positions, forces=forces, ground_forces=ground
+        listening.outputs[-1],
+        positions=positions,
+        forces=forces,
+        ground_forces=ground,
+        order=output.order,
     )
 
 
@@ -160,7 +223,7 @@ def _nearest(
         ranges = near[speaker] if instrument.name not in listening.silent else []
         heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
-        tap = assembly.network.listen(name, **heard)
+        tap = assembly.network.listen(name, **heard, order=output.order)
         _ways(listening, piece, tap, (speaker,), route)
 
 

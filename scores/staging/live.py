@@ -28,6 +28,9 @@ _BLOCK = 4096  # frames
 MAX_TICKS = 10_000_000
 # Where a key is no longer depends on what was played so long before: it has swung back [s].
 _SETTLED = 5.0
+# Between two gestures so far apart a key that has come to rest is not computed [s].
+_PAUSE = 60.0
+_AT_REST = 1e-12  # as far as it still moves there [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +152,7 @@ def standin(piece: Piece, player: Player, every: int, collector: Collector) -> N
         help = "write a lower `tick` or a shorter part"
         collector.error("E308", message, player.place, help=help)
         return np.zeros(2)
-    return _path(_core.Simulation(network, hands.timeline), every, n_ticks)
+    return _sparse_path(network, hands, every, n_ticks)
 
 
 def leading(
@@ -204,6 +207,43 @@ def _path(simulation: _core.Simulation, every: int, n_ticks: int) -> NDArray[np.
         simulation.process(path)
         positions[at : at + count] = path[::every, 0]
     return positions
+
+
+def _sparse_path(
+    network: _core.Network, hands: Hands, every: int, n_ticks: int
+) -> NDArray[np.float64]:
+    """Where a key is at every tick (n_ticks,) [m]; long pauses at rest are not computed."""
+    import numpy as np
+
+    rate = hands.piece.rate
+    block = max(1, _BLOCK // every)
+    positions = np.zeros(n_ticks)
+    simulation, at = _core.Simulation(network, hands.timeline), 0
+    for busy_until, begins in _pauses(hands, every, n_ticks):
+        positions[at:busy_until] = _path(simulation, every, busy_until - at)
+        at, first = busy_until, begins - round(rate) // every
+        anew = _core.Simulation(network, hands.timeline, start=first * every)
+        rest = _path(anew, every, 2)
+        # A key that does not begin at rest does not begin anew.
+        while at < first and np.ptp(rest) <= _AT_REST:
+            count = min(block, first - at)
+            known = positions[at : at + count] = _path(simulation, every, count)
+            at += count
+            if np.abs(known - rest[0]).max() <= _AT_REST:
+                positions[at : first + 2] = rest[0]
+                simulation, at = anew, first + 2
+    positions[at:] = _path(simulation, every, n_ticks - at)
+    return positions
+
+
+def _pauses(hands: Hands, every: int, n_ticks: int) -> Iterator[tuple[int, int]]:
+    """Between which ticks no gesture is played for long: after the last one, before the next."""
+    rate, stop = hands.piece.rate, 0.0
+    for gesture in sorted(hands.gestures, key=lambda gesture: gesture.start):
+        if gesture.start > stop + _PAUSE:
+            # A throw may take a key on after the end of its gesture.
+            yield int(stop * rate) // every + 1, min(n_ticks, int(gesture.start * rate) // every)
+        stop = max(stop, gesture.stop)
 
 
 def _alone(piece: Piece, player: Player) -> Piece:

@@ -16,6 +16,8 @@ _LOOSER = (-80.0, -60.0, -40.0, -20.0)
 # Parts of the allowance of work for trials: of the plan that is asked for and, where its cost is
 # bounded, of each that is looser. They add up to 1.
 _SHARE, _LOOSER_SHARE = 0.5, 0.125
+# Methods of meshes, whose errors are known from trials alone.
+_BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 _Row = tuple[float | None, float | None, float | None, float | None, str | None, bool]
@@ -117,18 +119,21 @@ def make(
     pins: Pins | None = None,
     store: Store | None = None,
     like: _core.Plan | None = None,
+    *,
+    is_foreseen: bool = True,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
 
     Where `cpu` alone is given: the most exact plan that it can pay for. What is as in a plan that
-    it is to be `like` is computed as there.
+    it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too.
     """
     if pins is not None:
         return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
     planner = _Planner(network, timeline, store, like)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
-    notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]
+    missed = _missed(made, accuracy.error, is_foreseen=is_foreseen)
+    notes = [("W403", sentence) for sentence in missed]
     notes += [("W403", sentence) for sentence in _cut_short(made, accuracy.error)]
     if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
         return Planned(made, accuracy, tuple(notes), planner.are_kept)
@@ -177,18 +182,26 @@ def _cut_short(plan: _core.Plan, error: float | None) -> list[str]:
     return said
 
 
-def _missed(plan: _core.Plan, error: float | None) -> list[str]:
-    """Parts whose error stays above what is asked for, or for some time only; once an island."""
+def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
+    """Parts whose error stays above what is asked for, is not known, or holds for some time only.
+
+    Once an island. Where hands or a session play, nobody knows any error beforehand.
+    """
     if error is None:
         return []
     islands: dict[tuple[float, float, float | None], list[str]] = {}
+    unknown: list[str] = []
     for row in plan.rows():
         db, over = row.error_db, row.error_s
-        if row.cut_short or db is None or over is None:
+        if row.cut_short:
+            continue
+        if db is None or over is None:
+            if row.what in _BY_TRIAL and is_foreseen:
+                unknown.extend(row.parts)
             continue
         if db > error or row.spectral_db is not None:
             islands.setdefault((db, over, row.spectral_db), []).extend(row.parts)
-    return [
+    said = [
         f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first {over:.2g} s"
         + (
             f", above the {error:g} dB asked for"
@@ -198,6 +211,13 @@ def _missed(plan: _core.Plan, error: float | None) -> list[str]:
         )
         for (db, over, spectral), parts in islands.items()
     ]
+    if unknown:
+        names = " + ".join(dict.fromkeys(unknown))
+        said.append(
+            f"{names}: its error is not measured, for no trial of another method came to its end; "
+            f"whether the {error:g} dB asked for are reached is not known"
+        )
+    return said
 
 
 def wished(

@@ -33,6 +33,16 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
+class Rubbing:
+    """An LNL with friction, in SI units: the ends of its elongation x_b - x_a."""
+
+    name: str
+    module: Module
+    a: Point
+    b: Point
+
+
+@dataclass(frozen=True, slots=True)
 class Probed:
     """A piece that plays the same, heard by its points; `left_out` contacts and points are not."""
 
@@ -40,12 +50,13 @@ class Probed:
     points: tuple[Point, ...]
     contacts: tuple[Contact, ...]
     left_out: int
+    rubbings: tuple[Rubbing, ...] = ()
 
 
 def probed(piece: Piece) -> Probed:
     """The piece with an output for each end of a contact, each single mass and heard member."""
-    contacts = list(_contacts(piece))
-    ends = (end for _, module in contacts for end in module.fields["between"])
+    contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
+    ends = (end for _, module in (*contacts, *rubbings) for end in module.fields["between"])
     targets = {_identity(target): target for target in (*ends, *_single(piece))}
     kept = list(targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
@@ -58,6 +69,11 @@ def probed(piece: Piece) -> Probed:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
             measured.append(Contact(name, module, a, b))
+    rubbed = []
+    for name, module in rubbings:
+        a, b = (points.get(_identity(end)) for end in module.fields["between"])
+        if a is not None and b is not None:
+            rubbed.append(Rubbing(name, module, a, b))
     outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(kept)
@@ -66,7 +82,7 @@ def probed(piece: Piece) -> Probed:
     mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
     heard = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
     left_out = len(targets) - len(kept) + len(contacts) - len(measured)
-    return Probed(heard, tuple(points.values()), tuple(measured), left_out)
+    return Probed(heard, tuple(points.values()), tuple(measured), left_out, tuple(rubbed))
 
 
 def _identity(target: Target) -> tuple[str, str, int | str]:
@@ -86,6 +102,13 @@ def _contacts(piece: Piece) -> Iterator[tuple[str, Module]]:
             yield ".".join(filter(None, (part, module.name))), module
 
 
+def _rubbings(piece: Piece) -> Iterator[tuple[str, Module]]:
+    for instrument in piece.instruments.values():
+        for module in instrument.modules if instrument.ca_rate is None else ():
+            if module.kind == "LNL" and module.fields.get("damping"):
+                yield ".".join(filter(None, (instrument.name, module.name))), module
+
+
 def _single(piece: Piece) -> Iterable[Target]:
     """Modules of one mass, and the members of others that outputs of the piece listen to."""
     for part, module in piece.modules():
@@ -94,6 +117,6 @@ def _single(piece: Piece) -> Iterable[Target]:
             yield Target(part, module.name, 0, 1, "", module.place)
     for instrument in piece.instruments.values():
         for output in instrument.outputs:
-            for target in output.targets if output.kind == "SOX" else ():
+            for target in output.targets if output.is_movement else ():
                 if target.count == 1:
                     yield target

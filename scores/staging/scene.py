@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.notation.clock.shifted import Elsewhere
-from ergon.scores.reading.piece import Piece, of_scene
+from ergon.scores.reading.piece import Piece, is_same_scene
 from ergon.scores.staging.listening import Listening, listen
 
 OVER = -math.inf  # the end of a coupling that acts no longer
@@ -31,10 +31,7 @@ class Scene:
 
     def of(self, piece: Piece) -> Scene | None:
         """The same modules as another piece's, if they are the same and heard in the same way."""
-        # Most edits leave even the places as they are; the hash takes ten times as long.
-        if of_scene(self.piece) != of_scene(piece) and self.piece.scene() != piece.scene():
-            return None
-        return replace(self, piece=piece)
+        return replace(self, piece=piece) if is_same_scene(self.piece, piece) else None
 
 
 def build_scene(piece: Piece, silent: Container[str]) -> Scene:

@@ -17,10 +17,11 @@ from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Accuracy, Piece
-from ergon.scores.staging.automating import Points, Where, automated, led_on
+from ergon.scores.staging.automating import automated, led_on
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
-from ergon.scores.staging.listening import Listening
+from ergon.scores.staging.leading import Led, Points, Where
+from ergon.scores.staging.listening import Listening, check_rooms
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
@@ -32,7 +33,11 @@ from ergon.scores.staging.travel import check_travel
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-_WHEN_DIVERGED = "reduce K or the law, weaken the strikes, or raise the rate"
+_WHEN_STIFF = "reduce K or the law, weaken the strikes, or raise the rate"
+_BY_METHOD = (
+    "reduce K or the law, weaken the strikes, raise the rate, or leave the method to the plan"
+)
+LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
@@ -63,8 +68,10 @@ class Stage:
     is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
-    paths: Mapping[Where, Points] = field(default_factory=dict)  # of CELs with automation
+    paths: Mapping[Where, Points] = field(default_factory=dict)  # of modules with automation
     planned_for: Accuracy | None = None
+    # After this frame a render ends where the sound has faded; None: at `n_frames`.
+    fades_from: int | None = None
 
     @property
     def network(self) -> _core.Network:
@@ -100,7 +107,21 @@ class Stage:
 
     def fault(self, error: _core.DivergedError) -> Diagnostic:
         """A part that went non-finite while it ran, in the place where it is written."""
-        return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
+        return Diagnostic("E401", str(error), _place(self.piece, error.module), None, self._hint)
+
+    @property
+    def _hint(self) -> str:
+        """What to do where a part is too stiff for its steps."""
+        planned_for = self.planned_for
+        is_chosen = planned_for is not None and planned_for.method is not None
+        return _BY_METHOD if is_chosen else _WHEN_STIFF
+
+    def gains(self) -> list[Diagnostic]:
+        """Modules that made energy so far, each in the place where it is written (W404)."""
+        return [
+            Diagnostic("W404", gain.sentence, _place(self.piece, gain.name), None, self._hint)
+            for gain in self.simulation.gains()
+        ]
 
 
 # MATs by part, module and member (-1: the middle one), and the engine's number of each.
@@ -141,6 +162,7 @@ class Ready:
     collector: Collector
     live: tuple[LiveHand, ...]
     paths: Mapping[Where, Points]
+    fades_from: int | None
 
     @property
     def network(self) -> _core.Network:
@@ -179,17 +201,20 @@ def prepare(
         end = max(_play(piece, assembly, hands, couplings, real, played), _length(piece, live))
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
+        check_rooms(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
         paths = _automate(piece, spans, n_frames, collector)
         if like is not None:
             paths = led_on(like.paths, paths, piece, start / piece.rate)
         for where, points in paths.items():
-            timeline.path(assembly.mats[where], points)
+            if led := Led.of(piece, where):
+                led.put(timeline, assembly, where, points)
     except _core.EngineError as error:
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    return Ready(scene, timeline, n_frames, hands, collector, live, paths)
+    fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
+    return Ready(scene, timeline, n_frames, hands, collector, live, paths, fades_from)
 
 
 @lasting
@@ -230,7 +255,8 @@ def stage(
     try:
         if planned:
             other = like.plan if like is not None else None
-            made = make(ready.network, ready.timeline, piece.accuracy, pins, store, other)
+            parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
+            made = make(*parts, is_foreseen=going.spans is None and not real)
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
@@ -261,13 +287,14 @@ def stage(
         ready.hands.takes.files,
         ready.paths,
         planned_for,
+        ready.fades_from,
     )
 
 
 def _automate(
     piece: Piece, spans: Sequence[Span] | None, n_frames: int, collector: Collector
 ) -> dict[Where, Points]:
-    """The points of CELs with automation, as far as the piece or its last stretch goes."""
+    """The points of modules with automation, as far as the piece or its last stretch goes."""
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
         return {}
@@ -312,7 +339,7 @@ def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
 
 
 def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
-    collector.error("E309", str(error.args[0]), _place(piece, error))
+    collector.error("E309", str(error.args[0]), _place(piece, getattr(error, "module", None)))
     return StageError(collector.finish())
 
 
@@ -352,7 +379,7 @@ def _play(
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
             mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_itself, strikes.place))
-            striking = Striking(played, timeline, strikes, mats, source, within)
+            striking = Striking(played, timeline, strikes, mats, source, within, assembly)
             ends.append(striking.play(hands.collector))
     for link, (at, until) in zip(couplings, acting(piece), strict=True):
         if until == OVER:
@@ -399,7 +426,8 @@ def _drives(piece: Piece, assembly: Assembly, hands: Hands) -> None:
 
 def _frames(piece: Piece, end: float, collector: Collector) -> int:
     """⌈(end + tail)·rate⌉ frames; a whole number of frames is not rounded up by its last bit."""
-    seconds = end + piece.render.tail
+    tail = piece.render.tail
+    seconds = end + (LONGEST_TAIL if tail == "auto" else tail)
     if seconds > MAX_SECONDS:
         message = f"the piece lasts {seconds / 3600:.0f} hours; the maximum is 24 hours"
         collector.error("E308", message, piece.place)
@@ -409,9 +437,9 @@ def _frames(piece: Piece, end: float, collector: Collector) -> int:
     return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
 
 
-def _place(piece: Piece, error: _core.EngineError) -> Place:
+def _place(piece: Piece, name: str | None) -> Place:
     """Where the module that the engine names is written."""
-    name = getattr(error, "module", None) or ""
+    name = name or ""
     links = [("duet", duet.link) for duet in piece.duet]
     keys = [(key.name, module) for key in piece.keys.values() for module in key.modules]
     others = [(i.name, module) for i in piece.instruments.values() for module in i.modules]

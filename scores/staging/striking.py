@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.instruments.model import Target
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Time
@@ -27,6 +29,7 @@ class Striking:
     mats: Sequence[int]
     source: int
     within: tuple[float, float] = ANY  # instants [s] at which there may be any
+    assembly: Assembly | None = None  # where the targets of a melody are
 
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
@@ -38,6 +41,8 @@ class Striking:
         elif strikes.until is not None:
             stop = tempo.resolve(strikes.until)
         try:
+            if strikes.hits:
+                return self._melody()
             if strikes.pattern is not None:
                 return self._by_pattern(strikes.steps(piece))
             if strikes.rate is not None and strikes.impulse is not None and stop is not None:
@@ -67,13 +72,40 @@ class Striking:
         pattern = course.pattern
         first, last = (bisect_left(places, instant, key=tempo.seconds) for instant in self.within)
         for place in range(first, last):
-            if course.named(place) is None:
+            name = course.named(place)
+            if name is None:
                 continue
             instant, number = tempo.seconds(places[place]), place + pattern.skip
-            for member, mat in enumerate(self.mats):
+            for member, mat in enumerate(self._voice(name)):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
                     self._strike(mat, instant, member, number)
         return tempo.seconds(places[-1]) if places else 0.0
+
+    def _voice(self, name: str) -> Sequence[int]:
+        """What a name of the pattern strikes: everything, unless it is a note of an instrument."""
+        if not self.strikes.voices:
+            return self.mats
+        return [mat for one in self.strikes.voices[name] for mat in self._members(one)]
+
+    def _melody(self) -> float:
+        """The strikes of a melody, one by one."""
+        tempo, end = self.piece.tempo_map, 0.0
+        for beat, number, hit in self.strikes.falls(tempo):
+            instant = tempo.seconds(beat)
+            end = max(end, instant)
+            if not self.within[0] <= instant < self.within[1]:
+                continue
+            mats = (mat for target in hit.to for mat in self._members(target))
+            for member, mat in enumerate(mats):
+                self._strike(mat, instant, member, number, hit.impulse)
+        return end
+
+    def _members(self, target: Target) -> Sequence[int]:
+        """The MATs of a target; none where it is left out."""
+        made = self.assembly
+        if made is None or (target.part, target.module) not in made.mats:
+            return ()
+        return made.members(target)
 
     def _each(self, at: float, stop: float | None) -> float:
         """Strikes at written instants: all members at once, once or `every` so often."""
@@ -89,14 +121,22 @@ class Striking:
                 self._strike(mat, instant, member, occurrence)
         return instants[-1] if instants else 0.0
 
-    def _strike(self, mat: int, instant: float, member: int, occurrence: int) -> None:
+    def _strike(
+        self,
+        mat: int,
+        instant: float,
+        member: int,
+        occurrence: int,
+        impulses: tuple[float, float] | None = None,
+    ) -> None:
         strikes = self.strikes
-        if strikes.impulse is None:
+        impulses = impulses or strikes.impulse
+        if impulses is None:
             self.timeline.strike(
                 mat, instant, mass=strikes.mass, speed=strikes.speed, source=self.source
             )
             return
-        low, high = strikes.impulse
+        low, high = impulses
         impulse = low
         if low != high:
             name = strikes.name

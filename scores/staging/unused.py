@@ -44,6 +44,11 @@ def unused(piece: Piece) -> list[Diagnostic]:
             groups.join(*ends)
     for coupling in piece.duet:
         groups.join(coupling.a.part, coupling.b.part)
+    called = {}
+    for family, members in piece.families.items():  # one instrument: not all notes need be played
+        called.update(dict.fromkeys(members, family))
+        for member in members[1:]:
+            groups.join(member, members[0])
     listened = {groups.of(part) for part in _listened(piece, links)}
     moved = {groups.of(part) for part in _moved(piece)}
     is_played = bool(piece.parts or piece.strikes)
@@ -51,7 +56,8 @@ def unused(piece: Piece) -> list[Diagnostic]:
     for instrument in piece.instruments.values():
         if not any(module.kind in HOLDERS for module in instrument.modules):
             continue
-        name, group = quote(instrument.name), groups.of(instrument.name)
+        name = quote(called.get(instrument.name, instrument.name))
+        group = groups.of(instrument.name)
         if listened and group not in listened:
             message = f"nobody hears {name}: no output of it, or of what it is linked to, is routed"
             help = "add a route to the mix, or an output (`out: {SOX: …}`)"
@@ -60,7 +66,7 @@ def unused(piece: Piece) -> list[Diagnostic]:
             message = f"nothing moves {name}: no key that is played and no strike reaches it"
             help = "link it to a key that a player plays, strike it, or give it X0 or V0"
             found.append(Diagnostic("W322", message, instrument.place, None, help))
-    return found
+    return list(dict.fromkeys(found))
 
 
 def _listened(piece: Piece, links: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:

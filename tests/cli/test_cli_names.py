@@ -135,7 +135,7 @@ def test_bash_completes(scripts: dict[str, Path], tmp_path: Path) -> None:
     assert complete(script, tmp_path, ["ergon", "take", "tr"]) == ["trim"]
     assert complete(script, tmp_path, ["ergon", "take", "trim", "a.t"]) == ["a.take"]
     assert complete(script, tmp_path, ["ergon", "take", "import", "--au"]) == ["--audio"]
-    assert complete(script, tmp_path, ["ergon", "render", "--st"]) == ["--stems"]
+    assert complete(script, tmp_path, ["ergon", "render", "--st"]) == ["--stems", "--strict"]
     assert complete(script, tmp_path, ["ergon", "render", "--bits", ""]) == ["16", "24", "float"]
     assert complete(script, tmp_path, ["ergon", "render", "a.yaml", "--from", ""]) == [
         "A",

@@ -1,5 +1,6 @@
 """`ergon render`, from the command line to the file."""
 
+import json
 import re
 from pathlib import Path
 
@@ -165,6 +166,35 @@ def test_ctrl_c_exits_130_without_a_file(folder: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(rendering, "_fold", interrupt)
     assert app.run(["render", "bell.yaml"]) == 130
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
+
+
+def test_a_silent_file_ends_with_1_where_it_shall(folder: Path, capsys: Capture) -> None:
+    score = Path("still.yaml")
+    text = "ergon: 1\ninstruments: {bell: {modules: {m: {CEL: {M: 2g, f: A4}}}, out: {SOX: m}}}\n"
+    score.write_text(text + "render: {tail: 100ms}\n", encoding="utf-8")
+    assert app.run(["render", "still.yaml"]) == 0
+    told = capsys.readouterr().err
+    assert "still.yaml:1:1: warning[W324] the file is silent" in told
+    assert app.run(["render", "still.yaml", "--strict"]) == 1
+    assert Path("still.wav").exists()
+    assert app.run(["render", "bell.yaml", "--strict"]) == 0
+
+
+def test_the_summary_tells_the_level_of_each_instrument(folder: Path, capsys: Capture) -> None:
+    part = "{{modules: {{m: {{CEL: {{M: 2g, f: {f}, t60: 2s, X0: {x}}}}}}}, out: {{SOX: m}}}}"
+    low, high = part.format(f="A3", x="1mm"), part.format(f="A4", x="0.1mm")
+    text = f"ergon: 1\ninstruments: {{low: {low}, high: {high}}}\nrender: {{tail: 1s}}\n"
+    Path("two.yaml").write_text(text, encoding="utf-8")
+    assert app.run(["render", "two.yaml"]) == 0
+    told = capsys.readouterr().err.splitlines()
+    peaks = [float(line.split("peak ")[1].split(" dB")[0]) for line in told[1:]]
+    assert [line.split(":")[0] for line in told[1:]] == ["low", "high"]
+    assert peaks == pytest.approx([-1.0, -21.0], abs=0.11)
+    assert all(line.endswith(" LUFS") for line in told[1:])
+    assert app.run(["render", "--json", "two.yaml"]) == 0
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    named = [record["name"] for record in records if record["event"] == "instrument"]
+    assert named == ["low", "high"]
 
 
 STRUCK_HARD = """\

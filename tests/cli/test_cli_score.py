@@ -148,7 +148,9 @@ def test_a_contact_that_never_closes_is_named(folder: Path, capsys: Capture) -> 
     assert reached
     assert float(missed[1]) + float(reached[1]) == pytest.approx(14.0, abs=0.05)
     assert app.run(["render", "far.yaml", "-o", "far.wav"]) == 0
-    assert "far.wav is silent; `ergon check --simulate`" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "warning[W324] the file is silent" in told
+    assert "`ergon check --simulate` says what moves and what touches" in told
 
 
 # --- compile ------------------------------------------------------------------------------------

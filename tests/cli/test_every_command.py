@@ -95,3 +95,46 @@ def test_what_only_a_plan_can_play(capsys: pytest.CaptureFixture[str]):
         assert app.run(arguments) == 0, capsys.readouterr().err
     assert "the scheme is unstable at 44100 Hz" in capsys.readouterr().err
     assert Path("ergons.csv").read_text().count("\n") > 100
+
+
+STIFF = (
+    "ergon: 1\n"
+    "keys: {{k: {{M: 300g, K: 60N/m, Z: 1Ns/m}}}}\n"
+    "instruments:\n  i:\n    modules:\n"
+    "      wall: {{SOL: {{}}}}\n"
+    "      mote: {{MAS: {{M: 1e-9g}}}}\n"
+    "      held: {{{held}}}\n"
+    "      m: {{CEL: {{M: 10g, f: 200Hz, t60: 1s}}}}\n"
+    "      b: {{BUT: {{between: [k, m], gap: 0mm, K: 100N/m}}}}\n"
+    "    out: {{o: {{SOX: m}}, p: {{SOX: mote}}}}\n"
+    "gestures: {{go: 0mm@0 smooth 1mm@1ms throw 0mm@2ms}}\n"
+    "players: {{ada: {{key: k}}}}\n"
+    "parts: {{ada: [{{at: 1|1, play: go}}]}}\n"
+    "strikes: {{tap: {{to: i.mote, at: 1ms, impulse: 1e-9Ns}}}}\n"
+    "render: {{tail: 1ms}}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("held", "code"),
+    [
+        # By its modes, exactly; `compile` refused what takes more than 64 times the audio rate.
+        ("RES: {between: [wall, mote], K: 1000N/m}", 0),
+        # 23 times the audio rate, where a plan takes 16 at most; `compile` accepted it.
+        ("LNL: {between: [wall, mote], law: k*d + k*d**3, k: 4N/m}", 1),
+    ],
+)
+def test_compile_accepts_what_check_accepts(
+    held: str, code: int, capsys: pytest.CaptureFixture[str]
+):
+    Path("s.yaml").write_text(STIFF.format(held=held))
+    said = {}
+    for name in ("check", "info", "compile", "render"):
+        arguments = COMMANDS.get(name, [name, "s.yaml"])
+        assert app.run(arguments) == code, name
+        said[name] = capsys.readouterr().err
+    if code:
+        assert "E309" in said["check"]
+        assert said["compile"].splitlines()[0] == said["check"].splitlines()[0]
+    else:
+        assert "simulation at 2.25792e+07 Hz" in said["compile"]

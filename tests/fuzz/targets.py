@@ -29,6 +29,7 @@ from ergon.live import boards, calibration
 from ergon.live.boards import BoardError
 from ergon.live.datagrams import MalformedDatagramError, messages, written
 from ergon.live.osc_in import OscRequestError, level_of, pressed, text_of
+from ergon.notation.tables.expressions import evaluate, looks_like
 from ergon.notation.text.errors import TextError, full
 from ergon.notation.text.format import formatted
 from ergon.notation.text.memory import Memory
@@ -117,6 +118,30 @@ def _read_formatted(text: str, folder: Path) -> Iterator[str]:
     once = formatted(text)
     assert formatted(once) == once, "what is formatted changes when it is formatted again"
     yield from ()
+
+
+# --- expressions ----------------------------------------------------------------------------------
+
+PIECES = (
+    *("(", ")", "+", "-", "*", "/", "**", "//", " ", "1", "2.5", "1e30", "9" * 38, "1/0", "0"),
+    *("400g", "1/3bar", "7st", "A3", "Bb-1", "x", "y1", "__import__", "N/m", "kN/m3", "1e-99"),
+    *("..", "%", "\u2212", "\u00e9", "\n", "'", "exp(1)", "1_0", "0x1f", ".", "1.2.3", "Ns2/m2"),
+)
+_NAMED = {"x": evaluate("400g", {}), "y1": evaluate("A3", {})}
+
+
+def _expression(chance: random.Random) -> str:
+    kind = chance.randrange(20)
+    if kind == 0:
+        return chance.choice("(-1") * chance.randrange(1, 10_000)
+    if kind == 1:
+        return "*".join(chance.choice(("9" * 39, "x", "1e40")) for _ in range(chance.randrange(40)))
+    return "".join(chance.choice(PIECES) for _ in range(chance.randrange(1, 40)))
+
+
+def _read_expression(text: str, folder: Path) -> Iterator[str]:
+    looks_like(text, _NAMED)
+    yield evaluate(text, _NAMED).literal
 
 
 # --- gestures and laws ----------------------------------------------------------------------------
@@ -528,6 +553,7 @@ TARGETS = (
     Target("commands", commands.case, commands.read, (), 5, 20_000, limit=60.0),
     Target("format", _score, _read_formatted, (TextError,), 30),
     Target("notation", _notation, _read_notation, (TextError,), 2000),
+    Target("expressions", _expression, _read_expression, (TextError,), 3000, limit=0.5),
     Target("plays", _plays, lambda text, _: words.parse(text) and None, (TextError,), 2000),
     Target("laws", _law, _read_law, (_core.EngineError,), 3000),
     *(_take(suffix) for suffix in FORMATS),

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from one_bell import SCORE
 
+from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 from ergon.scores.reading.load import load
+from ergon.scores.staging import live
 from ergon.scores.staging.stage import StageError, prepare, stage
 
 
@@ -64,6 +66,32 @@ def test_the_library_and_check_refuse_a_gesture_alike(text: str):
     words = refused.value.message.split(":")[0]
     assert found.code == refused.value.code
     assert words in found.message
+
+
+@pytest.mark.parametrize(("key", "seconds"), [("", 10.0), (", X0: 2mm", 10_000.0)])
+def test_pauses_of_a_real_hand_are_not_computed(
+    key: str, seconds: float, monkeypatch: pytest.MonkeyPatch
+):
+    """The path of a part that lasts hours took 30 s, frame by frame."""
+    text = SCORE.replace("hand: virtual", "hand: live").replace("Z: 1.2Ns/m", f"Z: 1.2Ns/m{key}")
+    text = text.replace("every: 1, times: 2}", "every: 1, times: 2}\n    - {at: 200s, play: knock}")
+    piece = load("s.yaml", text=text).piece
+    assert piece is not None
+    ticks = []
+    computed = live._path
+
+    def counted(simulation: _core.Simulation, every: int, n_ticks: int) -> np.ndarray:
+        ticks.append(n_ticks)
+        return computed(simulation, every, n_ticks)
+
+    monkeypatch.setattr(live, "_path", counted)
+    (hand,) = prepare(piece, {"ada": None}).live
+    assert hand.ticks > 200_000
+    assert sum(ticks) <= min(1e3 * seconds, hand.ticks + 2)
+    monkeypatch.setattr(live, "_pauses", lambda *_: ())
+    (whole,) = prepare(piece, {"ada": None}).live
+    assert np.abs(hand.standin - whole.standin).max() < 1e-11
+    assert np.ptp(whole.standin[-400:]) > 1e-3
 
 
 def test_a_tick_is_no_slower_than_a_second():

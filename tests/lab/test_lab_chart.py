@@ -252,6 +252,31 @@ def test_the_front_holds_what_nothing_beats():
     assert front == [True, False, True, False]  # below the floor -60 and -70 are alike
 
 
+def test_timing_noise_marks_no_front():
+    def point(method: str, cost: float, error: float) -> chart.Point:
+        return chart.Point(Setting(method, 1), cost=cost, waveform_db=error)
+
+    # Half a hundredth of the time is no advantage; 20 dB at about the cost are.
+    points = [point("ca", 1.0, -20.0), point("ca2p", 0.995, -20.0), point("bm4", 1.05, -40.0)]
+    front = [p.on_front for p in chart._marked(points, "waveform", None)]
+    assert front == [False, False, True]
+    front = [p.on_front for p in chart._marked(points[:2], "waveform", None)]
+    assert front == [True, False]
+
+
+def test_methods_that_are_the_same_here_are_one():
+    one, two = np.zeros((4, 1)), np.ones((4, 1))
+    same = {Setting("ca", 1): one, Setting("ca2p", 1): one, Setting("bm4", 1): two,
+            Setting("ca", 2): two, Setting(None): one}  # fmt: skip
+    assert chart._alike(same) == (("ca", "ca2p"),)
+    points = [
+        chart.Point(Setting("ca", 1), cost=2.0, waveform_db=-20.0),
+        chart.Point(Setting("ca2p", 1), cost=1.0, waveform_db=-20.0),
+    ]
+    marked = chart._marked(points, "waveform", None, (("ca", "ca2p"),))
+    assert [p.on_front for p in marked] == [True, False]
+
+
 def test_energy_is_what_the_scheme_made():
     closed = chart.measure(canonical.coupled(0.1), grid(2), 0.05, "energy", silent)
     assert all(p.energy_db is not None and p.energy_db < -130.0 for p in closed.points)

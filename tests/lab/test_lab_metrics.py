@@ -22,9 +22,19 @@ def ring(f: float, t60: float, amplitude: float = 1.0, t: np.ndarray = T) -> np.
 
 def test_waveform_error_of_a_scaled_sound():
     x = ring(437.0, 0.8)
+    x -= x.mean()
     assert metrics.waveform_db(1.01 * x, x) == pytest.approx(-40.0, abs=1e-9)
     assert metrics.waveform_db(x, x) == -math.inf
     assert metrics.waveform_db(x, 0.0 * x) == math.inf
+
+
+def test_waveform_error_is_that_of_the_worst_channel_as_in_plans():
+    loud, soft = ring(437.0, 0.8), 1e-3 * ring(300.0, 0.8)
+    x = np.stack([loud, soft, 0.0 * soft], axis=1)
+    y = np.stack([loud, 1.1 * soft, 0.0 * soft], axis=1)
+    assert metrics.waveform_db(y, x) == pytest.approx(-20.0, abs=0.01)
+    # Where a thing stands is no sound.
+    assert metrics.waveform_db(y + 5.0, x + 5.0) == pytest.approx(-20.0, abs=0.01)
 
 
 def test_waveform_error_of_a_detuned_partial():

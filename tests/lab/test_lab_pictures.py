@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -43,10 +44,25 @@ def test_a_chart_is_the_same_picture_every_time(tmp_path: Path, metric: str):
     assert "ca ×4: diverged" in text
     assert "the planner's choice" in text
     assert "the planner's choice for -60 dB" in text
+    assert ("-60 dB, as asked for" in text) == (metric == "waveform")
     assert "bell modal ×1" in text
     assert "best for its cost" in text
     assert "<dc:date>" not in text
     assert files[0][1].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_methods_that_are_the_same_are_one_curve(tmp_path: Path):
+    chart = replace(example("waveform"), alike=(("ca", "bm4"),))
+    svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")
+    assert "ca = bm4" in svg.read_text(encoding="utf-8")
+    assert "the same samples here: ca, bm4" in chart_table.lines(chart)
+
+
+def test_a_map_of_a_score_marks_where_the_score_stands(tmp_path: Path):
+    one = replace(built_in("ca")["cell"], as_written=(1.0, 1.0))
+    spots = [maps.Spot(x, y, None, True, True) for y in one.ys for x in one.xs]
+    svg, _ = save(lambda: draw_maps.draw({"cell": (one, spots)}, "A map"), tmp_path / "map")
+    assert "the score as it is written" in svg.read_text(encoding="utf-8")
 
 
 def test_a_chart_of_nothing_but_failures_is_drawn(tmp_path: Path):

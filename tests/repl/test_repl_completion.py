@@ -114,7 +114,7 @@ def test_colours_of_a_line():
 def test_help_names_every_verb_once():
     text = "\n".join(help.overview())
     for form in verbs.FORMS:
-        assert text.count(f"  {form.example} ") == 1
+        assert text.count(f"  {form.example:<39} {form.effect}") == 1
     assert max(map(len, help.overview())) <= 100
 
 

@@ -16,12 +16,14 @@ from ergon.exchange.wave import read_info
 
 PAGE = Path(__file__).parents[2] / "docs" / "repl.md"
 SESSION = Path(__file__).parents[1] / "support" / "stepped_session.py"
-BLOCK = re.compile(r"<!-- session: ergon (?P<command>.*) -->\n```repl\n(?P<text>.*?)```", re.DOTALL)
-LINE = re.compile(r"(?P<bar>\d+)\|\d+ > (?P<line>.+)")
+BLOCK = re.compile(
+    r"<!-- session: ergon (?P<command>[^\n]*) -->\n```repl\n(?P<text>.*?)```", re.DOTALL
+)
+LINE = re.compile(r"(?P<bar>\d+)\|\d+ (?:> )?(?P<line>.+)")
 
 
 def exchanges(text: str) -> list[tuple[int, str, list[str]]]:
-    """(bar, line, answers) of every line that is typed."""
+    """(bar, line, answers) of every line that is typed; `# …` is what happens beside the prompt."""
     found: list[tuple[int, str, list[str]]] = []
     for row in text.splitlines():
         if match := LINE.fullmatch(row):

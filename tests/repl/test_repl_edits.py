@@ -99,8 +99,11 @@ def test_a_session_of_edits_is_a_score_at_every_step(path, number):
             assert codes <= REFUSED, (verb, [str(d.message) for d in loaded.diagnostics])
             continue
         for player in piece.players if verb != "mark" else ():  # what has begun has begun
-            old = [x for x in begun(piece, player) if x[0] < at - 1e-9]
-            assert [x for x in begun(loaded.piece, player) if x[0] < at - 1e-9] == old, verb
+            # With another seed chance chooses anew, on the same beats.
+            known = slice(1) if verb == "seed" else slice(None)
+            old = [x[known] for x in begun(piece, player) if x[0] < at - 1e-9]
+            new = [x[known] for x in begun(loaded.piece, player) if x[0] < at - 1e-9]
+            assert new == old, verb
         assert all(("\r\n" in line) == is_crlf for line in after.text.splitlines(True)[:-1])
         texts, taken = after, taken + 1
     assert taken > 3

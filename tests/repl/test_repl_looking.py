@@ -115,6 +115,17 @@ def test_what_began_before_the_bar_goes_on(own: Stepped, monkeypatch: pytest.Mon
     ]
 
 
+def test_rests_of_a_pattern_are_empty(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+    """They were drawn with the name of the pattern's first gesture."""
+    monkeypatch.setenv("COLUMNS", "80")
+    own.ok("ada plays knock ~ (lean knock) ~ every 1")
+    own.run(2.1)
+    ada = next(row for row in own.ok("?").lines if row.startswith("ada"))
+    assert ada.replace("\u00b7", ".") == (
+        "ada  knock    .        lea knoc .        knock    .        lea knoc ."
+    )
+
+
 def test_a_key_is_traced_while_it_moves(own: Stepped):
     assert not own.type("scope ada on").taken  # nothing of ada is to be seen yet
     own.ok("ada plays knock every 1 now")

@@ -323,3 +323,27 @@ def test_random_sets_with_a_keyboard_render_to_the_bit(tmp_path, seed):
         assert np.array_equal(own.again(), own.sound)
         if part == 0:
             own = Stepped.resumed(own.journal)
+
+
+def test_a_strike_during_a_line_is_in_the_journal_before_its_answer(played):
+    """A kill after the answer lost it: the journal went on to a frame behind the strike."""
+    own, _ = played
+    own.ok("map note 60 bell.m 5mNs")
+    own.run(0.1)
+    own.ok("py session.midi.receive(bytes([0x90, 60, 100]), 0.0)")
+    rows = [json.loads(line) for line in own.journal.read_text().splitlines()]
+    assert [row["event"] for row in rows][-2:] == ["strike", "said"]
+    own.run(0.1)
+
+
+def test_strikes_are_in_the_journal_while_a_line_is_computed(tmp_path):
+    """They waited for the end of the line: a kill meanwhile lost all of them, and its commits."""
+    with closing(session_on(tmp_path, f"clock:{tmp_path / 'heard.wav'}")) as session:
+        assert session.submit("map note 60 bell.m 5mNs now").taken
+        journal = tmp_path / "session.jsonl"
+        until(lambda: '"event": "commit"' in journal.read_text(), "the map")
+        assert session.submit("gain bell -3dB now").taken  # under way while the next line is long
+        with session.lock:
+            session.midi.receive(bytes([0x90, 60, 100]), 0.0)
+            until(lambda: '"event": "strike"' in journal.read_text(), "the strike")
+            until(lambda: journal.read_text().count('"event": "commit"') == 2, "the commit")

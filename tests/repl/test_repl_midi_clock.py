@@ -61,9 +61,10 @@ def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
 class Master:
     """Another program that plays: its tempo may wander, and its messages come late."""
 
-    def __init__(self, bpm, *, jitter=0.0, wander=0.0, seed=1):
+    def __init__(self, bpm, *, jitter=0.0, stall=0.0, seed=1):
         self._chance = random.Random(seed)
-        self._bpm, self._jitter, self._wander = bpm, jitter, wander
+        self._bpm, self._jitter, self._stall = bpm, jitter, stall
+        self._stalls_until = 0.0
         self.beats: list[float] = []  # the true instants of its beats
         self._at, self._number = 0.0, 0
         self.messages: list[tuple[float, bytes]] = []
@@ -78,8 +79,10 @@ class Master:
         while self._at <= now + 0.1:
             if self._number % 24 == 0:
                 self.beats.append(self._at)
-            late = abs(self._chance.gauss(0.0, self._jitter))
-            self.messages.append((self._at + late, bytes([0xF8])))
+            come = self._at + abs(self._chance.gauss(0.0, self._jitter))
+            if self._chance.random() < 0.02:  # nothing comes for a while, then all at once
+                self._stalls_until = come + self._chance.uniform(0.0, self._stall)
+            self.messages.append((max(come, self._stalls_until), bytes([0xF8])))
             bpm = self._bpm(self._number / 24) if callable(self._bpm) else self._bpm
             self._at += 60.0 / bpm / 24
             self._number += 1
@@ -133,6 +136,25 @@ def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
     assert len(numbers) <= 3  # play, and all corrections as one
     own.close()
     assert own.hash_again() == own.hash.hexdigest()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_clocks_that_come_late_in_bursts_leave_beats_where_they_are(tmp_path, seed):
+    own = Stepped(SCORE, tmp_path, keeps=False)
+    master = Master(123.4, jitter=0.0003, stall=0.08, seed=seed)
+    errors, _ = followed(own, master, 30.0)
+    settled = errors[16 : round(28.0 * 123.4 / 60)]
+    assert len(settled) > 20
+    assert np.abs(settled).max() < 1e-3
+    own.close()
+
+
+def test_a_tempo_that_jumps_is_followed_within_ten_beats(tmp_path):
+    own = Stepped(SCORE, tmp_path, keeps=False)
+    errors, _ = followed(own, Master(lambda beat: 120.0 if beat < 24 else 131.0), 24.0)
+    assert np.abs(errors[12:24]).max() < 1e-3
+    assert np.abs(errors[34:46]).max() < 1e-3
+    own.close()
 
 
 def test_a_ramp_of_the_master_is_followed(tmp_path):

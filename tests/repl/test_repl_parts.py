@@ -138,7 +138,10 @@ def test_after_hush_no_ergon_begins(at):
             ends = [tempo.resolve(strikes.until)] if strikes.until else []
             if strikes.span:
                 ends.append(tempo.after(tempo.resolve(strikes.at), strikes.span))
-            if strikes.every and strikes.times:
+            if strikes.pattern and not ends:
+                places = strikes.steps(silent)
+                ends.append(places.beat(len(places)))
+            elif strikes.every and strikes.times:
                 ends.append(
                     tempo.after(tempo.resolve(strikes.at), strikes.every.times(strikes.times - 1))
                 )

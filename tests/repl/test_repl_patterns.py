@@ -467,7 +467,7 @@ def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
     [
         ("set bell.m.f A3 H4 every 1", "neither a frequency"),
         ("set bell.m.f A3 C4", "the length of a step"),
-        ("set bell.b.K 1kN/m 2kN/m every 1", "is a BUT"),
+        ("lfo bell.b.gap 1mm..2mm period 1", "only these parameters change"),
         ("lfo bell.m.K 0.8 period 1", "is not a range"),
         ("lfo bell.m.K 0.8..1.2", "the length of one swing is missing"),
         ("lfo bell.m.K 0.8..1.2 period 1 shape round", "is not one of sine"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -300,3 +301,97 @@ def test_a_score_with_bars_to_come_goes_on_at_the_same_beat(at: Stepped, tmp_pat
     assert np.abs(at.sound[-int(0.5 * at.rate) :]).max() > 0
     at.session.close()
     assert np.array_equal(at.again(), at.sound)
+
+
+PATTERNS = [
+    "ada plays knock ~ (knock lean) every 1/2",
+    "ada plays choose knock lean every 1 chance 0.7",
+    "ada plays walk knock lean ~ every 1/3\nleo plays shuffle lean knock euclid 3 8 rotate 1",
+    "ada plays knock euclid 5 8",
+    "ada plays knock lean every 1/2 swing 0.6 every 3rd do mirror, scale 0.5",
+]
+
+
+@pytest.mark.parametrize("line", PATTERNS)
+def test_patterns_of_a_scene_are_what_was_kept_in_every_round(at: Stepped, line: str):
+    at.ok("play")
+    to_bar(at, 2)
+    at.ok(line)
+    to_bar(at, 5)
+    at.ok("keep 2bar as verse")
+    kept = started(at, 8.0, 16.0)
+    assert len(kept) > 3
+    at.ok("scene verse")
+    to_bar(at, 11)
+    for round_ in range(3):
+        again = started(at, 20.0 + 8.0 * round_, 28.0 + 8.0 * round_)
+        assert again == [(who, what, (beat - 8.0) % 8.0 + 8.0) for who, what, beat in kept]
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def started(at: Stepped, since: float, until: float) -> list[tuple[str, str, float]]:
+    """Who begins what between two beats, as beats from 8 on."""
+    running = at.session.commits.running
+    found = {
+        (g.player, g.name, round(running.beat(round(g.start * at.rate)), 2))
+        for g in running.stage.gestures
+    }
+    return sorted((p, n, round(b - since + 8.0, 2)) for p, n, b in found if since <= b < until)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "rain strikes bell.m euclid 5 8 impulse 1mNs",
+        "rain strikes bell.m euclid 3 7 impulse 1mNs",  # lasts no whole number of rounds
+        "rain strikes bell.m every 1/2 impulse 1mNs swing 0.6",
+        "bell notes A3 (C4 E4) ~ every 1",
+        "bell notes walk A3.minor every 1/2",
+    ],
+)
+def test_strikes_by_patterns_come_back(at: Stepped, line: str):
+    """`scene` was an internal error, or its strikes had the scene's length as their step."""
+    at.ok("play")
+    to_bar(at, 2)
+    at.ok(line)
+    to_bar(at, 6)
+    at.ok("keep 2bar as verse")
+    at.ok("scene verse")
+    to_bar(at, 13)
+    first, second = heard(at, 9, 2), heard(at, 11, 2)
+    assert np.abs(first).max() > 1e-5
+    assert np.max(np.abs(first[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
+    kept = heard(at, 4, 2)
+    assert np.max(np.abs(kept[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
+    """Those with notes too: they are written out on the grid of their steps."""
+    path = next(path for path in SCORES if path.endswith("patterns.yaml"))
+    texts, piece = opened(path)
+    kept = keeping.keep(texts, piece, "verse-2", 0.0, 16.0)
+    scene = Scene.of(kept, piece_of(kept))
+
+    def struck(of, name, first, last):
+        found = []
+        for one in (own for own in of.strikes if own.name.startswith(name)):
+            steps = dataclasses.replace(
+                one, pattern=dataclasses.replace(one.pattern, chance=None)
+            ).steps(of)
+            for place, beat in enumerate(steps):
+                note = steps.course.played(place)
+                if note is not None and first - 1e-9 <= beat < last - 1e-9:
+                    found.append((beat - first, one.notes[note].value))
+        return sorted(found)
+
+    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 132.0))
+    for name in ("tune", "walk"):
+        once = struck(scene.piece, name, 0.0, 16.0)
+        assert once
+        for begin in (100.0, 116.0):
+            again = struck(back, f"{name}-", begin, begin + 16.0)
+            assert [note for _, note in again] == [note for _, note in once]
+            assert [at for at, _ in again] == pytest.approx([at for at, _ in once])

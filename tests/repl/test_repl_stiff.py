@@ -9,6 +9,11 @@ import numpy as np
 import pytest
 from stiffenings import HANDS, Rig, Scene, measured, rig
 
+from ergon.live.automated import automation_felt
+from ergon.repl.session.version import piece_of
+from ergon.scores.edits.texts import Texts
+from ergon.scores.staging.stage import stage
+
 # A motor gives a hand no more in the long run [W].
 MOST = 0.05
 STIFF = "set bell.b.K 5kN/m now"
@@ -163,3 +168,63 @@ def test_two_hundred_random_stiffenings_shake_no_hand(tmp_path: Path):
         assert trips == 0, (seed, hand, said)
         worst = max(worst, power)
     print(f"200 stiffenings x {len(HANDS)} hands: {worst:.3f} W at most, no trip")
+
+
+SOFT_GROUND = Scene(stiffness=3e3, ground=100.0, mass=0.002)
+
+
+@pytest.mark.parametrize("hand", HANDS)
+@pytest.mark.parametrize(
+    "line",
+    [
+        "set bell.m.K 100N/m 6kN/m every 1 now",
+        "lfo bell.m.K 1..30 period 2bar now",
+        "bell notes A3 C4 every 1 impulse 0.01mNs now",
+    ],
+)
+def test_automation_that_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: str):
+    with rig(tmp_path, hand, SOFT_GROUND.text) as own:
+        assert own.scale == 1.0
+        own.ok("play")
+        own.run(0.2)
+        settled(
+            own, line
+        )  # a spring that stiffens under a hand that is away does some work at first
+        since = own.board.periods
+        own.run(2.0)
+        assert own.power(since) <= MOST
+        assert 0.02 <= own.scale < 0.9
+        assert own.trips == 0
+
+
+@pytest.mark.parametrize("target", ["bell.m.K", "k1.K"])
+def test_a_duet_knows_no_force_for_automation_that_its_hand_feels(tmp_path: Path, target: str):
+    path = tmp_path / "score.yaml"
+    automation = f"automation: [{{lfo: {target}, range: 1..30, period: 2bar, at: 1|1}}]\n"
+    path.write_text(SOFT_GROUND.text + automation, encoding="utf-8")
+    staged = stage(piece_of(Texts.read(path)), real={"remi": None})
+    found = automation_felt(staged, ["remi"])
+    assert found == ({"remi": ["bell.m"]} if target == "bell.m.K" else {})
+
+
+def test_automation_that_no_hand_feels_takes_no_force_away(tmp_path: Path):
+    with rig(tmp_path, "firm", SOFT_GROUND.text) as own:
+        own.ok("play")
+        own.ok("lfo k1.K 1..30 period 2bar now")
+        own.run(0.5)
+        assert own.scale == 1.0
+        asked = own.engine.guard.asked
+        own.ok("lfo k1.K 1..40 period 2bar now")
+        own.run(0.3)
+        assert own.engine.guard.asked <= asked + 1
+
+
+def test_automation_with_more_values_than_are_checked_is_refused(tmp_path: Path):
+    values = " ".join(f"{200 + n}N/m" for n in range(65))
+    with rig(tmp_path, "firm", SOFT_GROUND.text) as own:
+        own.ok("play")
+        own.run(0.2)
+        reply = own.session.submit(f"set bell.m.K {values} every 1/4 now")
+        assert not reply.taken
+        assert "remi's hand may feel the automation of bell.m" in reply.text
+        assert "64 values at most" in reply.text

@@ -84,8 +84,8 @@ def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
     version = at.session.commits.running.version
     bell2 = {module.name: module.fields for module in version.piece.instruments["bell2"].modules}
     ratio = 2.0 ** (7.0 / 12.0)
-    assert bell2["prime"]["f"] == pytest.approx(440.0 * ratio, rel=1e-6)
-    assert bell2["prime"]["t60"] == 6.0
+    assert bell2["prime"]["f"] == 440.0 * ratio  # E5, to the last bit
+    assert bell2["prime"]["t60"] == pytest.approx(6.0 / ratio, rel=1e-15)
     assert bell2["hammer"]["f"] == 1.0  # mechanics stay
     assert [module.name for module in version.piece.instruments["links"].modules] == ["but-1"]
     assert version.piece.players["mia"].key == "k3"
@@ -105,6 +105,17 @@ def test_an_instrument_like_another_is_transposed_where_it_sounds(at: Stepped):
     assert own["low"]["K"] == pytest.approx(1250.0)
     assert own["slow"]["f"] == 2.0
     assert piece.instruments["bell"].modules[0].fields["f"] == 220.0
+
+
+def test_cents_and_ratios_transpose_too(at: Stepped):
+    at.ok("low = bell transpose -14cents")
+    at.ok("fifth = bell transpose x1.5")
+    piece = at.session.commits.head.piece
+    assert piece.instruments["low"].modules[0].fields["f"] == pytest.approx(
+        220.0 * 2.0 ** (-14.0 / 1200.0), rel=1e-15
+    )
+    assert piece.instruments["fifth"].modules[0].fields["f"] == 330.0
+    assert "transpose: x1.5" in at.session.commits.head.texts.text
 
 
 def test_a_generator_takes_fields_of_its_own(at: Stepped):
@@ -199,7 +210,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("b2 = bel", "is not an instrument or a file"),
         ("b2 = nothing/bell", "names no file 'nothing'"),
         ("b2 = bell/nothing", "has no 'nothing'"),
-        ("b2 = bell transpose 7", "needs semitones"),
+        ("b2 = bell transpose 7", "is not an interval such as 7st, -14cents or x1.5"),
         ("b2 = bell f", "'f' is not a field"),
         ("b2 = gong/plate f=2kg", "'kg'"),
         ("link k1 bell.q BUT K=1kN/m", "nothing is called 'bell.q'"),
@@ -207,7 +218,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("link k1 bell.m BUT K=1kg", "'kg'"),
         ("link k1 bell.m BUT k=1kN/m", "BUT has no field 'k'"),
         ("link k1 bell.m BAT K=1kN/m", "is not a kind of link"),
-        ("link on", "cannot share its tempo with other machines"),
+        ("link on", "--midi-clock-to PORT` shares the tempo"),
         ("mia takes k2 like k1", "k2 exists already"),
         ("route bell 9", "channel 9 does not exist; the mix has 4"),
         ("route bell three", "is not a channel"),
@@ -215,7 +226,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("remove k1", "no key is called"),
         ("remove bell", "is the last instrument that is heard"),
         ("remove nothing", "is not a name of this score"),
-        ("rename bell chime", "is not a gesture, a take or a player"),
+        ("rename bell chime", "sounds under its name, by which it goes on from line to line"),
         ("rename knock lean", "the name 'lean' is in use"),
     ],
 )

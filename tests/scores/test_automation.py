@@ -27,6 +27,10 @@ instruments:
       m: {{CEL: {{M: 2g, f: 220Hz, X0: 1mm}}}}
       n: {{CEL: {{M: 2g, K: 900N/m, Z: 0.2Ns/m}}}}
       b: {{BUT: {{between: [k, m], K: 900N/m, gap: 9mm}}}}
+      s: {{STRING: {{masses: 5, M: 1g, f: 99Hz}}}}
+      p: {{STRING: {{masses: 8, M: 1g, f: 99Hz, t60: {{99Hz: 2s, 300Hz: 1s}}}}}}
+      r: {{BANK: {{count: 3, M: 1g, f: 99Hz..999Hz, t60: 1s}}}}
+      l: {{LNL: {{between: [n, m], law: q*d**3, q: 1N/m3}}}}
     out: {{SOX: m}}
 automation: [{lines}]
 render: {{tail: {tail}s}}
@@ -146,6 +150,51 @@ def test_chance_and_choices_are_those_of_the_seed():
     assert len(heard) > 2
 
 
+def test_a_glide_goes_evenly_in_pitch_and_stays():
+    found = points(piece("{set: bell.m.f, to: A5, at: 1|2, over: 2}"))
+    t, k = [p[0] for p in found], [p[1] for p in found]
+    for at, f in ((0.5, 220.0), (1.5, 220 * 2**0.5), (2.0, 440.0), (3.0, 880.0), (7.5, 880.0)):
+        assert np.interp(at, t, k) == pytest.approx(0.002 * (2 * math.pi * f) ** 2, rel=1e-5)
+    straight = points(piece("{set: bell.n.K, to: x3, at: 1|2, over: 2}"), "n")
+    assert np.interp(2.0, [p[0] for p in straight], [p[1] for p in straight]) == pytest.approx(1800)
+    smooth = points(piece("{set: bell.n.K, to: x3, at: 1|2, over: 2, curve: smooth}"), "n")
+    u = 0.25
+    expected = 900 + 1800 * u**3 * (10 - 15 * u + 6 * u * u)
+    at = np.interp(1.5, [p[0] for p in smooth], [p[1] for p in smooth])
+    assert at == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_written_curve_passes_its_points():
+    line = "{set: bell.m.f, to: A3@0 smooth A4@1 line A3@2 hold A3@250ms, at: 1|2, until: 2|3}"
+    collector = Collector()
+    automated(piece(line), -math.inf, 8.0, collector)
+    assert "do not rise in time" in collector.finish()[0].message
+    found = points(piece(line.replace("250ms", "3")))
+
+    def at(instant: float) -> float:
+        t = [p[0] for p in found]
+        return frequency(*(float(np.interp(instant, t, [p[i] for p in found])) for i in (1, 2, 3)))
+
+    for instant, f in (
+        (0.0, 220),
+        (1.5, 220 * 2**0.5),
+        (2.0, 440),
+        (2.5, 220 * 2**0.5),
+        (3.5, 220),
+    ):
+        assert at(instant) == pytest.approx(f, rel=1e-3)
+    again = points(piece("{set: bell.m.f, to: A3@0 (A3@1/2 line A4@1)*3, at: 1|1}"))
+    assert frequency(*again[-1][1:]) == pytest.approx(440.0)
+
+
+def test_a_glide_is_cut_by_what_follows_it():
+    lines = "{set: bell.n.K, to: x3, at: 1|1, over: 4},{set: bell.n.K, to: x1, at: 1|3, over: 2}"
+    found = points(piece(lines), "n")
+    t, k = [p[0] for p in found], [p[1] for p in found]
+    for at, expected in ((1.0, 1350.0), (2.0, 1800.0), (3.0, 1350.0), (4.0, 900.0), (7.0, 900.0)):
+        assert np.interp(at, t, k) == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("since", [2.0, 3.1, 5.77])
 @pytest.mark.parametrize(
     "line",
@@ -187,8 +236,28 @@ def test_scales_and_chords_have_names():
         ("{set: bell.m.f, to: A3 C4, at: 1|1}", "E103", "write `every`"),
         ("{set: bell.m.f, to: A3 H4, every: 1, at: 1|1}", "E201", "neither a frequency"),
         ("{set: bell.m.K, to: 3N, every: 1, at: 1|1}", "E203", "does not measure stiffness"),
-        ("{set: bell.b.K, to: 3N/m, every: 1, at: 1|1}", "E304", "bell.b"),
-        ("{set: bell.m.X0, to: 3mm, every: 1, at: 1|1}", "E301", "not a parameter of a CEL"),
+        ("{set: bell.b.gap, to: 3mm, every: 1, at: 1|1}", "E304", "only K and Z change"),
+        ("{set: bell.b.Z, to: 3Ns/m, over: 1, at: 1|1}", "E304", "no Z of its own"),
+        ("{set: bell.m.X0, to: 3mm, every: 1, at: 1|1}", "E304", "only f and t60 and K"),
+        ("{set: bell.s.gap, to: 3mm, over: 1, at: 1|1}", "E304", "only f and t60"),
+        ("{set: bell.s.t60, to: 3s, over: 1, at: 1|1}", "E304", "has no t60 of its own"),
+        ("{set: bell.s.3.f, to: A3, over: 1, at: 1|1}", "E304", "changes as a whole"),
+        ("{set: bell.p.t60, to: 3s, over: 1, at: 1|1}", "E304", "each of several frequencies"),
+        ("{set: bell.r.f, to: A3, over: 1, at: 1|1}", "E201", "write a factor"),
+        ("{set: bell.l.K, to: x2, over: 1, at: 1|1}", "E304", "is a LNL"),
+        ("{set: bell.m.f, to: A3, at: 1|1}", "E103", "needs `over`"),
+        ("{set: bell.m.f, to: A3, over: 0, at: 1|1}", "E202", "above 0"),
+        ("{set: bell.m.f, to: A3 C4, over: 1, at: 1|1}", "E201", "one value"),
+        ("{set: bell.m.K, to: 0N/m, over: 1, at: 1|1}", "E202", "nothing glides from 0"),
+        ("{set: bell.m.f, to: A3, over: 1, every: 1, at: 1|1}", "E111", "no steps"),
+        ("{set: bell.m.f, to: A3 C4, every: 1, curve: line, at: 1|1}", "E111", "has a way"),
+        ("{set: bell.m.f, to: A3@0 C4@1, over: 1, at: 1|1}", "E111", "times of its own"),
+        ("{set: bell.m.f, to: A3@0 smooth H4@1, at: 1|1}", "E201", "neither a frequency"),
+        ("{set: bell.m.f, to: A3@0 smoth C4@1, at: 1|1}", "E204", "unknown word"),
+        ("{set: bell.m.f, to: A3@0 throw C4@1, at: 1|1}", "E204", "not thrown"),
+        ("{set: bell.m.f, to: A3@0 hold C4@1, at: 1|1}", "E204", "keeps the value"),
+        ("{set: bell.m.f, to: A3@1 C4@2, at: 1|1}", "E204", "begins at 0"),
+        ("{lfo: bell.m.f, range: 1..2, period: 1, over: 1, at: 1|1}", "E111", "does not belong"),
         ("{set: bell.q.f, to: A3, every: 1, at: 1|1}", "E301", "bell.q"),
         ("{lfo: bell.m.f, range: 0.8, period: 1, at: 1|1}", "E201", "is not a range"),
         ("{lfo: bell.m.f, range: 0.8..1.2, period: 0, at: 1|1}", "E202", "above 0"),

@@ -58,11 +58,7 @@ def test_one_message_with_a_suggestion(old, new, line, column, suggestion):
     [
         ("{at: 1|1, play", "{at: [0, 1, 2], play", "repeat the entry, once for each value"),
         ("play: knock", "play: knock, loud: 3", "known here: at, play, every, times, until"),
-        (
-            "{tap: {at: 1|1, to: bell.hum, every: 1, times: 2, impulse: 1mNs}}",
-            "{tap: [{at: 1|1}]}",
-            "a group of fields is written: to, at",
-        ),
+        ("{tail: 4s}", "[{tail: 4s}]", "a group of fields is written: file, bits"),
     ],
 )
 def test_one_message_with_help(old, new, help):
@@ -88,3 +84,11 @@ def test_a_group_whose_commas_part_fields_is_read_as_before():
     """`a: 4, 5s: 1` has a space: a mistake of another kind."""
     found = [d.code for d in read("tail: 4s", "tail: 4s, 5s: 1").diagnostics]
     assert found == ["E101"]
+
+
+def test_an_entry_of_a_melody_says_what_is_struck():
+    tap = "{tap: {at: 1|1, to: bell.hum, every: 1, times: 2, impulse: 1mNs}}"
+    first, *_ = read(tap, "{tap: [{at: 1|1, to: bell.hum, impulse: 1mNs}]}").diagnostics
+    assert (first.code, first.place.line) in (("E101", 11), ("E103", 11))
+    unknown = [d for d in read(tap, "{tap: [{at: 1|1, to: bell.hum}]}").diagnostics if d.help]
+    assert "an entry says `what` is struck" in (unknown[0].help or "")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -10,16 +11,18 @@ from ergon.scores.reading.load import load
 
 DATA = Path(__file__).parents[1] / "data"
 DUET = (DATA / "duet-2.2.yaml").read_text(encoding="utf-8")
+MELODIES = (DATA / "melodies.yaml").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("own", [DUET, MELODIES], ids=["duet", "melodies"])
 @settings(max_examples=200, deadline=None)
 @given(st.data())
-def test_no_damage_raises(data):
-    """Cut, double or replace a stretch of the example: diagnostics, never an exception."""
-    start = data.draw(st.integers(0, len(DUET)))
-    stop = data.draw(st.integers(start, min(len(DUET), start + 30)))
+def test_no_damage_raises(own, data):
+    """Cut, double or replace a stretch of a score: diagnostics, never an exception."""
+    start = data.draw(st.integers(0, len(own)))
+    stop = data.draw(st.integers(start, min(len(own), start + 30)))
     new = data.draw(st.text(":{}[]-|,.0123456789@ \nabM\t'#&*!é", max_size=6))
-    loaded = load(DATA / "duet-2.2.yaml", text=DUET[:start] + new + DUET[stop:])
+    loaded = load(DATA / "duet-2.2.yaml", text=own[:start] + new + own[stop:])
     for d in loaded.diagnostics:
         assert full(d, loaded.files)
     assert (loaded.piece is None) == any(d.severity == "error" for d in loaded.diagnostics)
@@ -33,11 +36,12 @@ def test_no_text_raises(text):
 
 WORDS = (
     "M K Z f t60 like use from modules CEL REF LNL between to at out SOX SOF a b a.b 1g 1|1 A3 "
-    "keys gestures notation points parts players play every do duet couple mix route"
+    "keys gestures notation points parts players play every do duet couple mix route "
+    "transpose 7st x1.5 notes C3..C5 members entries what phrases velocity depth 1mNs t.mid a.A3"
 )
 SECTIONS = (
-    "use rates tempo marks keys instruments laws gestures takes strikes players duet parts mix "
-    "render accuracy"
+    "use rates tempo marks keys instruments laws gestures phrases takes strikes players duet parts "
+    "mix render accuracy"
 )
 _WORDS = st.sampled_from(WORDS.split())
 _TREES = st.recursive(

@@ -28,6 +28,7 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "hand": 36.4,
     "rain": 34.0,
     "two-keys": 33.1,
+    "patterns": 31.0,
     "duet": 66.5,
     "fader": 30.7,
 }
@@ -159,6 +160,22 @@ def test_no_stroke_clicks() -> None:
         _, x = heard(name)
         steps = np.max(np.abs(np.diff(x, n=3, axis=0)), axis=1)
         assert np.max(steps) < 0.01 * np.max(np.abs(x))
+
+
+def test_times_counts_the_rounds_of_a_pattern() -> None:
+    piece = piece_of(SCORES / "patterns.yaml")
+    assert {own.name: len(own.steps(piece)) for own in piece.strikes} == {
+        "tune": 8 * 5,  # rounds of eight steps, of which five strike
+        "walk": 16,  # rounds of one step, before chance
+        "three": 3 * 3,
+    }
+    played = zip(piece.parts, piece.starts, strict=True)
+    assert [(play.what, len(starts or ())) for play, starts in played] == [
+        ("tap ~ (soft soft) loose", 2 * 5),
+        ("choose tap soft loose", 8),
+        ("tap soft", 4 * 5),
+        ("shuffle tap soft loose ~", 2 * 4),
+    ]
 
 
 def test_the_duet_reaches_all_its_loudspeakers() -> None:

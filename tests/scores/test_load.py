@@ -311,3 +311,15 @@ def test_the_digest_is_of_values(before, after):
 )
 def test_the_digest_sees_every_value(before, after):
     assert duet(DUET.replace(before, after)).piece.digest() != duet().piece.digest()
+
+
+def test_instruments_of_a_file_with_a_prefix_name_each_other():
+    lib = (
+        "ergon: 1\ninstruments:\n  a: {CEL: {M: 1g, f: A4, t60: 2s}}\n"
+        "  b: {modules: {m: {CEL: {M: 1g, f: A4}}, r: {REF: {between: [m, a], K: 1kN/m, Z: 0}}},"
+        " out: {SOX: m}}\n"
+    )
+    used = "ergon: 1\nuse: {c: lib.yaml}\nmix: {route: [{from: c.b, to: 1}]}\n"
+    loaded = check(used, lib=lib)
+    assert loaded.piece is not None, loaded.diagnostics
+    assert list(loaded.piece.instruments) == ["c.a", "c.b"]

@@ -37,12 +37,16 @@ def lines(before, after, file=None):
 
 def begun(piece, player):
     """(what, beats) of everything that a player plays, in order of time."""
-    found = [
-        (start, play.what, tuple(t.word for t in play.do))
-        for play, starts in zip(piece.parts, piece.starts, strict=True)
-        if play.player == player
-        for start in (starts if starts is not None else [piece.tempo_map.resolve(play.at)])
-    ]
+    found = []
+    for play, starts in zip(piece.parts, piece.starts, strict=True):
+        if play.player != player:
+            continue
+        for place, start in enumerate(starts or [piece.tempo_map.resolve(play.at)]):
+            name, do = play.what, play.do
+            if play.pattern is not None:  # as it was drawn in this place
+                name, do = starts.course.played(place), (*do, *starts.course.do(place))
+            if name is not None:
+                found.append((start, name, tuple(t.word for t in do)))
     return sorted(found)
 
 

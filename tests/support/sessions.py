@@ -63,9 +63,8 @@ class Stepped:
         )
         if written is not None:
             heard = 1.0, 1.0, None, past, version.base
-            opening = SessionStart(
-                version.texts, clock.at, version.faders, EVERY, *heard, maps=version.maps
-            )
+            beside = {"maps": version.maps, "rules": version.rules}
+            opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard, **beside)
             known = self.session.disk.hashes_by_name(version.texts)
             written.tell("session", **opening.fields(), disk=known)
         self._sound: list[np.ndarray] = []
@@ -114,7 +113,8 @@ class Stepped:
 
     def again(self) -> np.ndarray:
         """The journal, computed anew."""
-        return np.concatenate(list(self._blocks()))
+        none = np.zeros((0, self.engine.n_channels))  # a session that was killed at once
+        return np.concatenate([none, *self._blocks()])
 
     def hash_again(self) -> str:
         """The hash of all samples of the journal, computed anew."""

@@ -10,6 +10,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, scope_of
+from ergon.repl.language.triggers import parse_condition, parse_every
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.reading.load import load
@@ -23,7 +24,8 @@ def _scope() -> Scope:
     piece = load(ROOT / "tests/data/duet-2.2.yaml").piece
     assert piece is not None
     known = scope_of(piece)
-    return dataclasses.replace(known, takes={**known.takes, "solo": "take"})
+    added = {"takes": {**known.takes, "solo": "take"}, "blocks": {"fill": "block, 1 line"}}
+    return dataclasses.replace(known, **added)
 
 
 SCOPE = _scope()
@@ -144,6 +146,15 @@ OTHERS = [
             when=parse_position("B"),
         ),
     ),
+    ("def tilt: ada plays lean", c.DefineBlock("tilt", ("ada plays lean",))),
+    ("fill", c.RunBlock("fill")),
+    ("run fill at B", c.RunBlock("fill", when=parse_position("B"))),
+    ("fill every 4bar", c.RunByRule("fill", parse_every("4bar"))),
+    (
+        "when bar % 4 == 3 fill now",
+        c.RunByRule("fill", parse_condition("bar % 4 == 3"), when=c.NOW),
+    ),
+    ("stop fill", c.StopBlock("fill")),
     ("panic now", c.Panic()),
     ("release", c.Release()),
     ("redo", c.Redo()),

@@ -5,6 +5,7 @@
 
 mod audio;
 mod chance;
+mod curve;
 mod device;
 mod emulator;
 mod error;
@@ -43,6 +44,8 @@ mod _core {
     use super::audio::{play_frames, survey_audio};
     #[pymodule_export]
     use super::chance::Chance;
+    #[pymodule_export]
+    use super::curve::path_values;
     #[pymodule_export]
     use super::device::{Checkup, Device, SerialPort, UsbBoard};
     #[pymodule_export]

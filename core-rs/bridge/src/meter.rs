@@ -31,6 +31,12 @@ impl Meter {
         self.0.peak()
     }
 
+    /// Loudness of the last 400 ms [LUFS], without gating; -inf for silence.
+    #[getter]
+    fn momentary(&self) -> f64 {
+        self.0.momentary()
+    }
+
     /// Integrated loudness so far [LUFS]; -inf for silence.
     #[getter]
     fn loudness(&self) -> f64 {

@@ -1,6 +1,8 @@
 //! Outputs to channels.
 
+use ergon_engine::mix::curve::{Curve, Point, Way};
 use ergon_engine::mix::mixer;
+use ergon_engine::mix::room::RoomSpec;
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -18,9 +20,10 @@ impl Mixer {
         Self(mixer::Mixer::new(rate, n_out, n_channels))
     }
 
-    /// Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2. The gain of a group of
-    /// routes may be moved while they sound.
-    #[pyo3(signature = (out, channel, gain = 1.0, highpass = None, group = 0))]
+    /// Add gain · output to a channel or a room (from 0); highpass [Hz] is a Butterworth of order 2, delay in frames, curve
+    /// (frame, gain, whether smooth). The gain of a group of routes may be moved while they sound.
+    #[pyo3(signature = (out, channel, gain = 1.0, highpass = None, group = 0, *, delay = 0, curve = None, to_room = false))]
+    #[expect(clippy::too_many_arguments)]
     fn route(
         &mut self,
         out: usize,
@@ -28,10 +31,48 @@ impl Mixer {
         gain: f64,
         highpass: Option<f64>,
         group: usize,
+        delay: usize,
+        curve: Option<Vec<(u64, f64, bool)>>,
+        to_room: bool,
     ) -> PyResult<()> {
+        let to = if to_room {
+            mixer::To::Room(channel)
+        } else {
+            mixer::To::Channel(channel)
+        };
+        let treatment = mixer::Treatment {
+            highpass,
+            delay,
+            curve: curve.map(through),
+        };
         self.0
-            .route_of(group, out, channel, gain, highpass)
+            .treated(group, out, to, gain, treatment)
             .map_err(said)
+    }
+
+    /// Add a room heard by channels: size [m], t60 as (frequency [Hz], time [s]) twice; its index.
+    #[pyo3(signature = (name, channels, *, size, t60, gain = 1.0))]
+    fn room(
+        &mut self,
+        name: String,
+        channels: Vec<usize>,
+        size: f64,
+        t60: [(f64, f64); 2],
+        gain: f64,
+    ) -> PyResult<usize> {
+        let spec = RoomSpec {
+            name,
+            size,
+            t60,
+            channels,
+            gain,
+        };
+        self.0.room(spec).map_err(said)
+    }
+
+    /// Set a gain of all channels over the frames of the piece: (frame, gain, whether smooth).
+    fn fade(&mut self, curve: Vec<(u64, f64, bool)>) {
+        self.0.fade(through(curve));
     }
 
     /// Let the gain of a group glide to another over 20 ms, from the next multiple of 64 frames on.
@@ -63,4 +104,13 @@ impl Mixer {
         py.detach(|| self.0.process(frames, mixed));
         Ok(())
     }
+}
+
+fn through(points: Vec<(u64, f64, bool)>) -> Curve {
+    let point = |(frame, gain, is_smooth): (u64, f64, bool)| Point {
+        frame,
+        gain,
+        way: if is_smooth { Way::Smooth } else { Way::Line },
+    };
+    Curve::new(points.into_iter().map(point).collect())
 }

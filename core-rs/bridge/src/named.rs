@@ -99,6 +99,8 @@ results! {
     MutedPart { name: String, frame: u64 }
     /// A part with frames that were computed in several steps.
     FinerPart { name: String, frames: u64, steps: u32 }
+    /// A module that made energy.
+    EnergyGain { name: String, frame: u64, sentence: String }
     /// The player and the key of an axis of a recording.
     RecordedAxis { player: String, key: String }
     /// An event of a recording: a line of JSON.

@@ -341,14 +341,15 @@ impl Network {
         Ok(())
     }
 
-    /// An output: a weighted sum over ranges of modules.
-    #[pyo3(signature = (name, *, positions=Vec::new(), forces=Vec::new(), ground_forces=Vec::new()))]
+    /// An output: a weighted sum over ranges of modules; its speed (order 1) or acceleration (2).
+    #[pyo3(signature = (name, *, positions=Vec::new(), forces=Vec::new(), ground_forces=Vec::new(), order=0))]
     fn listen(
         &mut self,
         name: &str,
         positions: Ranges,
         forces: Ranges,
         ground_forces: Ranges,
+        order: u8,
     ) -> PyResult<usize> {
         let terms =
             |ranges: Ranges, term: fn((usize, usize, f64)) -> Term| ranges.into_iter().map(term);
@@ -367,7 +368,9 @@ impl Network {
             len,
             weight,
         }));
-        self.0.listen(name, all.collect()).map_err(from_engine)
+        self.0
+            .listen_to(name, all.collect(), order)
+            .map_err(from_engine)
     }
 
     /// A MAT as the composer wrote it.

@@ -7,7 +7,7 @@ use pyo3::types::PyDict;
 
 use crate::error::{from_engine, from_fault, refused, word};
 use crate::frames::rows_mut;
-use crate::named::{FinerPart, MutedPart};
+use crate::named::{EnergyGain, FinerPart, MutedPart};
 use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
@@ -246,6 +246,18 @@ impl Simulation {
         let muted = self.0.muted().into_iter();
         muted
             .map(|(name, frame)| MutedPart { name, frame })
+            .collect()
+    }
+
+    /// Modules that made energy.
+    fn gains(&self) -> Vec<EnergyGain> {
+        let gains = self.0.gains().into_iter();
+        gains
+            .map(|(name, frame, sentence)| EnergyGain {
+                name,
+                frame,
+                sentence,
+            })
             .collect()
     }
 

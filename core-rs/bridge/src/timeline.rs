@@ -226,6 +226,25 @@ impl Timeline {
             .map_err(from_engine)
     }
 
+    /// n CELs go through points (t, square of a factor of their frequencies, factor of their decay rates).
+    #[pyo3(signature = (mat, points, *, n=1))]
+    fn retune(&mut self, mat: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
+        self.there("retune", mat.saturating_add(n).saturating_sub(1))?;
+        let points: Vec<_> = points.into_iter().map(|(at, f, s)| (at, [f, s])).collect();
+        self.inner
+            .retune(&self.network, (mat, n), &points)
+            .map_err(from_engine)
+    }
+
+    /// K and Z of n LIAs, whole runs, go through points (t, factor of K, factor of Z).
+    #[pyo3(signature = (link, points, *, n=1))]
+    fn lead(&mut self, link: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
+        let points: Vec<_> = points.into_iter().map(|(at, k, z)| (at, [k, z])).collect();
+        self.inner
+            .lead(&self.network, (link, n), &points)
+            .map_err(from_engine)
+    }
+
     /// ENX / ENF: a constant, or a take from `at`.
     #[pyo3(signature = (mat, kind, *, constant=None, take=None, at=0.0, scale=1.0, own=true))]
     #[allow(clippy::too_many_arguments)]

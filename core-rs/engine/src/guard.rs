@@ -195,6 +195,11 @@ impl Guard {
         (self.finer_frames.frames > 0).then_some(self.finer_frames)
     }
 
+    /// Whether frames are computed finer for now.
+    pub(crate) fn is_finer(&self) -> bool {
+        self.steps > 1
+    }
+
     /// Restore unrelated MATs to where the ordinary frame took them.
     pub(crate) fn keep_unrelated(&mut self, whole: &PreviousState, x: &mut [f64], d: &mut [f64]) {
         for &mat in &self.unrelated {

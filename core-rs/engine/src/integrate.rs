@@ -31,6 +31,8 @@ use std::sync::Arc;
 use crate::guard::{FinerFrames, Guard};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
+use crate::scheme::{Kind, Run};
+use crate::timeline::Lead;
 use crate::units::Rate;
 use mesh::Mesh;
 
@@ -44,6 +46,12 @@ trait Stepper {
     fn is_shared(&self) -> bool {
         false
     }
+    /// Set the K and Z of links that are led to those of a frame and a part of one.
+    fn lead(&mut self, _lead: &Lead, _at: (u64, f64)) {}
+    /// Recompute what depends on them.
+    fn settle_led(&mut self, _team: &mut ThreadTeam<'_>) {}
+    /// Share no numbers that are led with a clone.
+    fn own(&mut self) {}
     /// Positions now [m]                                            (n_mat)
     fn x(&self) -> &[f64];
     /// The guard of links that stiffen, if there are any.
@@ -65,6 +73,12 @@ trait Stepper {
     fn settle(&mut self);
     /// The energy that the method conserves [J]; for a staggered method that of half a step before.
     fn energy(&self) -> f64;
+    /// The energy of masses and links by their laws [J], whatever else the method conserves.
+    fn stored(&self) -> f64 {
+        self.energy()
+    }
+    /// The network in numbers.
+    fn mesh(&self) -> &Mesh;
 }
 
 #[derive(Clone, Debug)]
@@ -105,6 +119,9 @@ pub(crate) struct Integrator {
     substeps: u32,
 }
 
+/// Elongations [m] and rates [m/s] at which a law's damping is asked whether it gives energy.
+const ACTIVE: (f64, f64) = (1e-2, 10.0);
+
 impl Integrator {
     /// A network at its X0 and V0, stepped `substeps` times a frame of `rate`. Imposed points do not move.
     ///
@@ -136,6 +153,40 @@ impl Integrator {
         for _ in 1..self.substeps {
             method.step(&[], team);
         }
+    }
+
+    /// The same where K and Z of some links are led; `n` counts frames.
+    pub(crate) fn step_led(
+        &mut self,
+        n: u64,
+        leads: &[Lead],
+        impulses: &[(usize, f64)],
+        team: &mut ThreadTeam<'_>,
+    ) {
+        if leads.is_empty() {
+            return self.step(impulses, team);
+        }
+        let method = self.motion.stepper_mut();
+        for substep in 0..self.substeps {
+            let part = (f64::from(substep) + 0.5) / f64::from(self.substeps);
+            leads.iter().for_each(|lead| method.lead(lead, (n, part)));
+            method.settle_led(team);
+            method.step(if substep == 0 { impulses } else { &[] }, team);
+        }
+    }
+
+    /// Set the K and Z of links that are led to those of frame `n`.
+    pub(crate) fn lead(&mut self, n: u64, leads: &[Lead]) {
+        let method = self.motion.stepper_mut();
+        leads.iter().for_each(|lead| method.lead(lead, (n, 0.0)));
+        if !leads.is_empty() {
+            method.settle_led(&mut ThreadTeam::alone());
+        }
+    }
+
+    /// Share no numbers that are led with a clone: then a step allocates nothing.
+    pub(crate) fn own(&mut self) {
+        self.motion.stepper_mut().own();
     }
 
     /// Multiply all velocities by a factor.
@@ -202,6 +253,38 @@ impl Integrator {
     /// Whether all positions are finite and within range.
     pub(crate) fn sound(&self) -> bool {
         passes::within(self.positions())
+    }
+
+    /// Whether its steps may make energy that can be found: not where it is linear.
+    pub(crate) fn may_gain(&self) -> bool {
+        let mesh = self.motion.stepper().mesh();
+        // Of a law that is to give energy nothing is known, and the energy of others takes too long to find.
+        let is_known = |run: &Run| match &run.kind {
+            Kind::Lnl { law, .. } => law.has_closed_energy() && !law.is_active(ACTIVE.0, ACTIVE.1),
+            _ => true,
+        };
+        !mesh.scheme.linear && mesh.others.iter().all(is_known)
+    }
+
+    /// The energy of masses and links by their laws [J].
+    pub(crate) fn stored(&self) -> f64 {
+        self.motion.stepper().stored()
+    }
+
+    /// What impulses of the coming frame will give [J]: each the mean of the velocities before and after it.
+    pub(crate) fn work(&self, impulses: &[(usize, f64)]) -> f64 {
+        let method = self.motion.stepper();
+        let (m, rate) = (&method.mesh().m, method.mesh().scheme.rate);
+        let of = |(at, &(mat, impulse)): (usize, &(usize, f64))| {
+            if m[mat] == 0.0 {
+                return 0.0;
+            }
+            let before = impulses[..at].iter().filter(|other| other.0 == mat);
+            let given: f64 = before.map(|other| other.1).sum();
+            let mass = m[mat] / (rate * rate);
+            impulse * (method.velocity(mat) + (given + 0.5 * impulse) / mass)
+        };
+        impulses.iter().enumerate().map(of).sum()
     }
 
     /// The energy that the method conserves [J]: constant without losses and impulses, to the method's accuracy.

@@ -5,6 +5,7 @@ mod carry;
 mod coast;
 mod fault;
 pub(crate) mod fine;
+pub(crate) mod gain;
 mod glide;
 pub(crate) mod hand;
 mod hands;
@@ -21,6 +22,7 @@ pub use build::Options;
 pub(crate) use build::at_rest;
 pub(crate) use carry::Through;
 pub use fault::{Fault, OnFault};
+pub(crate) use gain::Gain;
 pub use ledger::Energy;
 pub use record::Record;
 pub(crate) use record::{FramedErgon, Stream};
@@ -51,6 +53,7 @@ pub(crate) struct Script {
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
     glides: Vec<glide::Glide>,
+    led: Vec<glide::Led>,
     pub(crate) hand_bindings: Vec<hands::HandBinding>,
     strike_points: Vec<live_strikes::StrikePoint>,
     n_keys: usize,
@@ -88,6 +91,8 @@ struct State {
     mutes: Mutes,
     /// Where links stiffen.
     guard: Option<Box<Guard>>,
+    /// What links took and gave.
+    gains: Option<Box<gain::Gains>>,
     /// By how much every step is less than it would be: an extra viscosity.
     damped: f64,
     /// The scheme as it is now, where MATs in it glide.

@@ -65,6 +65,7 @@
 mod bank;
 pub mod cell;
 pub mod chance;
+pub mod derivative;
 pub mod generator;
 pub mod gesture;
 mod guard;

@@ -1,7 +1,10 @@
 //! From outputs to loudspeakers and files.
 
+pub mod curve;
+mod delay;
 pub mod glide;
 pub mod limiter;
 pub mod meter;
 pub mod mixer;
 pub mod pcm;
+pub mod room;

@@ -9,7 +9,7 @@ mod listen;
 mod spring;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
-pub(crate) use certify::{Top, top};
+pub(crate) use certify::{Refusal, Top, top, top_up_to};
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
 
@@ -25,6 +25,8 @@ use crate::units::Rate;
 #[derive(Clone, Debug)]
 pub(crate) enum Kind {
     Ref,
+    /// A hardening spring whose K and Z are led: f = k·e + q·e³ + z·(e − e⁻), q [N/m³].
+    Hardening(f64),
     But(But),
     Lnl {
         law: Arc<Law>,
@@ -51,13 +53,23 @@ pub(crate) struct Run {
 }
 
 impl Run {
+    /// The run with K and Z as numbers of its own, which can change.
+    pub(crate) fn set_loose(&mut self) {
+        if let Kind::Lnl { law, rate, .. } = &self.kind
+            && let Some(Hardening { k, q, z }) = law.hardening_spring()
+        {
+            (self.k, self.z) = (k, z.unwrap_or(0.0) * rate);
+            self.kind = Kind::Hardening(q);
+        }
+    }
+
     /// Whether the run can be computed in substeps of a frame: a single law, or a contact, plain or exact, which are one
     /// equation.
     pub(crate) fn can_substep(&self) -> bool {
         let is_one = match &self.kind {
             Kind::Ref => false,
             Kind::But(but) => but.contact != Contact::Magic,
-            Kind::Lnl { .. } => true,
+            Kind::Lnl { .. } | Kind::Hardening(_) => true,
         };
         is_one && self.len == 1
     }
@@ -66,6 +78,7 @@ impl Run {
     fn spring(&self) -> Option<Spring> {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
+            Kind::Hardening(q) => (self.k, *q, self.z),
             Kind::But(_) => return None,
             Kind::Lnl { law, rate, .. } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;
@@ -153,7 +166,16 @@ impl Scheme {
     /// # Errors
     /// [`Error`] where a force at rest is not finite.
     pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
-        certify::certify(self, network)
+        certify::certify(self, network, Refusal::Explained)
+    }
+
+    /// The stability certificate, where nobody is told of the λmax of a scheme that is refused.
+    pub(crate) fn certify_or(
+        &self,
+        network: &Network,
+        refusal: Refusal,
+    ) -> Result<Certificate, Error> {
+        certify::certify(self, network, refusal)
     }
 
     /// Laws are computed finer than a frame where there are so many at most: every law looks at every other one.

@@ -13,6 +13,7 @@ mod take_over;
 
 use std::sync::Arc;
 
+use crate::derivative::{self, Derivatives};
 use crate::gesture::report::Report;
 use crate::interrupt;
 use crate::island::{FramedErgon, Island};
@@ -33,6 +34,9 @@ pub struct Simulation {
     groups: Vec<Group>,
     threads: usize,
     frame: u64,
+    derivatives: Derivatives,
+    /// The last frames of what is skipped, for outputs that are differentiated.
+    unheard: Vec<f64>,
 }
 
 /// The complete state of a simulation at one frame; see [`Simulation::restore`].
@@ -90,11 +94,19 @@ impl Simulation {
         }
         let threads = options.threads.max(1);
         group::assign_teams(&mut groups, &plan, threads);
+        let derivatives = Derivatives::of(&plan.network, plan.timeline_rate.hertz());
+        let looked_at = if derivatives.is_empty() {
+            0
+        } else {
+            derivative::SPAN
+        };
         Ok(Self {
             plan,
             groups,
             threads,
             frame: 0,
+            derivatives,
+            unheard: vec![0.0; looked_at * n_out],
         })
     }
 
@@ -155,7 +167,15 @@ impl Simulation {
     pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
         out.chunks_mut(self.longest() * n_out)
-            .try_for_each(|out| self.stretch(out, out.len() / n_out))
+            .try_for_each(|out| self.hear(out, out.len() / n_out))
+    }
+
+    /// [`Simulation::stretch`], with the rates of change that outputs listen to.
+    fn hear(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
+        self.stretch(out, n_frames)?;
+        let n_out = self.n_out();
+        self.derivatives.process(out, n_out);
+        Ok(())
     }
 
     /// Advance by `n_frames` frames without outputs.
@@ -163,13 +183,18 @@ impl Simulation {
     /// # Errors
     /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
-        let mut left = n_frames;
+        let n_out = self.n_out().max(1);
+        let heard = n_frames.min((self.unheard.len() / n_out) as u64);
+        let mut left = n_frames - heard;
         while left > 0 {
             let n = left.min(self.longest() as u64);
             self.stretch(&mut [], n as usize)?;
             left -= n;
         }
-        Ok(())
+        let mut unheard = std::mem::take(&mut self.unheard);
+        let result = self.process(&mut unheard[..heard as usize * n_out]);
+        self.unheard = unheard;
+        result
     }
 
     fn longest(&self) -> usize {
@@ -426,6 +451,20 @@ impl Simulation {
             }
         }
         all
+    }
+
+    /// Links and meshes that made more energy than a hundredth of what was there: name, frame, and a sentence.
+    pub fn gains(&self) -> Vec<(String, u64, String)> {
+        let of = |island: &Island| {
+            let times = u64::from(island.oversampling());
+            let rate = self.rate() * times as f64;
+            let told = island.gains().map(move |(module, gain)| {
+                let sentence = gain.sentence(&module, gain.frame as f64 / rate);
+                (module, gain.frame / times, sentence)
+            });
+            told.collect::<Vec<_>>()
+        };
+        self.islands().flat_map(|(island, _)| of(island)).collect()
     }
 
     /// Number of meshes with frames computed in finer steps; does not allocate.

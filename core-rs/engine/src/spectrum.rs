@@ -17,7 +17,7 @@ pub(crate) use filter::lowest_modes;
 pub(crate) use general::{General, general, inverse};
 #[cfg(test)]
 pub(crate) use lanczos::Largest;
-pub(crate) use lanczos::largest;
+pub(crate) use lanczos::{largest, largest_up_to};
 pub(crate) use lowest::lowest;
 pub(crate) use whole::whole;
 

@@ -4,6 +4,7 @@ mod drive;
 mod gate;
 mod glide;
 mod hand;
+mod lead;
 mod push;
 
 use std::sync::Arc;
@@ -21,6 +22,8 @@ pub(crate) use gate::{Gate, GateContinuation};
 pub(crate) use glide::Glide;
 pub use glide::Ties;
 pub use hand::{Hand, HandWay};
+pub use lead::Factors;
+pub(crate) use lead::{Lead, first, greatest};
 pub(crate) use push::{Push, pushes};
 
 /// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.
@@ -105,6 +108,7 @@ pub struct Timeline {
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
     pub(crate) glides: Vec<Glide>,
+    pub(crate) leads: Vec<Lead>,
     /// Whether more events may be added while it plays (a session).
     pub(crate) is_open: bool,
 }
@@ -121,6 +125,7 @@ impl Timeline {
             gates: Vec::new(),
             drives: Vec::new(),
             glides: Vec::new(),
+            leads: Vec::new(),
             is_open: false,
         }
     }
@@ -139,6 +144,7 @@ impl Timeline {
         }
         let gates = self.gates.iter();
         let glides = self.glides.iter();
+        let leads = self.leads.iter();
         Some(Self {
             rate,
             gates: gates
@@ -146,6 +152,9 @@ impl Timeline {
                 .collect(),
             glides: glides
                 .map(|glide| glide.faster(u64::from(oversampling)))
+                .collect(),
+            leads: leads
+                .map(|lead| lead.faster(u64::from(oversampling)))
                 .collect(),
             drives: self
                 .drives

@@ -12,6 +12,8 @@ mod crews;
 mod damping;
 #[path = "scenes/faults.rs"]
 mod faults;
+#[path = "scenes/gains.rs"]
+mod gains;
 #[path = "scenes/glides.rs"]
 mod glides;
 #[path = "scenes/hands.rs"]

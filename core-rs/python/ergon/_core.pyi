@@ -93,6 +93,14 @@ def pow(x: float, y: float) -> float:
 def decibels(level: float) -> float:
     """Ratio of amplitudes for a level [dB]."""
 
+def path_values(
+    points: Sequence[tuple[float, float, Literal["smooth", "line", "hold"]]], at: Sequence[float]
+) -> list[float]:
+    """Values at instants [s] of the path through points (t [s], x, the way to the point).
+
+    It is the path of a written gesture. Raises EngineError where the points do not rise.
+    """
+
 @final
 class Chance:
     """Random numbers: PCG64 keyed by SHA-256 of all arguments, so that no stream depends on another."""
@@ -391,8 +399,11 @@ class Network:
         positions: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         ground_forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
+        order: int = ...,
     ) -> int:
         """An output; its index.
+
+        It is differentiated `order` times by time: 0, 1 (speed, 7.5 frames late) or 2 (acceleration, 8 frames late).
 
         The output is the sum of weight · position [m] of MATs, weight · force [N] of LIAs on their
         second point, and weight · K·(x - rest) [N] of CELs.
@@ -617,6 +628,20 @@ class Timeline:
         """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
         `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
         """
+    def retune(
+        self, mat: int, points: Sequence[tuple[float, float, float]], *, n: int = 1
+    ) -> None:
+        """Let `n` CELs from `mat` on go through points (t [s], square of the factor of their
+        frequencies, factor of their decay rates), which rise. They go linearly between points, on
+        multiples of GRID frames, and stay before the first and after the last. Raises EngineError
+        where a MAT is no CEL that swings.
+        """
+    def lead(self, link: int, points: Sequence[tuple[float, float, float]], *, n: int = 1) -> None:
+        """Let K and Z of `n` LIAs from `link` on, whole runs, go through points (t [s], factor of K,
+        factor of Z), which rise. They go linearly between points, on multiples of GRID frames, and
+        stay before the first and after the last. The q of a hardening spring stays. A body whose links
+        are led is stepped. Raises EngineError where a link has no K that can change.
+        """
     def path(self, mat: int, points: Sequence[tuple[float, float, float, float]]) -> None:
         """Let K [N/m], Z [N·s/m] and M [kg] of a MAT go through points (t [s], K, Z, M), which rise.
 
@@ -822,6 +847,13 @@ class MutedPart(NamedTuple):
     name: str
     frame: int
 
+class EnergyGain(NamedTuple):
+    """A module whose steps made more energy than a hundredth of what was there."""
+
+    name: str
+    frame: int  # by when it was worst
+    sentence: str
+
 class FinerPart(NamedTuple):
     """A part some of whose frames needed more than one step, because its links had stiffened."""
 
@@ -902,6 +934,8 @@ class Simulation:
         `speed` [m/s], `impulse` [N·s] and `source`, each (n_ergons,)."""
     def muted(self) -> list[MutedPart]:
         """The parts that were muted, with on_fault="mute"."""
+    def gains(self) -> list[EnergyGain]:
+        """Links and meshes that made energy, a single one of many by its own name."""
     def finer(self) -> list[FinerPart]:
         """The parts with frames of more than one step."""
 
@@ -919,11 +953,34 @@ class Mixer:
         gain: float = 1.0,
         highpass: float | None = None,
         group: int = 0,
+        *,
+        delay: int = 0,
+        curve: Sequence[tuple[int, float, bool]] | None = None,
+        to_room: bool = False,
     ) -> None:
-        """Add gain · output to a channel (from 0); `highpass` [Hz] is a Butterworth of order 2.
+        """Add gain · output to a channel or a room (from 0).
 
+        `highpass` [Hz] is a Butterworth of order 2, `delay` in frames, `curve` a gain over the frames of
+        the piece: (frame, ratio, whether it is reached smoothly or evenly), between two points by its level.
         `set_gain` changes the gain of a `group` of routes. Raises EngineError.
         """
+    def room(
+        self,
+        name: str,
+        channels: Sequence[int],
+        *,
+        size: float,
+        t60: Sequence[tuple[float, float]],
+        gain: float = 1.0,
+    ) -> int:
+        """Add a room that some channels (from 0) hear; its index.
+
+        `size` [m] is the mean way of sound from wall to wall, `t60` are two pairs of frequency [Hz]
+        and decay time [s], the lower frequency first. At gain 1 a click has as much energy in each
+        channel as it had. Raises EngineError.
+        """
+    def fade(self, curve: Sequence[tuple[int, float, bool]]) -> None:
+        """Set a gain of all channels over the frames of the piece, as `curve` of a route."""
     def set_gain(self, group: int, gain: float) -> None:
         """Let the gain of a group glide to `gain` in 20 ms, from the next multiple of GRID frames on."""
     def take_over(self, old: Mixer, outputs: Sequence[int | None] | None = None) -> None:
@@ -953,6 +1010,7 @@ class Meter:
         """Measure frames (n_frames, n_channels)."""
     peak: float
     loudness: float  # LUFS; -inf for silence
+    momentary: float  # of the last 400 ms, without gating; LUFS
 
 def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
     """frames · gain as integers in the top bits of an int32, rounded half to even, clipped.

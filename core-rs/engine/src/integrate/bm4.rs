@@ -14,6 +14,7 @@ use super::passes;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::maths;
 use crate::network::Network;
+use crate::timeline::Lead;
 
 const A1: f64 = 0.245_298_957_184_271;
 const A2: f64 = 0.604_872_665_711_080;
@@ -32,6 +33,8 @@ pub(super) struct Bm4 {
     /// e^(−ζb) and (1 − e^(−ζb))/ζ of the ties for each stage's b; empty where none loses energy, or
     /// links do too   (n_mat each)
     losses: Arc<Vec<[Vec<f64>; 2]>>,
+    /// K and Z of the springs as the network says them       (n_springs)
+    written: Arc<[[f64; 2]]>,
     /// Position [m] and velocity per step [m]                (n_mat)
     x: Vec<f64>,
     v: Vec<f64>,
@@ -57,6 +60,7 @@ impl Bm4 {
         let stages = STAGES.iter().filter(|_| exact);
         let losses = stages.map(|[b, _]| losses(zeta, *b)).collect();
         Self {
+            written: mesh.springs.iter().map(|own| [own.k, own.z]).collect(),
             losses: Arc::new(losses),
             x,
             v,
@@ -111,6 +115,31 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 }
 
 impl Stepper for Bm4 {
+    fn lead(&mut self, lead: &Lead, (n, part): (u64, f64)) {
+        let [of_k, of_z] = lead.at(n, part);
+        // Only this state holds the numbers by now: nothing is copied.
+        let mesh = Arc::make_mut(&mut self.mesh);
+        for ((spring, first), [k, z]) in mesh
+            .springs
+            .iter_mut()
+            .zip(&mesh.firsts)
+            .zip(&*self.written)
+        {
+            if lead.links().contains(first) {
+                (spring.k, spring.z) = (k * of_k, z * of_z);
+            }
+        }
+    }
+
+    fn settle_led(&mut self, team: &mut ThreadTeam<'_>) {
+        let (mesh, room) = (&*self.mesh, &mut self.room);
+        mesh.elastic(&self.x, room, &mut self.force, team);
+    }
+
+    fn own(&mut self) {
+        Arc::make_mut(&mut self.mesh);
+    }
+
     fn share(&mut self, threads: usize) {
         self.mesh.share(&mut self.room, threads);
     }
@@ -129,6 +158,10 @@ impl Stepper for Bm4 {
                 .elastic(&self.x, &mut self.room, &mut self.force, team);
         }
         self.kick_drift(0, [B1, 0.0], team);
+    }
+
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
     }
 
     fn x(&self) -> &[f64] {

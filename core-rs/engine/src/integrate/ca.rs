@@ -79,6 +79,10 @@ impl Stepper for Ca {
         kernel::links(scheme, &[], &mut self.body, &mut self.laws, team);
     }
 
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
     fn x(&self) -> &[f64] {
         &self.body.x
     }

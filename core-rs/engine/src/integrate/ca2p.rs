@@ -168,6 +168,10 @@ impl Stepper for Ca2p {
         self.look(team);
     }
 
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
     fn x(&self) -> &[f64] {
         &self.x
     }

@@ -6,7 +6,7 @@
 //! | CA2P      | λmax(M⁻¹K) < 12, with Z M⁻¹(K + 6Z) < 6 | proved             | guarded            |
 //! | CA2P      | λmax(M⁻¹(K + 6Z)) < 12                  | tried              | tried              |
 //! | BM4       | λmax(M⁻¹(K + 2Z)) < 3.164²              | tried              | tried              |
-//! | IEQ       | none                                    | proved             | proved             |
+//! | IEQ       | none                                    | proved             | guarded            |
 //! | trapezoid | none                                    | proved             | refused            |
 //!
 //! BM4's kicks among losses are stable for κ < 3.164² with ζ < 7.5 mode by mode, which K + 2Z keeps well.
@@ -18,7 +18,7 @@ use super::method::{BM4_LIMIT, MeshMethod};
 use super::{faster, ieq, trapezoid};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, Kind, Scheme, StabilityGuarantee, Top, top};
+use crate::scheme::{Certificate, Refusal, Scheme, StabilityGuarantee, Top, top_up_to};
 use crate::units::Rate;
 
 /// Largest error of an eigenvalue by rounding.
@@ -41,11 +41,11 @@ pub(crate) fn certify(
 ) -> Result<Certificate, Error> {
     let rate = faster(rate, substeps)?;
     if way == MeshMethod::Ca {
-        return Scheme::new(network, rate)?.certify(network);
+        return Scheme::new(network, rate)?.certify_or(network, Refusal::Bare);
     }
     let mesh = Mesh::new(network, rate, way)?;
     let scheme = &mesh.scheme;
-    let look = |c: f64, enough: f64| top(scheme, network, c, enough);
+    let look = |c: f64, enough: f64, most: f64| top_up_to(scheme, network, c, enough, most);
     let of = |top: &Top, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
         means: top.means,
@@ -59,7 +59,7 @@ pub(crate) fn certify(
     match way {
         MeshMethod::Ca2p => {
             let (c, enough) = ca2p(&mesh);
-            let found = look(c, enough)?;
+            let found = look(c, enough, SHARED)?;
             if found.lambda < enough {
                 Ok(of(&found, sure))
             } else if found.lambda < SHARED {
@@ -70,7 +70,7 @@ pub(crate) fn certify(
         }
         MeshMethod::Bm4 => {
             let most = BM4_LIMIT * BM4_LIMIT;
-            let found = look(LOSSES, most)?;
+            let found = look(LOSSES, most, most)?;
             if found.lambda < most {
                 Ok(of(&found, StabilityGuarantee::Tried))
             } else {
@@ -83,17 +83,8 @@ pub(crate) fn certify(
             } else {
                 trapezoid::linear(&mesh, network)?;
             }
-            // A law's own damping may give energy, and a step of it is explicit then.
-            let gives = mesh
-                .others
-                .iter()
-                .any(|run| matches!(&run.kind, Kind::Lnl { law, .. } if law.is_damped()));
-            let word = if gives {
-                StabilityGuarantee::Guarded
-            } else {
-                StabilityGuarantee::Proved
-            };
-            Ok(of(&look(0.0, f64::INFINITY)?, word))
+            // Of non-linear links IEQ keeps an energy that is not that of their laws.
+            Ok(of(&look(0.0, f64::INFINITY, f64::INFINITY)?, sure))
         }
     }
 }
@@ -120,8 +111,8 @@ fn unstable(network: &Network, way: MeshMethod, found: &Top, most: f64) -> Error
     Error::Refused {
         module: network.mat_name(found.worst),
         message: format!(
-            "unstable by {name} at this rate: λmax is {lambda:.6} and must stay below {most:.3}; it would \
-             take {times} times the rate, a larger M, or a smaller K or Z"
+            "unstable by {name} at this rate: λmax is at least {lambda:.6} and must stay below {most:.3}; it \
+             would take {times} times the rate or more, a larger M, or a smaller K or Z"
         ),
     }
 }

@@ -151,6 +151,10 @@ impl Stepper for Ieq {
         }
     }
 
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
     fn x(&self) -> &[f64] {
         &self.x
     }
@@ -190,6 +194,13 @@ impl Stepper for Ieq {
             + mesh.grounds(&before, &|i| self.x[i])
             + beta * mesh.grounds(&step, &step)
             + links
+    }
+
+    fn stored(&self) -> f64 {
+        let (kept, true_) = self
+            .links
+            .potentials(&self.mesh, &self.x, &self.d, &self.state);
+        self.energy() - kept + true_
     }
 }
 

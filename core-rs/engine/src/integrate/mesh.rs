@@ -22,6 +22,8 @@ pub(super) struct Mesh {
     pub(super) m: Vec<f64>,
     /// Springs, hardening or not, in order of declaration.
     pub(super) springs: Vec<Spring>,
+    /// The first link of each.
+    pub(super) firsts: Vec<usize>,
     /// Contacts and other laws, in order of declaration.
     pub(super) others: Vec<Run>,
     /// Whether any link loses energy.
@@ -64,6 +66,7 @@ impl Mesh {
         let mut mesh = Self {
             m: scheme.w.iter().map(inverse).collect(),
             springs: Vec::new(),
+            firsts: Vec::new(),
             others: Vec::new(),
             damped: false,
             scheme,
@@ -71,6 +74,7 @@ impl Mesh {
         for run in &mesh.scheme.runs {
             let (k, q, z) = match &run.kind {
                 Kind::Ref => (run.k, 0.0, run.z),
+                Kind::Hardening(q) => (run.k, *q, run.z),
                 Kind::Lnl { law, rate, .. } if law.hardening_spring().is_some() => {
                     let by = law
                         .hardening_spring()
@@ -87,6 +91,7 @@ impl Mesh {
                 }
             };
             mesh.damped |= z != 0.0;
+            mesh.firsts.push(run.first);
             mesh.springs.push(Spring {
                 a: run.a,
                 b: run.b,
@@ -270,6 +275,7 @@ impl Mesh {
 pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
     match &run.kind {
         Kind::Ref => run.k * e + run.z * de,
+        Kind::Hardening(q) => run.k * e + q * (e * e * e) + run.z * de,
         Kind::Lnl { law, rate, .. } => law.force(e, de * rate),
         Kind::But(but) => {
             let s = kernel::side(but);

@@ -150,6 +150,10 @@ impl Stepper for Trapezoid {
         }
     }
 
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
     fn x(&self) -> &[f64] {
         &self.x
     }

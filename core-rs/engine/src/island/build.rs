@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::fault::Mutes;
 use super::fine::Fine;
+use super::gain::Gains;
 use super::hand::framed::FramedGesture;
 use super::hands::{HandState, hand_bindings};
 use super::inside::{self, BodyPlan};
@@ -22,7 +23,7 @@ use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::start::backward_steps;
 use crate::state::{Body, PreviousState};
-use crate::timeline::{Drive, DriveKind, Key, Timeline, pushes};
+use crate::timeline::{Drive, DriveKind, Key, Timeline, first, greatest, pushes};
 use crate::units::Rate;
 use crate::units::frame;
 
@@ -61,28 +62,58 @@ impl Island {
         }
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
-        let links = if steps < FINE {
+        let mut links = if steps < FINE {
             Vec::new()
         } else {
             scheme.take_fine()
         };
         let acts = |first: usize| links.iter().all(|run| run.first != first);
-        let mut body = start(&network, &scheme, timeline, &timeline.drives, &acts);
+        let begun = match &timeline.leads[..] {
+            [] => None,
+            leads => {
+                let begun = first(&network, leads)?;
+                let mut scheme = Scheme::new(&begun, timeline.rate)?;
+                gate(&mut scheme, timeline);
+                Some((begun, scheme))
+            }
+        };
+        let (at_first, own) = match &begun {
+            Some((begun, scheme)) => (begun, scheme),
+            None => (&*network, &scheme),
+        };
+        let mut body = start(at_first, own, timeline, &timeline.drives, &acts);
         let plans = bodies;
-        let mut bodies = join(plans, &network, timeline, &mut body, &acts)?;
+        let mut bodies = join(plans, at_first, timeline, &mut body, &acts)?;
+        for run in &mut links {
+            let mut leads = timeline.leads.iter();
+            if leads.any(|lead| lead.links().contains(&run.first)) {
+                run.set_loose();
+            }
+        }
         let fine = fine(links, &scheme, &network, &mut bodies, steps, timeline);
         let gestures = framed(timeline);
         let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;
         let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
         let guard = if options.unchecked {
             None // where it really diverges is asked for
-        } else {
+        } else if timeline.leads.is_empty() {
             Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
+        } else {
+            let stiffest = greatest(&network, &timeline.leads)?;
+            let mut most = Scheme::new(&stiffest, timeline.rate)?;
+            if fine.is_some() {
+                most.take_fine();
+            }
+            Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        // K that changes in time gives and takes energy, as a hand does.
+        let is_accounted = timeline.leads.is_empty() && !options.unchecked;
+        let gains = is_accounted.then(|| Gains::new(&scheme)).flatten();
         if !options.ledger {
-            fuse(&mut scheme, &network, &scripts);
+            fuse(&mut scheme, &network, &scripts, timeline);
         }
+        let led = super::glide::led(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         let mut laws = Laws::new(&scheme);
         laws.mesh_partition =
@@ -123,8 +154,9 @@ impl Island {
             ledger,
             mutes: Mutes::new(&scheme),
             guard,
+            gains,
             damped: 1.0,
-            scheme: (!glides.is_empty()).then(|| Box::new(scheme.clone())),
+            scheme: (!glides.is_empty() || !led.is_empty()).then(|| Box::new(scheme.clone())),
             body,
         };
         let script = Script {
@@ -136,6 +168,7 @@ impl Island {
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
+            led,
             hand_bindings,
             strike_points,
             n_keys: timeline.keys.len(),
@@ -187,8 +220,8 @@ fn start(
     Body::new(scheme, x, d)
 }
 
-/// Springs in one pass, but for those whose forces are heard, or told of in a gesture's report.
-fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript]) {
+/// Springs in one pass, but for those whose forces are heard, or told of in a gesture's report, and those that are led.
+fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
     let mut is_told = vec![false; network.n_lia()];
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Force { first, len, .. } = *term {
@@ -197,6 +230,9 @@ fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript]) {
     }
     for &(link, _) in scripts.iter().flat_map(|script| &script.meets) {
         is_told[link] = true;
+    }
+    for lead in &timeline.leads {
+        is_told[lead.links()].fill(true);
     }
     scheme.fuse(|link| is_told[link]);
 }

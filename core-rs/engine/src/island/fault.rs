@@ -1,6 +1,6 @@
 //! Parts that go non-finite: named and stopped, or put to silence while all others play on.
 
-use super::{Island, inside};
+use super::{Gain, Island, inside};
 use crate::kernel;
 use crate::network::Term;
 use crate::scheme::Scheme;
@@ -18,12 +18,14 @@ pub enum OnFault {
     Mute,
 }
 
-/// A part went non-finite.
+/// A part went non-finite, or made energy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{module} went beyond all bounds at {seconds:.3} s: the scheme diverged there")]
+#[error("{}", self.sentence())]
 pub struct Fault {
     /// The module that went first, as the composer wrote it.
     pub module: String,
+    /// What is said of the energy that it made; `None`: it went beyond all bounds.
+    pub gain: Option<String>,
     /// Its part.
     pub part: String,
     /// When.
@@ -33,6 +35,15 @@ pub struct Fault {
 }
 
 impl Fault {
+    fn sentence(&self) -> String {
+        let Self {
+            module, seconds, ..
+        } = self;
+        self.gain.clone().unwrap_or_else(|| {
+            format!("{module} went beyond all bounds at {seconds:.3} s: the scheme diverged there")
+        })
+    }
+
     /// The frame of the scene that it fell on, `times` steps to a frame.
     pub(crate) fn at_frame(mut self, times: u32) -> Self {
         self.frame /= u64::from(times);
@@ -65,6 +76,10 @@ impl Mutes {
         if self.last.len() == old.last.len() {
             self.last.copy_from_slice(&old.last);
         }
+    }
+
+    pub(super) fn is_mute(&self, part: usize) -> bool {
+        self.since[part].is_some()
     }
 
     pub(super) fn list(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
@@ -100,26 +115,28 @@ impl Island {
             .find_map(inside::RunningBody::culprit)
         {
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.told(module, part));
+                return Err(self.told(module, part, None));
             }
             self.mute(part, n);
         }
         while let Some(mat) = self.state.body.x.iter().position(|&x| !kernel::sound(x)) {
             let part = self.script.scheme.part[mat] as usize;
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.told(self.network.mat_name(mat), part));
+                return Err(self.told(self.network.mat_name(mat), part, None));
             }
             self.mute(part, n);
         }
         Ok(())
     }
 
-    fn told(&self, module: String, part: usize) -> Fault {
+    pub(super) fn told(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
+        let seconds = self.state.frame as f64 / self.script.scheme.rate;
         Fault {
+            gain: gain.map(|gain| gain.sentence(&module, seconds)),
             module,
             part: self.network.parts()[part].name.clone(),
             frame: self.state.frame,
-            seconds: self.state.frame as f64 / self.script.scheme.rate,
+            seconds,
         }
     }
 
@@ -168,6 +185,9 @@ impl Island {
         }
         if let Some(guard) = &mut state.guard {
             guard.release(|mat| ours[mat]);
+        }
+        if let Some(gains) = &mut state.gains {
+            gains.release(&ours);
         }
         if state.scheme.is_some() {
             state.scheme = Some(Box::new(scheme.clone()));

@@ -75,6 +75,8 @@ pub(crate) struct Fine {
     located: Vec<bool>,
     /// Forces of contacts that are solved together [N]   (n_links)
     forces: Vec<f64>,
+    /// K and Z of each link at the start of this frame, and at its end   (n_links)
+    numbers: Vec<[[f64; 2]; 2]>,
     /// Whether one has been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
@@ -169,6 +171,7 @@ impl Fine {
             rests: vec![false; n_links],
             located: vec![false; n_links],
             forces: vec![0.0; n_links],
+            numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
             has_touched: false,
             work: FineWork {
                 instants: 0,
@@ -223,8 +226,24 @@ impl Fine {
         keep(&mut self.rests, &stays);
         keep(&mut self.located, &stays);
         keep(&mut self.forces, &stays);
+        keep(&mut self.numbers, &stays);
         *laws = LawScript::new(script);
         links
+    }
+
+    /// Give a link, if it is here still, K and Z times what they are: at the start of this frame, and at its end.
+    pub(super) fn lead(&mut self, link: usize, factors: [[f64; 2]; 2]) {
+        for (run, numbers) in self.script.links.iter().zip(&mut self.numbers) {
+            if run.first == link {
+                *numbers = factors.map(|[of_k, of_z]| [run.k * of_k, run.z * of_z]);
+            }
+        }
+    }
+
+    /// K and Z of a link at an instant of this frame, 0 to 1.
+    fn numbers(&self, link: usize, s: f64) -> [f64; 2] {
+        let [start, end] = self.numbers[link];
+        std::array::from_fn(|i| start[i] + (end[i] - start[i]) * s)
     }
 
     /// Work done so far, counted.

@@ -1,8 +1,14 @@
 //! MATs whose numbers glide while they are stepped.
 
+use super::fine::Fine;
+use crate::cell::Ratios;
+use crate::maths::{asin, log, sin, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
-use crate::timeline::{Ties, Timeline};
+use crate::timeline::{Lead, Ties, Timeline};
+
+/// sin²(θ/2) this near to the Nyquist frequency: no recurrence holds an amplitude there.
+const NYQUIST: f64 = 0.99;
 
 /// 1/M, κ, ζ and the stiffness of the ground of a MAT, as a frame takes them.
 type Numbers = [f64; 4];
@@ -14,6 +20,8 @@ pub(super) struct Glide {
     /// Frames, rising, and which of the numbers the MAT has there.
     points: Vec<(u64, usize)>,
     numbers: Vec<Numbers>,
+    /// ln(θ/sin θ) of each, θ the angle of a step   (as `numbers`)
+    bends: Vec<f64>,
 }
 
 impl Glide {
@@ -33,7 +41,16 @@ impl Glide {
         }
         let share = (n - start) as f64 / (stop - start) as f64;
         let (from, to) = (of(next - 1), of(next));
-        std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share)
+        let [w, kappa, zeta, ground] = std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share);
+        // An oscillation whose pitch changes slowly keeps ω times its square; its samples by this recurrence keep sin θ
+        // times it. The poles are moved outwards by what the two differ.
+        let bend = (self.bends[after] - self.bends[before]) / (stop - start) as f64;
+        [
+            w,
+            kappa + 0.5 * bend * (zeta - kappa),
+            zeta + (1.0 - zeta) * bend,
+            ground,
+        ]
     }
 }
 
@@ -59,6 +76,7 @@ pub(super) fn glides(
             mat: glide.mat,
             points,
             numbers: Vec::with_capacity(own.len()),
+            bends: Vec::with_capacity(own.len()),
         });
         ties.push(own);
     }
@@ -76,15 +94,36 @@ pub(super) fn glides(
             let scheme = if own.is_some() { &other } else { scheme };
             let glide = &mut found[at];
             let mat = glide.mat;
-            glide.numbers.push([
-                scheme.w[mat],
-                scheme.kappa[mat],
-                scheme.zeta[mat],
-                scheme.ground[mat],
-            ]);
+            let (kappa, zeta) = (scheme.kappa[mat], scheme.zeta[mat]);
+            let part = network.mats().part[mat] as usize;
+            let is_ca = network
+                .parts()
+                .get(part)
+                .is_some_and(|part| part.ca_rate.is_some());
+            let bend = if is_ca {
+                0.0
+            } else {
+                bend(Ratios { kappa, zeta })
+            };
+            glide.bends.push(bend);
+            glide
+                .numbers
+                .push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
         }
     }
     Ok(found)
+}
+
+/// ln(θ/sin θ) of an oscillation of angle θ a step; 0 where there is none.
+fn bend(own: Ratios) -> f64 {
+    let root = sqrt(1.0 - own.zeta);
+    let loss = own.zeta / (1.0 + root);
+    let half = (own.kappa - loss * loss) / (4.0 * root);
+    if !(half > 0.0 && half < NYQUIST) {
+        return 0.0;
+    }
+    let theta = 2.0 * asin(sqrt(half));
+    log(theta / sin(theta))
 }
 
 /// The parameters of one round, by the number of the glide.
@@ -102,5 +141,63 @@ pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
         let mat = glide.mat;
         let numbers = glide.at(n);
         [now.w[mat], now.kappa[mat], now.zeta[mat], now.ground[mat]] = numbers;
+    }
+}
+
+/// Links whose K and Z are led.
+#[derive(Clone, Debug)]
+pub(super) struct Led {
+    lead: Lead,
+    place: Place,
+}
+
+/// Where their run is.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Run(usize),
+    Exact(usize),
+    /// A contact or a law that is computed finely.
+    Fine,
+}
+
+/// The runs of a scheme that are led; their K and Z are numbers from now on.
+pub(super) fn led(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
+    let mut found = Vec::new();
+    for lead in &timeline.leads {
+        for run in network
+            .runs()
+            .iter()
+            .filter(|run| lead.links().contains(&run.first))
+        {
+            let at =
+                |runs: &[crate::scheme::Run]| runs.iter().position(|own| own.first == run.first);
+            let place = if let Some(at) = at(&scheme.runs) {
+                scheme.runs[at].set_loose();
+                Place::Run(at)
+            } else {
+                at(&scheme.exact).map_or(Place::Fine, Place::Exact)
+            };
+            let lead = lead.on(run.first, run.len);
+            found.push(Led { lead, place });
+        }
+    }
+    found
+}
+
+/// K and Z of frame `n` into `now`.
+pub(super) fn lead(all: &[Led], own: &Scheme, now: &mut Scheme, fine: &mut Option<Fine>, n: u64) {
+    for Led { lead, place } in all {
+        let (own, now) = match *place {
+            Place::Run(at) => (&own.runs[at], &mut now.runs[at]),
+            Place::Exact(at) => (&own.exact[at], &mut now.exact[at]),
+            Place::Fine => {
+                if let Some(fine) = fine {
+                    fine.lead(lead.link, [lead.at(n, 0.0), lead.at(n + 1, 0.0)]);
+                }
+                continue;
+            }
+        };
+        let [of_k, of_z] = lead.at(n, 0.0);
+        (now.k, now.z) = (own.k * of_k, own.z * of_z);
     }
 }

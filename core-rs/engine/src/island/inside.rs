@@ -1,5 +1,6 @@
 //! Bodies inside an island, each computed by a method of its own.
 
+use super::gain::Gain;
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
@@ -225,6 +226,30 @@ impl RunningBody {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
             Self::Mesh(mesh) => mesh.finer_frames(),
+        }
+    }
+
+    /// Look whether it made energy.
+    pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
+        match self {
+            Self::Modal(_) | Self::Slow(_) => None,
+            Self::Mesh(mesh) => mesh.look_for_gain(n),
+        }
+    }
+
+    /// The most energy that it made.
+    pub(super) fn gain(&self) -> Option<Gain> {
+        match self {
+            Self::Modal(_) | Self::Slow(_) => None,
+            Self::Mesh(mesh) => mesh.gain(),
+        }
+    }
+
+    /// The name and part of the first MAT of a mesh.
+    pub(super) fn first_module(&self) -> Option<(String, usize)> {
+        match self {
+            Self::Modal(_) | Self::Slow(_) => None,
+            Self::Mesh(mesh) => mesh.first_module(),
         }
     }
 

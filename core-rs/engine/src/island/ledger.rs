@@ -107,6 +107,7 @@ fn potential(run: &Run, tension: f64, e: f64) -> f64 {
 fn elastic(run: &Run, e: f64) -> f64 {
     match &run.kind {
         Kind::Ref => run.k * e,
+        Kind::Hardening(q) => run.k * e + q * (e * e * e),
         Kind::But(but) => {
             let s = kernel::side(but);
             s * kernel::push(
@@ -128,6 +129,7 @@ fn elastic(run: &Run, e: f64) -> f64 {
 fn drag(run: &Run, e: f64, step: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
+        Kind::Hardening(_) => run.z * step,
         Kind::Ref | Kind::But(_) => 0.0,
     }
 }

@@ -3,11 +3,13 @@
 
 use std::sync::Arc;
 
+use super::gain::{Account, Gain};
 use crate::guard::FinerFrames;
 use crate::integrate::{Integrator, MeshMethod};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::state::Body;
+use crate::timeline::Lead;
 use crate::units::Rate;
 
 /// What a plan says of a mesh.
@@ -23,6 +25,8 @@ pub(crate) struct Mesh {
     pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
     /// Frame, MAT and impulse [N·s] of what strikes it, by rising frame.
     pub(crate) strikes: Vec<(u64, usize, f64)>,
+    /// How K and Z of its links go.
+    pub(crate) leads: Vec<Lead>,
 }
 
 /// A mesh that plays.
@@ -37,6 +41,9 @@ pub(crate) struct RunningMesh {
     next: usize,
     /// By how much all it moves by is less at each frame.
     damped: f64,
+    /// What it took, where its method may make energy, and the most that it made.
+    account: Option<Account>,
+    worst: Option<Gain>,
 }
 
 impl Mesh {
@@ -51,13 +58,15 @@ impl Mesh {
         let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
         how(self) == how(other)
             && ports(self) == ports(other)
+            && self.leads == other.leads
             && self.network.is_same(&other.network)
     }
 }
 
 impl RunningMesh {
     pub(crate) fn new(plan: &Mesh) -> Result<Self, Error> {
-        let integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
+        let mut integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
+        integrator.lead(0, &plan.leads);
         let ports: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
         let mut velocities = vec![0.0; ports.len()];
         integrator.velocities(&ports, &mut velocities);
@@ -75,6 +84,10 @@ impl RunningMesh {
             impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
             next: 0,
             damped: 1.0,
+            // K that changes in time gives and takes energy, as a hand does.
+            account: (plan.leads.is_empty() && integrator.may_gain())
+                .then(|| Account::new(integrator.stored())),
+            worst: None,
             integrator,
             plan: Arc::new(plan.clone()),
         })
@@ -96,6 +109,7 @@ impl RunningMesh {
             self.integrator.put(mat, motion);
         }
         self.integrator.settle();
+        self.begin_account();
         let ports = self
             .plan
             .ports
@@ -109,6 +123,7 @@ impl RunningMesh {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
+        self.integrator.lead(n, &self.plan.leads);
         self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);
     }
 
@@ -117,11 +132,14 @@ impl RunningMesh {
         std::mem::swap(&mut self.integrator, &mut old.integrator);
         std::mem::swap(&mut self.previous, &mut old.previous);
         std::mem::swap(&mut self.own, &mut old.own);
+        std::mem::swap(&mut self.account, &mut old.account);
     }
 
     /// Be ready for a crew of so many threads.
     pub(crate) fn share(&mut self, threads: usize) {
-        self.integrator.share(threads);
+        if self.plan.leads.is_empty() {
+            self.integrator.share(threads);
+        }
     }
 
     /// Whether a crew can share its work.
@@ -139,6 +157,9 @@ impl RunningMesh {
         let most = self.plan.ports.len() + at_once.max().unwrap_or(0);
         self.impulses
             .reserve(most.saturating_sub(self.impulses.len()));
+        if !self.plan.leads.is_empty() {
+            self.integrator.own();
+        }
     }
 
     /// Add what is heard of it now to `out` (n_out).
@@ -189,8 +210,44 @@ impl RunningMesh {
         }
         if self.damped < 1.0 {
             self.integrator.slow_down(self.damped);
+            self.begin_account();
         }
-        self.integrator.step(&self.impulses, team);
+        if let Some(account) = &mut self.account
+            && !self.impulses.is_empty()
+        {
+            account.take(self.integrator.work(&self.impulses));
+        }
+        let leads = &self.plan.leads;
+        self.integrator.step_led(n, leads, &self.impulses, team);
+    }
+
+    /// Account from here on for what is taken and given.
+    fn begin_account(&mut self) {
+        if let Some(account) = &mut self.account {
+            *account = Account::new(self.integrator.stored());
+        }
+    }
+
+    /// Look whether it made energy by frame `n`.
+    pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
+        let gain = self.account?.gain(self.integrator.stored(), 0.0, n);
+        if !gain.is_told() {
+            return None;
+        }
+        self.worst = Some(gain.worst(self.worst));
+        Some(gain)
+    }
+
+    /// The most energy that it made.
+    pub(super) fn gain(&self) -> Option<Gain> {
+        self.worst
+    }
+
+    /// The name and part of its first MAT that moves.
+    pub(super) fn first_module(&self) -> Option<(String, usize)> {
+        let network = &self.plan.network;
+        let mat = network.mats().kind.iter().position(|kind| kind.moves())?;
+        Some((network.mat_name(mat), network.mats().part[mat] as usize))
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.

@@ -2,7 +2,7 @@
 //!
 //! A step does not allocate (but for a recorded stream of ergons), lock or panic.
 
-use super::{Fault, Island, Record, Script, State, glide, hands, live_strikes};
+use super::{Fault, Island, Record, Script, State, gain, glide, hands, live_strikes};
 use crate::guard;
 use crate::interrupt;
 use crate::island::hand::voice::{Scene, Voice, VoiceScript};
@@ -89,6 +89,7 @@ impl Island {
         let mut gliding = state.scheme.take();
         if let Some(scheme) = &mut gliding {
             glide::turn(&script.glides, &script.scheme, scheme, n);
+            glide::lead(&script.led, &script.scheme, scheme, &mut state.fine, n);
         }
         let scheme = gliding.as_deref().unwrap_or(&script.scheme);
         for ((open, gate), continuation) in state
@@ -156,6 +157,11 @@ impl Island {
         kernel::tap(scheme, &state.body, out);
         state.bodies.iter().for_each(|body| body.tap(out));
         state.mutes.fade(n, scheme, out);
+        if let Some(gains) = &mut state.gains
+            && !state.guard.as_ref().is_some_and(|guard| guard.is_finer())
+        {
+            gains.step(&state.body);
+        }
         if let Some(ledger) = &mut state.ledger {
             ledger.before(scheme, &state.targets, &state.body);
         }
@@ -176,6 +182,9 @@ impl Island {
         }
         let finer = finer(scheme, state, team);
         sound = finer.unwrap_or(sound);
+        if finer.is_some() || state.damped < 1.0 {
+            state.gains.iter_mut().for_each(|gains| gains.restart());
+        }
         if let Some(ledger) = &mut state.ledger {
             let gates = script.gates.iter().zip(&state.gate_continuations);
             for (next, (gate, continuation)) in state.gates_next.iter_mut().zip(gates) {
@@ -192,6 +201,9 @@ impl Island {
         state.scheme = gliding;
         state.frame += 1;
         if sound && bodies_sound {
+            if n.is_multiple_of(gain::BLOCK) {
+                return self.look_for_gains();
+            }
             Ok(())
         } else {
             self.fault()

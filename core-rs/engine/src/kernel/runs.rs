@@ -34,6 +34,14 @@ pub(crate) fn links(
         let f = &mut body.link[run.first..run.first + run.len];
         match &run.kind {
             Kind::Ref => springs(run.k, run.z, run.rest, &ends, f),
+            Kind::Hardening(q) => {
+                let by = Hardening {
+                    k: run.k,
+                    q: *q,
+                    z: (run.z != 0.0).then_some(run.z),
+                };
+                hardening(by, 1.0, run.rest, &ends, f);
+            }
             Kind::But(but) => {
                 let Ends { xa, xb, da, db } = ends;
                 for i in 0..run.len {
@@ -164,6 +172,7 @@ pub(crate) fn tension_energy(tension: f64, e: f64) -> f64 {
 pub(crate) fn potential(run: &Run, e: f64) -> f64 {
     match &run.kind {
         Kind::Ref => 0.5 * run.k * e * e,
+        Kind::Hardening(q) => 0.5 * run.k * e * e + 0.25 * q * (e * e * e * e),
         Kind::But(but) => {
             let p = side(but) * e;
             if p > 0.0 {

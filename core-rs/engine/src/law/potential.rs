@@ -69,6 +69,8 @@ const INTERVALS: usize = 10_000;
 
 /// Where the first intervals end: laws have their detail (slack, detents) near rest.
 const FIRST_ENDS: [f64; 5] = [1.0, 0.125, 0.015_625, 0.001_953_125, 0.0];
+/// Intervals that wait at once, at most.
+const ROOM: usize = FIRST_ENDS.len() + DEPTH as usize + 1;
 
 /// ∫ f from 0 to `d`, to some 1e-13 of ∫|f|; kinks and jumps inside are found by bisection.
 pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
@@ -76,13 +78,21 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
         return 0.0;
     }
     let ends = FIRST_ENDS.windows(2);
-    let mut waiting: Vec<Panel> = ends
-        .map(|to| Panel::new(&f, d * to[1], d * to[0], 0))
-        .collect();
-    let mut scale = waiting.iter().map(|panel| panel.size).sum();
+    // The deepest first: of each depth one panel waits at most. No memory is asked for while a simulation steps.
+    let mut waiting = [const { Panel::NONE }; ROOM];
+    let mut n_waiting = 0;
+    for to in ends {
+        waiting[n_waiting] = Panel::new(&f, d * to[1], d * to[0], 0);
+        n_waiting += 1;
+    }
+    let mut scale: f64 = waiting[..n_waiting].iter().map(|panel| panel.size).sum();
     let mut sum = 0.0;
     for _ in 0..INTERVALS {
-        let Some(panel) = waiting.pop() else { break };
+        let Some(last) = n_waiting.checked_sub(1) else {
+            break;
+        };
+        n_waiting = last;
+        let panel = waiting[last];
         // What a coarse look missed (a narrow detent) counts as soon as it is seen.
         scale = f64::max(scale, panel.size);
         if panel.error <= TOLERANCE * scale || panel.depth == DEPTH {
@@ -90,12 +100,15 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
             continue;
         }
         let middle = panel.a + 0.5 * (panel.b - panel.a);
-        waiting.push(Panel::new(&f, middle, panel.b, panel.depth + 1));
-        waiting.push(Panel::new(&f, panel.a, middle, panel.depth + 1));
+        waiting[last] = Panel::new(&f, middle, panel.b, panel.depth + 1);
+        waiting[last + 1] = Panel::new(&f, panel.a, middle, panel.depth + 1);
+        n_waiting = last + 2;
     }
-    waiting.iter().fold(sum, |sum, panel| sum + panel.integral)
+    let left = waiting[..n_waiting].iter();
+    left.fold(sum, |sum, panel| sum + panel.integral)
 }
 
+#[derive(Clone, Copy)]
 struct Panel {
     a: f64,
     b: f64,
@@ -107,6 +120,15 @@ struct Panel {
 }
 
 impl Panel {
+    const NONE: Self = Self {
+        a: 0.0,
+        b: 0.0,
+        depth: 0,
+        integral: 0.0,
+        error: 0.0,
+        size: 0.0,
+    };
+
     fn new(f: &impl Fn(f64) -> f64, a: f64, b: f64, depth: u32) -> Self {
         let (half, centre) = (0.5 * (b - a), 0.5 * (a + b));
         let middle = f(centre);

@@ -79,6 +79,13 @@ impl Meter {
         self.peak
     }
 
+    /// Loudness of the last 400 ms [LUFS], without gating; -inf for silence.
+    pub fn momentary(&self) -> f64 {
+        self.loudness
+            .loudness_momentary()
+            .unwrap_or(f64::NEG_INFINITY)
+    }
+
     /// Integrated loudness so far [LUFS]; -inf for silence and before the first 400 ms.
     pub fn loudness(&self) -> f64 {
         self.loudness.loudness_global().unwrap_or(f64::NEG_INFINITY)
@@ -122,6 +129,13 @@ mod tests {
             );
             assert!((meter.peak() - 0.1).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn the_last_moments_are_a_steady_tones_loudness() {
+        let meter = measured(&tone(1, -40.0), 1);
+        assert!((meter.momentary() + 43.01).abs() < 0.02);
+        assert_eq!(measured(&[0.0; 96_000], 2).momentary(), f64::NEG_INFINITY);
     }
 
     #[test]

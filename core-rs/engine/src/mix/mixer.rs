@@ -2,7 +2,10 @@
 
 use thiserror::Error;
 
+use super::curve::Curve;
+use super::delay::Delay;
 use super::glide::{Glide, until};
+use super::room::{Room, RoomError, RoomSpec};
 use crate::section::{BUTTERWORTH_2, Section};
 
 /// Why a route cannot be built.
@@ -38,8 +41,49 @@ pub enum RouteError {
         /// Sample rate [Hz].
         rate: f64,
     },
+    /// No such room.
+    #[error("there is no room {room}: the mixer has {n_rooms}, counted from 0")]
+    Room {
+        /// Wanted room.
+        room: usize,
+        /// How many there are.
+        n_rooms: usize,
+    },
+    /// Too late to be heard.
+    #[error("a route is delayed by {DELAY_MAX} frames at most; here {0}")]
+    Delay(usize),
+    /// A room that cannot be built.
+    #[error(transparent)]
+    Spec(#[from] RoomError),
 }
 
+/// Where a route leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum To {
+    /// A channel.
+    Channel(usize),
+    /// A room, by the order of [`Mixer::room`].
+    Room(usize),
+}
+
+/// What a route does on its way, beside its gain.
+#[derive(Clone, Debug, Default)]
+pub struct Treatment {
+    /// Cutoff of a Butterworth high-pass of order 2 [Hz].
+    pub highpass: Option<f64>,
+    /// Frames by which it comes late.
+    pub delay: usize,
+    /// A gain over the frames of the piece.
+    pub curve: Option<Curve>,
+}
+
+/// Frames by which a route is delayed at most.
+const DELAY_MAX: usize = 1 << 20;
+/// Frames that rooms take at a time.
+const ROOM_FRAMES: usize = 256;
+
+/// Routes that fade out at once: more of them are cut.
+const LEAVING_MAX: usize = 32;
 /// Groups of routes that a mixer has at most.
 const GROUPS_MAX: usize = 1 << 16;
 
@@ -67,16 +111,29 @@ pub struct Mixer {
     n_channels: usize,
     routes: Vec<Route>,
     groups: Vec<Glide>,
+    rooms: Vec<Room>,
+    /// What goes into the rooms   (n_rooms · ROOM_FRAMES)
+    sent: Vec<f64>,
+    /// Of all channels.
+    fade: Option<Curve>,
+    /// Routes of a mixer before this one that fade out.
+    leaving: [Option<Route>; LEAVING_MAX],
+    /// Whether a route has a fade.
+    is_fading: bool,
     frame: u64,
 }
 
 #[derive(Clone, Debug)]
 struct Route {
     out: usize,
-    channel: usize,
+    to: To,
     group: usize,
     gain: f64,
     highpass: Option<Section>,
+    delay: Option<Delay>,
+    curve: Option<Curve>,
+    /// A factor on its way, since another mixer was taken over.
+    fade: Option<Glide>,
 }
 
 impl Mixer {
@@ -88,6 +145,11 @@ impl Mixer {
             n_channels,
             routes: Vec::new(),
             groups: vec![Glide::new(rate, 1.0)],
+            rooms: Vec::new(),
+            sent: Vec::new(),
+            fade: None,
+            leaving: [const { None }; LEAVING_MAX],
+            is_fading: false,
             frame: 0,
         }
     }
@@ -128,36 +190,112 @@ impl Mixer {
         gain: f64,
         highpass: Option<f64>,
     ) -> Result<(), RouteError> {
+        let treatment = Treatment {
+            highpass,
+            ..Treatment::default()
+        };
+        self.treated(group, out, To::Channel(channel), gain, treatment)
+    }
+
+    /// [`Mixer::route_of`] to a channel or a room, with all that a route may do on its way.
+    ///
+    /// # Errors
+    /// [`RouteError`] where an index, the gain, the cutoff or the delay is out of range.
+    pub fn treated(
+        &mut self,
+        group: usize,
+        out: usize,
+        to: To,
+        gain: f64,
+        treatment: Treatment,
+    ) -> Result<(), RouteError> {
         if group >= GROUPS_MAX {
             return Err(RouteError::Group(group));
         }
-        let (n_out, n_channels, rate) = (self.n_out, self.n_channels, self.rate);
+        let (n_out, rate) = (self.n_out, self.rate);
         if out >= n_out {
             return Err(RouteError::Out { out, n_out });
         }
-        if channel >= n_channels {
-            return Err(RouteError::Channel {
-                channel,
-                n_channels,
-            });
-        }
+        self.check_target(to)?;
         if !gain.is_finite() {
             return Err(RouteError::Gain(gain));
         }
+        let Treatment {
+            highpass,
+            delay,
+            curve,
+        } = treatment;
         if let Some(cutoff) = highpass.filter(|&f| !(f > 0.0 && f < 0.5 * rate)) {
             return Err(RouteError::Highpass { cutoff, rate });
+        }
+        if delay > DELAY_MAX {
+            return Err(RouteError::Delay(delay));
         }
         let highpass = highpass.map(|cutoff| Section::new(cutoff, rate, BUTTERWORTH_2));
         let n_groups = self.groups.len().max(group + 1);
         self.groups.resize(n_groups, Glide::new(rate, 1.0));
         self.routes.push(Route {
             out,
-            channel,
+            to,
             group,
             gain,
             highpass,
+            delay: (delay > 0).then(|| Delay::new(delay)),
+            curve,
+            fade: None,
         });
         Ok(())
+    }
+
+    fn check_target(&self, to: To) -> Result<(), RouteError> {
+        let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
+        match to {
+            To::Channel(channel) if channel >= n_channels => Err(RouteError::Channel {
+                channel,
+                n_channels,
+            }),
+            To::Room(room) if room >= n_rooms => Err(RouteError::Room { room, n_rooms }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Add a room, heard by some channels; returns its index.
+    ///
+    /// ```
+    /// use ergon_engine::mix::mixer::{Mixer, To, Treatment};
+    /// use ergon_engine::mix::room::RoomSpec;
+    ///
+    /// let mut mixer = Mixer::new(44_100.0, 1, 2);
+    /// let hall = mixer.room(RoomSpec {
+    ///     name: "hall".to_owned(),
+    ///     size: 12.0,
+    ///     t60: [(200.0, 2.0), (6_000.0, 0.8)],
+    ///     channels: vec![0, 1],
+    ///     gain: 1.0,
+    /// })?;
+    /// mixer.treated(0, 0, To::Room(hall), 1.0, Treatment::default())?;
+    /// let (mut click, mut heard) = (vec![0.0; 44_100], vec![0.0; 88_200]);
+    /// click[0] = 1.0;
+    /// mixer.process(&click, &mut heard);
+    /// let energy: f64 = heard.iter().map(|x| x * x).sum();
+    /// assert!(energy > 1.0 && energy < 3.0); // about that of the click in each channel
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`RouteError`] where a channel does not exist or the room cannot be built.
+    pub fn room(&mut self, spec: RoomSpec) -> Result<usize, RouteError> {
+        for &channel in &spec.channels {
+            self.check_target(To::Channel(channel))?;
+        }
+        self.rooms.push(Room::new(spec, self.rate)?);
+        self.sent.resize(self.rooms.len() * ROOM_FRAMES, 0.0);
+        Ok(self.rooms.len() - 1)
+    }
+
+    /// Set a gain over the frames of the piece for all channels.
+    pub fn fade(&mut self, curve: Curve) {
+        self.fade = Some(curve);
     }
 
     /// How many groups of routes there are.
@@ -165,34 +303,103 @@ impl Mixer {
         self.groups.len()
     }
 
-    /// Take the state of `old` over: gains of groups and high-passes of routes that both have. Allocates nothing.
+    /// Take the state of `old` over: gains of groups, filters and delays of routes that both have, and rooms of the same
+    /// name. Over 20 ms from the next multiple of 64 frames on, routes that are new fade in, those that are gone fade out,
+    /// and gains glide. Routes with a delay or a curve end at once. Allocates nothing.
     ///
     /// `outputs`: for each output of `old` the output here, where they differ.
     pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
         self.frame = old.frame;
         let groups = self.groups.iter_mut().zip(&old.groups);
         groups.for_each(|(own, old)| *own = *old);
+        let out = |before: &Route| match outputs {
+            Some(outputs) => outputs.get(before.out).copied().flatten(),
+            None => Some(before.out),
+        };
         // Routes come in about the same order: search after the previous one first.
-        let mut next = 0;
+        let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
+        let (mut next, n) = (0, old.routes.len());
         for own in &mut self.routes {
-            let is_same = |before: &Route| {
-                let out = match outputs {
-                    Some(outputs) => outputs.get(before.out).copied().flatten(),
-                    None => Some(before.out),
-                };
-                (out, before.channel, before.group) == (Some(own.out), own.channel, own.group)
-                    && before.highpass.is_some() == own.highpass.is_some()
+            let is_same = |&at: &usize| own.is_as(&old.routes[at], out(&old.routes[at]));
+            let Some(at) = in_turn(next, n).find(is_same) else {
+                own.fade(self.rate, 0.0, 1.0);
+                continue;
             };
-            let n = old.routes.len();
-            let at = (next..n)
-                .chain(0..next.min(n))
-                .find(|&at| is_same(&old.routes[at]));
-            let Some(at) = at else { continue };
             next = at + 1;
-            if let (Some(section), Some(before)) = (&mut own.highpass, &old.routes[at].highpass) {
+            let before = &old.routes[at];
+            if let (Some(section), Some(before)) = (&mut own.highpass, &before.highpass) {
                 section.take_over(before);
             }
+            if let (Some(delay), Some(before)) = (&mut own.delay, &before.delay) {
+                delay.take_over(before);
+            }
+            own.fade = before.fade;
+            if own.gain != before.gain && own.gain != 0.0 {
+                let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+                own.fade(self.rate, before.gain * there / own.gain, 1.0);
+            }
         }
+        for room in &mut self.rooms {
+            room.take_over(&old.rooms);
+        }
+        self.leave(old, out);
+        self.is_fading = true;
+    }
+
+    /// Let routes of `old` fade out that have no heir here; their outputs here are `out`.
+    fn leave(&mut self, old: &Self, out: impl Fn(&Route) -> Option<usize>) {
+        let (mut next, n) = (0, self.routes.len());
+        let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
+        let mut places = self.leaving.iter_mut();
+        for before in old.leaving.iter().flatten().chain(&old.routes) {
+            let here = out(before);
+            let (Some(own), true) = (here, before.group < self.groups.len()) else {
+                continue;
+            };
+            let heir = (next..n)
+                .chain(0..next)
+                .find(|&at| self.routes[at].is_as(before, here));
+            if let Some(at) = heir {
+                next = at + 1;
+                continue;
+            }
+            if before.delay.is_some() || before.curve.is_some() {
+                continue; // a copy of theirs would be allocated
+            }
+            let Some(place) = places.next() else { return };
+            let mut route = before.clone();
+            route.out = own;
+            let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+            route.fade(self.rate, there, 0.0);
+            let is_there = match before.to {
+                To::Channel(channel) => channel < n_channels,
+                To::Room(room) => room < n_rooms,
+            };
+            *place = is_there.then_some(route);
+        }
+    }
+
+    /// Begin fades that are due at the next frame, and end those that are over; whether none is left.
+    fn begin_fades(&mut self) -> bool {
+        if self.is_fading {
+            let n = self.frame;
+            self.is_fading = false;
+            let leaving = self.leaving.iter_mut().flatten();
+            for route in self.routes.iter_mut().chain(leaving) {
+                let Some(fade) = &mut route.fade else {
+                    continue;
+                };
+                fade.begin_due(n);
+                self.is_fading |= fade.steady(n).is_none();
+                if fade.steady(n) == Some(1.0) {
+                    route.fade = None;
+                }
+            }
+            for place in &mut self.leaving {
+                place.take_if(|route| route.fade.is_some_and(|fade| fade.steady(n).is_some()));
+            }
+        }
+        !self.is_fading
     }
 
     /// Set the number of the next frame in the piece.
@@ -221,8 +428,14 @@ impl Mixer {
         while at < n_frames {
             let n = self.frame;
             self.groups.iter_mut().for_each(|glide| glide.begin_due(n));
-            let steady = self.groups.iter().all(|glide| glide.steady(n).is_some());
-            let count = until(n, steady).min((n_frames - at) as u64) as usize;
+            let rests = self.begin_fades();
+            let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
+            let most = if self.rooms.is_empty() {
+                u64::MAX
+            } else {
+                ROOM_FRAMES as u64
+            };
+            let count = until(n, steady).min((n_frames - at) as u64).min(most) as usize;
             let span = at..at + count;
             self.add(
                 &frames[span.start * self.n_out..span.end * self.n_out],
@@ -233,32 +446,86 @@ impl Mixer {
         }
     }
 
-    /// Add all routes of a span in which no glide begins.
+    /// Add all routes and rooms of a span in which no glide begins.
     fn add(&mut self, frames: &[f64], mixed: &mut [f64]) {
-        for route in &mut self.routes {
-            let from = frames.iter().skip(route.out).step_by(self.n_out);
-            let to = mixed
-                .iter_mut()
-                .skip(route.channel)
-                .step_by(self.n_channels);
+        let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
+        self.sent.fill(0.0);
+        let leaving = self.leaving.iter_mut().flatten();
+        for route in self.routes.iter_mut().chain(leaving) {
             let own = &self.groups[route.group];
-            match (own.steady(self.frame), &mut route.highpass) {
-                (Some(gain), None) => {
-                    let gain = route.gain * gain;
-                    to.zip(from).for_each(|(y, x)| *y += gain * x);
+            let from = frames.iter().skip(route.out).step_by(n_out);
+            match route.to {
+                To::Channel(channel) => {
+                    let to = mixed.iter_mut().skip(channel).step_by(n_channels);
+                    route.add(own, first, from, to);
                 }
-                (Some(gain), Some(section)) => {
-                    let gain = route.gain * gain;
-                    to.zip(from)
-                        .for_each(|(y, x)| *y += gain * high_passed(section, *x));
+                To::Room(room) => {
+                    let to = self.sent[room * ROOM_FRAMES..].iter_mut();
+                    route.add(own, first, from, to);
                 }
-                (None, section) => {
-                    for ((y, x), n) in to.zip(from).zip(self.frame..) {
-                        let x = section
-                            .as_mut()
-                            .map_or(*x, |section| high_passed(section, *x));
-                        *y += route.gain * own.at(n) * x;
-                    }
+            }
+        }
+        for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(ROOM_FRAMES)) {
+            let frames = mixed.chunks_exact_mut(n_channels.max(1));
+            frames.zip(sent).for_each(|(frame, &x)| room.next(x, frame));
+        }
+        if let Some(fade) = &self.fade {
+            let frames = mixed.chunks_exact_mut(n_channels.max(1));
+            for (frame, n) in frames.zip(first..) {
+                let gain = fade.at(n);
+                frame.iter_mut().for_each(|x| *x *= gain);
+            }
+        }
+    }
+}
+
+impl Route {
+    /// Whether it is what a route `before` of another mixer was, whose output is `out` here.
+    fn is_as(&self, before: &Self, out: Option<usize>) -> bool {
+        (out, before.to, before.group) == (Some(self.out), self.to, self.group)
+            && before.highpass.is_some() == self.highpass.is_some()
+            && before.delay.is_some() == self.delay.is_some()
+    }
+
+    /// Fade to a factor of its gain, from another one.
+    fn fade(&mut self, rate: f64, from: f64, to: f64) {
+        let mut fade = Glide::new(rate, from);
+        fade.set(to);
+        self.fade = Some(fade);
+    }
+
+    /// Add the route's share from frame `first` of the piece on.
+    fn add<'a>(
+        &mut self,
+        group: &Glide,
+        first: u64,
+        from: impl Iterator<Item = &'a f64>,
+        to: impl Iterator<Item = &'a mut f64>,
+    ) {
+        let is_plain = self.delay.is_none() && self.curve.is_none() && self.fade.is_none();
+        match (group.steady(first), &mut self.highpass) {
+            (Some(gain), None) if is_plain => {
+                let gain = self.gain * gain;
+                to.zip(from).for_each(|(y, x)| *y += gain * x);
+            }
+            (Some(gain), Some(section)) if is_plain => {
+                let gain = self.gain * gain;
+                to.zip(from)
+                    .for_each(|(y, x)| *y += gain * high_passed(section, *x));
+            }
+            (_, section) => {
+                for ((y, &x), n) in to.zip(from).zip(first..) {
+                    let x = section
+                        .as_mut()
+                        .map_or(x, |section| high_passed(section, x));
+                    let x = self.delay.as_mut().map_or(x, |delay| {
+                        let late = delay.oldest();
+                        delay.push(x);
+                        late
+                    });
+                    let curve = self.curve.as_ref().map_or(1.0, |curve| curve.at(n));
+                    let fade = self.fade.map_or(1.0, |fade| fade.at(n));
+                    *y += self.gain * group.at(n) * fade * curve * x;
                 }
             }
         }
@@ -275,6 +542,7 @@ fn high_passed(section: &mut Section, x: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::maths;
+    use crate::mix::curve::{Point, Way};
 
     /// Three outputs: noise, a hand that leans, one broken sample.
     fn frames(n: usize) -> Vec<f64> {
@@ -405,6 +673,130 @@ mod tests {
         for cutoff in [0.0, -1.0, 22_050.0, f64::NAN] {
             assert!(mixer.route(0, 0, 1.0, Some(cutoff)).is_err());
         }
+    }
+
+    /// Two rooms, a delay, curves and a fade.
+    fn hall() -> Mixer {
+        let mut mixer = Mixer::new(44_100.0, 3, 2);
+        for (name, t60) in [("hall", 1.0), ("cellar", 0.4)] {
+            let spec = RoomSpec {
+                name: name.to_owned(),
+                size: 5.0,
+                t60: [(200.0, t60), (6_000.0, 0.5 * t60)],
+                channels: vec![1, 0],
+                gain: 0.5,
+            };
+            mixer.room(spec).unwrap();
+        }
+        let point = |frame: u64, gain: f64| Point {
+            frame,
+            gain,
+            way: Way::Smooth,
+        };
+        let curve = Curve::new(vec![point(100, 0.1), point(3000, 1.0)]);
+        let treatment = Treatment {
+            highpass: Some(8.0),
+            delay: 37,
+            curve: Some(curve),
+        };
+        mixer
+            .treated(0, 1, To::Channel(0), 0.5, treatment.clone())
+            .unwrap();
+        mixer.treated(1, 1, To::Room(0), 0.3, treatment).unwrap();
+        let plain = Treatment::default();
+        mixer
+            .treated(0, 0, To::Room(1), 0.7, plain.clone())
+            .unwrap();
+        mixer.treated(0, 0, To::Channel(1), 1.0, plain).unwrap();
+        mixer.fade(Curve::new(vec![point(4000, 1.0), point(4900, 0.0)]));
+        mixer
+    }
+
+    #[test]
+    fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
+        let n = 5000;
+        let frames = frames(n);
+        let mut whole = vec![0.0; 2 * n];
+        hall().process(&frames, &mut whole);
+        assert!(whole[2 * 4900..].iter().all(|x| *x == 0.0));
+        assert!(whole[2 * 2000] != 0.0);
+        for block in [1, 44, 333] {
+            let mut mixer = hall();
+            let mut pieces = vec![0.0; 2 * n];
+            for (i, (x, y)) in frames
+                .chunks(3 * block)
+                .zip(pieces.chunks_mut(2 * block))
+                .enumerate()
+            {
+                // Another version of the mix goes on as this one stands.
+                if i == 7 {
+                    let mut next = hall();
+                    next.take_over(&mixer, None);
+                    mixer = next;
+                }
+                mixer.process(x, y);
+            }
+            assert_eq!(pieces, whole);
+        }
+    }
+
+    #[test]
+    fn refuses_rooms_and_delays_that_are_not_there() {
+        let mut mixer = hall();
+        let late = Treatment {
+            delay: DELAY_MAX + 1,
+            ..Treatment::default()
+        };
+        assert!(mixer.treated(0, 0, To::Channel(0), 1.0, late).is_err());
+        let plain = Treatment::default();
+        let room = RouteError::Room {
+            room: 2,
+            n_rooms: 2,
+        };
+        assert_eq!(mixer.treated(0, 0, To::Room(2), 1.0, plain), Err(room));
+    }
+
+    /// What a mixer gives of a constant 1 from frame 1000 on, where it has taken over from another.
+    fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> Vec<f64> {
+        let mixer = |routes: &[(usize, f64)]| {
+            let mut mixer = Mixer::new(44_100.0, 1, 2);
+            for &(channel, gain) in routes {
+                mixer.route(0, channel, gain, None).unwrap();
+            }
+            mixer
+        };
+        let (mut old, mut new) = (mixer(before), mixer(after));
+        old.process(&[1.0; 1000], &mut [0.0; 2000]);
+        new.take_over(&old, None);
+        let mut mixed = vec![0.0; 4000];
+        for part in mixed.chunks_mut(2 * block) {
+            new.process(&vec![1.0; part.len() / 2], part);
+        }
+        mixed
+    }
+
+    #[test]
+    fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
+        let mixed = taken_over(&[(0, 0.5)], &[(1, 0.25)], 2000);
+        let gained = taken_over(&[(0, 0.5)], &[(0, 1.0)], 2000);
+        for block in [1, 64, 333] {
+            assert_eq!(taken_over(&[(0, 0.5)], &[(1, 0.25)], block), mixed);
+        }
+        let pairs = mixed.chunks(2).zip(gained.chunks(2)).enumerate();
+        for (i, (mixed, gained)) in pairs {
+            // Frame 1024 is the first multiple of 64 after 1000; 896 are 20 ms and a bit.
+            let u = ((i as f64 - 24.0) / 896.0).clamp(0.0, 1.0);
+            let share = (3.0 - 2.0 * u) * u * u;
+            for (is, wanted) in [
+                (mixed[0], 0.5 * (1.0 - share)),
+                (mixed[1], 0.25 * share),
+                (gained[0], 0.5 + 0.5 * share),
+            ] {
+                assert!((is - wanted).abs() < 1e-15, "frame {i}: {is}, {wanted}");
+            }
+        }
+        let same = taken_over(&[(0, 0.5), (1, 2.0)], &[(1, 2.0), (0, 0.5)], 2000);
+        assert!(same.chunks(2).all(|frame| frame == [0.5, 2.0]));
     }
 
     #[test]

@@ -334,6 +334,18 @@ impl Network {
     /// [`Error::Refused`] with the name of the module where a term refers to modules that do not exist or its weight is
     /// not finite.
     pub fn listen(&mut self, name: &str, terms: Vec<Term>) -> Result<usize, Error> {
+        self.listen_to(name, terms, 0)
+    }
+
+    /// [`Network::listen`] to the sum (`order` 0), to its speed (1) or its acceleration (2).
+    ///
+    /// # Errors
+    /// Those of [`Network::listen`], and [`Error::Refused`] where the order is above 2.
+    pub fn listen_to(&mut self, name: &str, terms: Vec<Term>, order: u8) -> Result<usize, Error> {
+        if order > 2 {
+            let message = format!("an output is differentiated twice at most, not {order} times");
+            return Err(self.refused(name, &message));
+        }
         for term in &terms {
             let (first, len, weight, most) = match *term {
                 Term::Position { first, len, weight } | Term::Ground { first, len, weight } => {
@@ -352,6 +364,7 @@ impl Network {
         self.outputs.push(Output {
             name: name.to_owned(),
             terms,
+            order,
         });
         Ok(self.outputs.len() - 1)
     }

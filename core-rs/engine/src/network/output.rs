@@ -50,4 +50,6 @@ pub struct Output {
     pub name: String,
     /// The terms of the sum.
     pub terms: Vec<Term>,
+    /// How often the sum is differentiated by time: 0, 1 (SOV) or 2 (SOA).
+    pub order: u8,
 }

@@ -1,6 +1,9 @@
 //! Some modules of a network as a network of their own, with their indices in the whole.
 
-use super::{Mat, MatKind, Network, Output, Run, Term};
+use std::sync::Arc;
+
+use super::{Error, LinkKind, Mat, MatKind, Network, Output, Run, Term};
+use crate::law::{Hardening, Law};
 
 /// A part of another network, the whole. The lists give the index in the whole for each local index, rising.
 #[derive(Clone, Debug)]
@@ -75,6 +78,32 @@ impl Network {
     pub(crate) fn retie(&mut self, mat: usize, [k, z, m]: [f64; 3]) {
         let mats = &mut self.mats;
         (mats.k[mat], mats.z[mat], mats.m[mat]) = (k, z, m);
+    }
+
+    /// Multiply K and Z of some links, whole runs; the q of a hardening spring stays.
+    pub(crate) fn scale(
+        &mut self,
+        links: std::ops::Range<usize>,
+        [of_k, of_z]: [f64; 2],
+    ) -> Result<(), Error> {
+        for run in self
+            .runs
+            .iter_mut()
+            .filter(|run| links.contains(&run.first))
+        {
+            (run.k, run.z) = (run.k * of_k, run.z * of_z);
+            let LinkKind::Lnl(law) = &run.kind else {
+                continue;
+            };
+            if let Some(Hardening { k, q, z }) = law.hardening_spring() {
+                let law = Law::hardening(of_k * k, q, of_z * z.unwrap_or(0.0));
+                run.kind = LinkKind::Lnl(Arc::new(law.map_err(|error| Error::Refused {
+                    module: self.names.link(run.first),
+                    message: error.to_string(),
+                })?));
+            }
+        }
+        Ok(())
     }
 
     /// The network with other rates of its slow parts: `macrostep` gives the frames from pull to pull from a part's name
@@ -159,6 +188,7 @@ impl Subset {
             self.network.outputs.push(Output {
                 name: output.name.clone(),
                 terms,
+                order: output.order,
             });
         }
     }

@@ -94,9 +94,18 @@ fn times(mesh: &Mesh) -> f64 {
 pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     const ROW: f64 = 2.5;
     match inside {
-        BodyPlan::Mesh(mesh) => times(mesh) * ROW * mesh.network.runs().len() as f64,
+        BodyPlan::Mesh(mesh) => {
+            times(mesh) * (ROW * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
+        }
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }
+}
+
+/// What laws of links that stand alone take in a trial a step beyond [`stepped_cost`] [ns]: the table is of long runs.
+pub(super) fn lone_laws_cost(network: &Network) -> f64 {
+    const LAW: f64 = 20.0;
+    let is_lone = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
+    LAW * network.runs().iter().filter(is_lone).count() as f64
 }
 
 /// What a slow body costs less a frame than stepped module by module [ns].
@@ -127,7 +136,10 @@ pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::law::Law;
 
     #[test]
     fn every_line_is_a_cost() {
@@ -136,5 +148,20 @@ mod tests {
             assert!(Costs::of(kind) > 0.0, "{line}");
         }
         assert_eq!(Costs::of("no such work"), 0.0);
+    }
+
+    #[test]
+    fn each_law_of_a_link_that_stands_alone_counts() {
+        let mut network = Network::new();
+        let law = Arc::new(Law::hardening(500.0, 1e8, 0.01).unwrap());
+        for i in 0..4 {
+            network.mas(&format!("m{i}"), 1e-3, 0.0, 0.0).unwrap();
+        }
+        network.spring("s", 0, 1, 500.0, 0.0, 0.0).unwrap();
+        assert_eq!(lone_laws_cost(&network), 0.0);
+        network.lnl("a", 1, 2, law.clone(), 0.0).unwrap();
+        let one = lone_laws_cost(&network);
+        network.lnl("b", 2, 3, law, 0.0).unwrap();
+        assert!(one > 10.0 && lone_laws_cost(&network) == 2.0 * one);
     }
 }

@@ -15,7 +15,7 @@ use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::Ways;
-use crate::plan::passes::ported::PortedBody as Body;
+use crate::plan::passes::ported::{self, PortedBody as Body};
 use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
@@ -204,6 +204,7 @@ impl Maker<'_> {
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
+        ported::takes(&subset.network, &own.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused();
         let solved = match self.solve(subset, own, pin) {
             Ok(solved) if pin.is_none() => self.offered(subset, own, solved)?,
@@ -298,10 +299,10 @@ impl Maker<'_> {
                 island
             };
             // What grows at once is not worth a pilot.
-            let mut judged = match assemble((1, Ways::Budget)) {
-                Ok(island) if subset.network.has_slow_parts() => {
-                    multirate::certify(&island, &self.allowance)
-                }
+            let has_slow_parts = subset.network.has_slow_parts();
+            let judged = has_slow_parts.then(|| assemble((1, Ways::Budget)));
+            let mut judged = match judged {
+                Some(Ok(island)) => multirate::certify(&island, &self.allowance),
                 _ => Ok(None),
             };
             if judged.is_ok() {

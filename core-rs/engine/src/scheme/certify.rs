@@ -59,7 +59,7 @@ fn oversampling(lambda: f64) -> u32 {
 /// K + c·Z of one link at its stiffest known state.
 fn weight(run: &Run, c: f64) -> f64 {
     match &run.kind {
-        Kind::Ref => run.k + c * run.z,
+        Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Lnl { law, rate, .. } => {
@@ -84,6 +84,17 @@ pub(crate) struct Top {
 /// λmax(M⁻¹(K + c·Z)): by the sums at the ends of each link where these stay below `enough`, else by
 /// an eigenvalue. Fails where a force at rest is not finite.
 pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Result<Top, Error> {
+    top_up_to(scheme, network, c, enough, f64::INFINITY)
+}
+
+/// The same; where λmax is at least `beyond` no more is found than that it is.
+pub(crate) fn top_up_to(
+    scheme: &Scheme,
+    network: &Network,
+    c: f64,
+    enough: f64,
+    beyond: f64,
+) -> Result<Top, Error> {
     let weights: Vec<f64> = scheme.runs.iter().map(|run| weight(run, c)).collect();
     let lambda = by_sums(scheme, network, c, &weights)?;
     if lambda < enough {
@@ -93,7 +104,7 @@ pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Re
             worst: 0,
         });
     }
-    Ok(by_eigenvalue(scheme, c, &weights))
+    Ok(by_eigenvalue(scheme, c, &weights, beyond))
 }
 
 /// Gershgorin's bound, from the sums D = Σ(K + c·Z) at both ends of each link.
@@ -134,7 +145,7 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
 }
 
 /// The largest eigenvalue of M^-½ (K + c·Z) M^-½.
-fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64]) -> Top {
+fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64], beyond: f64) -> Top {
     let n = scheme.n_mat();
     let root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     let mut scaled = vec![0.0; n];
@@ -158,7 +169,7 @@ fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64]) -> Top {
             .unwrap_or(0)
     };
     if n > DENSE_MAX {
-        let largest = spectrum::largest(n, &mut apply);
+        let largest = spectrum::largest_up_to(n, &mut apply, beyond);
         return Top {
             lambda: largest.theta + largest.residual,
             means: Means::Lanczos,
@@ -182,13 +193,30 @@ fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64]) -> Top {
     }
 }
 
-pub(super) fn certify(scheme: &Scheme, network: &Network) -> Result<Certificate, Error> {
+/// How much is found out of a scheme that is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Refusal {
+    /// How far it is from stable, and the module that would move most.
+    Explained,
+    /// Only that it is refused, which is much quicker for a large network.
+    Bare,
+}
+
+pub(super) fn certify(
+    scheme: &Scheme,
+    network: &Network,
+    refusal: Refusal,
+) -> Result<Certificate, Error> {
     let word = if scheme.linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded
     };
-    let top = top(scheme, network, 2.0, BORDER)?;
+    let beyond = match refusal {
+        Refusal::Explained => f64::INFINITY,
+        Refusal::Bare => BORDER,
+    };
+    let top = top_up_to(scheme, network, 2.0, BORDER, beyond)?;
     if top.lambda < BORDER {
         return Ok(Certificate {
             lambda_max: top.lambda,

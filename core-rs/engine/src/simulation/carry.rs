@@ -33,7 +33,7 @@ pub struct Carry {
     pub(super) placed: Vec<At>,
     pub(super) through: Vec<(At, At, Through)>,
     /// Here, an output of there.
-    outputs: Vec<Option<usize>>,
+    pub(super) outputs: Vec<Option<usize>>,
 }
 
 impl Carry {

@@ -19,6 +19,7 @@ impl Simulation {
         if self.frame != old.frame || !carry.plans.as_ref().is_none_or(is_made_for) {
             return false;
         }
+        self.derivatives.take_over(&old.derivatives, &carry.outputs);
         for &(from, to) in &carry.units {
             match (self.playing(to), old.playing(from)) {
                 (RunningUnit::Island(own), RunningUnit::Island(old)) => own.go_on(old),

@@ -30,6 +30,11 @@ pub(crate) struct Largest {
 
 /// The largest eigenvalue of the symmetric operator `apply` on vectors of `n` >= 1 numbers.
 pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
+    largest_up_to(n, apply, f64::INFINITY)
+}
+
+/// The same, but no more exact than it takes to know that the largest eigenvalue is at least `beyond`.
+pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest {
     let most = STEPS.min(n).min((KEPT / n.max(1)).max(8));
     let mut next = scattered(n, 0);
     normalise(&mut next);
@@ -52,7 +57,7 @@ pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
             let beta = if exhausted { 0.0 } else { beta };
             let (theta, s) = jacobi::largest(tridiagonal(&alphas, &betas));
             let residual = (beta * s[steps - 1]).abs();
-            if last || residual <= KNOWN * theta.abs() {
+            if last || residual <= KNOWN * theta.abs() || theta >= beyond {
                 let mut vector = vec![0.0; n];
                 for (weight, direction) in s.iter().zip(&basis) {
                     add(*weight, direction, &mut vector);

@@ -223,6 +223,30 @@ proptest! {
     }
 }
 
+#[test]
+fn what_is_beyond_a_bound_is_known_after_a_few_steps() {
+    // Fixed ends and 2,000 masses: λmax is just below 4.
+    let n = 2_000;
+    let mut row = |v: &[f64], y: &mut [f64]| {
+        for i in 0..n {
+            let before = if i == 0 { 0.0 } else { v[i - 1] };
+            let after = if i + 1 == n { 0.0 } else { v[i + 1] };
+            y[i] = 2.0 * v[i] - before - after;
+        }
+    };
+    let whole = largest(n, &mut row);
+    let beyond = largest_up_to(n, &mut row, 3.0);
+    assert!(beyond.theta >= 3.0 && beyond.theta <= whole.theta);
+    assert!(
+        beyond.steps <= 5 && whole.steps > 50,
+        "{} of {}",
+        beyond.steps,
+        whole.steps
+    );
+    // What stays below is found as exactly as ever.
+    assert_eq!(largest_up_to(n, &mut row, 4.0), whole);
+}
+
 /// Values, and squares of coordinates, against nalgebra's; a matrix with equal values among them.
 #[test]
 fn the_whole_spectrum_is_that_of_the_matrix() {

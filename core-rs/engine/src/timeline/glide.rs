@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Timeline;
-use crate::network::{Error, Network};
+use crate::network::{Error, MatKind, Network};
 
 /// K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
 pub type Ties = [f64; 3];
@@ -75,6 +75,41 @@ impl Timeline {
         let points: Vec<_> = points.iter().map(|&(at, ties)| (at, Some(ties))).collect();
         let frames = self.glide_along(network, mat, &points)?;
         debug_assert!(frames > 0);
+        Ok(())
+    }
+
+    /// Let `n` CELs go through points (instants [s], rising; the square of a factor of their frequencies, a factor of
+    /// their decay rates), evenly between them, on the grid.
+    ///
+    /// # Errors
+    /// As [`Timeline::path`]; and where one is no CEL with K and Z in SI units.
+    pub fn retune(
+        &mut self,
+        network: &Network,
+        (first, n): (usize, usize),
+        points: &[(f64, [f64; 2])],
+    ) -> Result<(), Error> {
+        let mats = network.mats();
+        for mat in first..first + n {
+            let part = network.parts().get(mats.part[mat] as usize);
+            let is_ca = part.is_some_and(|part| part.ca_rate.is_some());
+            if mats.kind[mat] != MatKind::Cel || is_ca {
+                return Err(Error::Refused {
+                    module: network.mat_name(mat),
+                    message: "only a CEL with K and Z in SI units has a pitch that can glide"
+                        .to_owned(),
+                });
+            }
+            let (m, k, z) = (mats.m[mat], mats.k[mat], mats.z[mat]);
+            let sigma = 0.5 * z / m;
+            let square = (k / m - sigma * sigma).max(0.0);
+            let own = points.iter().map(|&(at, [of_square, of_sigma])| {
+                let sigma = of_sigma * sigma;
+                let k = m * (of_square * square + sigma * sigma);
+                (at, [k, 2.0 * m * sigma, m])
+            });
+            self.path(network, mat, &own.collect::<Vec<_>>())?;
+        }
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Computed, Method, Plan};
 use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -401,4 +401,111 @@ fn a_path_goes_on_where_a_glide_ends() {
     assert!(refused(&[(1.0, ties[0]), (0.5, ties[1])]));
     assert!(refused(&[]));
     assert!(refused(&[(0.0, [1.0, 0.0, 0.0])]));
+}
+
+/// Two cells and what joins them: a spring and a contact, both with K and Z in times of what they are.
+fn joined_cells(of_spring: [f64; 2], of_contact: [f64; 2]) -> Network {
+    let mut network = Network::new();
+    network.part("pair", None);
+    for i in 0..3 {
+        let tie = Tie::Physical { k: 900.0, z: 1e-3 };
+        let x0 = [1e-3, -1e-3, 3e-3][i];
+        let name = format!("m{i}");
+        network.cel(&name, 2e-3, tie, 0.0, x0, 0.0).unwrap();
+    }
+    let [k, z] = of_spring;
+    network.spring("l", 0, 1, 3e3 * k, 3e-3 * z, 0.0).unwrap();
+    let [k, z] = of_contact;
+    let contact = But {
+        k: 2e4 * k,
+        z: 1e-2 * z,
+        gap: 1e-4,
+        side: Side::Below,
+        contact: Contact::Plain,
+        restitution: 1.0,
+        steps: 2,
+        exponent: 1.0,
+        clamp: false,
+    };
+    network.but("c", 2, 1, contact).unwrap();
+    listen_to_all(&mut network);
+    network
+}
+
+fn played(network: &Network, timeline: &Timeline, budget: &Budget, blocks: usize) -> Vec<f64> {
+    let plan = plan(network.clone(), timeline, budget);
+    let mut simulation = Simulation::planned(plan, plain()).unwrap();
+    let n = simulation.n_out();
+    let mut sound = vec![0.0; 8_000 * n];
+    for block in sound.chunks_mut(blocks * n) {
+        simulation.process(block).unwrap();
+    }
+    sound
+}
+
+/// Links that are led to other values from the beginning are links with these values, to the last bit.
+#[test]
+fn links_that_are_led_are_links_with_those_values() {
+    let (spring, contact) = ([4.0, 0.5], [2.0, 4.0]);
+    let own = joined_cells([1.0; 2], [1.0; 2]);
+    let written = joined_cells(spring, contact);
+    let mut timeline = begin();
+    timeline.lead(&own, (0, 1), &[(0.0, spring)]).unwrap();
+    timeline.lead(&own, (1, 1), &[(0.0, contact)]).unwrap();
+    for budget in [Budget::default(), Budget::Method(Method::Ca)] {
+        let led = played(&own, &timeline, &budget, 8_000);
+        let expected = played(&written, &begin(), &budget, 8_000);
+        let apart = led.iter().zip(&expected);
+        let apart = apart.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-12, "{apart}");
+        assert!(led == played(&own, &timeline, &budget, 37));
+    }
+}
+
+/// A string that is led to another pitch goes on there as the string of that pitch.
+#[test]
+fn a_string_that_is_led_is_the_string_it_is_led_to() {
+    let n = 12;
+    let (own, written) = (string(1.0, n), string(4.0, n));
+    let mut timeline = struck(&own);
+    let all = (0, n - 1);
+    timeline.lead(&own, all, &[(0.0, [4.0, 4.0])]).unwrap();
+    for end in [0, n - 1] {
+        let ties = [4.0 * 2e4, 4.0 * 4e-3, 2e-3];
+        timeline.path(&own, end, &[(0.0, ties)]).unwrap();
+    }
+    let ca = Budget::Method(Method::Ca);
+    let (led, expected) = (
+        played(&own, &timeline, &ca, 64),
+        played(&written, &struck(&written), &ca, 64),
+    );
+    let peak = expected.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
+    let apart = led.iter().zip(&expected).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f64::max) < 1e-9 * peak);
+}
+
+/// What no glide of links can be.
+#[test]
+fn leads_are_refused_that_mean_nothing() {
+    let network = joined_cells([1.0; 2], [1.0; 2]);
+    let refused = |link: usize, n: usize, points: &[(f64, [f64; 2])]| {
+        begin().lead(&network, (link, n), points).is_err()
+    };
+    assert!(!refused(0, 2, &[(0.0, [1.0; 2]), (1.0, [2.0; 2])]));
+    assert!(refused(0, 0, &[(0.0, [1.0; 2])]));
+    assert!(refused(7, 1, &[(0.0, [1.0; 2])]));
+    assert!(refused(0, 1, &[]));
+    assert!(refused(0, 1, &[(1.0, [1.0; 2]), (0.5, [1.0; 2])]));
+    assert!(refused(0, 1, &[(0.0, [-1.0, 1.0])]));
+    assert!(refused(0, 1, &[(f64::NAN, [1.0; 2])]));
+    let mut twice = begin();
+    twice.lead(&network, (0, 1), &[(0.0, [1.0; 2])]).unwrap();
+    assert!(twice.lead(&network, (0, 2), &[(0.0, [1.0; 2])]).is_err());
+    // So stiff at its end that CA would diverge.
+    let mut stiff = begin();
+    stiff
+        .lead(&network, (0, 1), &[(0.0, [1.0; 2]), (1.0, [1e6, 1.0])])
+        .unwrap();
+    let ca = Budget::Method(Method::Ca);
+    assert!(Plan::new(Arc::new(network.clone()), &stiff, &ca, None).is_err());
 }

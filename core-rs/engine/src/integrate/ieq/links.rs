@@ -3,7 +3,7 @@
 use super::super::mesh::{Mesh, force_of};
 use super::super::passes;
 use super::loops::{load, onward, springs};
-use crate::kernel::side;
+use crate::kernel::{self, side};
 use crate::maths::power_law;
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
@@ -78,7 +78,7 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
 pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> {
     let mut linear = mesh.scheme.clone();
     linear.runs.retain(|run| match &run.kind {
-        Kind::Ref => true,
+        Kind::Ref | Kind::Hardening(_) => true,
         Kind::But(_) => false,
         Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
@@ -210,6 +210,29 @@ impl Links {
         });
         linear.sum::<f64>() + state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum::<f64>()
     }
+
+    /// Energy of the non-linear parts of all links by ψ, and by their laws: the mean of now and a step before [J].
+    pub(super) fn potentials(
+        &self,
+        mesh: &Mesh,
+        x: &[f64],
+        d: &[f64],
+        state: &State,
+    ) -> (f64, f64) {
+        let kept = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
+        let runs = self.runs.iter().enumerate();
+        let each = runs.flat_map(|(at, run)| {
+            (0..run.len).map(move |i| {
+                let (e, de) = elongation(run, x, d, i);
+                let of = |e: f64| match at.checked_sub(mesh.springs.len()) {
+                    None => 0.25 * run.q * (e * e * e * e),
+                    Some(other) => kernel::potential(&mesh.others[other], e),
+                };
+                0.5 * (of(e) + of(e - de))
+            })
+        });
+        (kept, each.sum())
+    }
 }
 
 /// Elongation of link i of a run, and its last step [m].
@@ -226,7 +249,7 @@ fn psi(run: &Run, e: f64) -> f64 {
             let (p, above) = (side(but) * e, but.exponent + 1.0);
             sqrt(2.0 * run.k * power_law(p.max(0.0), above) / above)
         }
-        Kind::Ref => 0.0,
+        Kind::Ref | Kind::Hardening(_) => 0.0,
     }
 }
 
@@ -267,6 +290,6 @@ fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
             };
             (s * slope, if p > 0.0 { run.z } else { 0.0 }, 0.0)
         }
-        Kind::Ref => (0.0, 0.0, force_of(run, e, de)),
+        Kind::Ref | Kind::Hardening(_) => (0.0, 0.0, force_of(run, e, de)),
     }
 }

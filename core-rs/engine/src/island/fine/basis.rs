@@ -22,6 +22,8 @@ pub(super) struct Basis {
 /// Every polynomial, and its slope, at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct At {
+    /// 0 to 1.
+    pub(super) s: f64,
     pub(super) value: [f64; MOST],
     pub(super) slope: [f64; MOST],
 }
@@ -83,6 +85,7 @@ impl At {
         let (u, mut at) = (
             2.0 * s - 1.0,
             Self {
+                s,
                 value: [0.0; MOST],
                 slope: [0.0; MOST],
             },

@@ -47,9 +47,20 @@ pub(super) struct LawState {
     is_known: bool,
 }
 
+/// A law at one instant.
+#[derive(Clone, Copy)]
+struct LawNow<'a> {
+    kind: &'a Kind,
+    /// How far its gate is open.
+    open: f64,
+    /// Of a law whose K and Z are led: [N/m, N·frame/m].
+    k: f64,
+    z: f64,
+}
+
 impl LawScript {
     pub(super) fn new(script: &Script) -> Self {
-        let is_law = |index: &usize| matches!(script.links[*index].kind, Kind::Lnl { .. });
+        let is_law = |index: &usize| !matches!(script.links[*index].kind, Kind::But(_));
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
         let parts = (script.steps / 2).max(1);
         let (n, h) = (script.basis.n(), 1.0 / parts as f64);
@@ -141,7 +152,7 @@ impl Fine {
             for round in 0..ROUNDS {
                 let mut is_met = true;
                 for own in 0..n_laws {
-                    is_met &= self.meet(script, laws, gates, (own, round));
+                    is_met &= self.meet(script, laws, (gates, at), (own, round));
                 }
                 if is_met {
                     break;
@@ -164,14 +175,12 @@ impl Fine {
         &mut self,
         script: &Script,
         laws: &LawScript,
-        gates: &[f64],
+        (gates, at): (&[f64], &[At; STAGES]),
         (own, round): (usize, usize),
     ) -> bool {
-        let run = &script.links[laws.links[own]];
-        let Kind::Lnl { law, rate, .. } = &run.kind else {
-            return true;
-        };
-        let open = run.gate.map_or(1.0, |gate| gates[gate]);
+        let link = laws.links[own];
+        let forces = at.map(|at| self.law(script, gates, (link, at.s)));
+        let rate = forces[0].rate();
         let n_laws = laws.links.len();
         let (mut e, mut v) = (self.laws[own].elongation, self.laws[own].rate);
         for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves[own * n_laws..]) {
@@ -185,7 +194,7 @@ impl Fine {
         let mut unmet = [0.0; STAGES];
         let mut largest = f64::MIN_POSITIVE;
         for stage in 0..STAGES {
-            let force = open * law.force(e[stage], v[stage] * rate);
+            let force = forces[stage].at(e[stage], v[stage] * rate);
             unmet[stage] = force - state.force[stage];
             largest = largest.max(force.abs());
         }
@@ -193,7 +202,7 @@ impl Fine {
             let [by_x, by_v] = &laws.moves[own * n_laws + own];
             let mut left = [[0.0; STAGES]; STAGES];
             for stage in 0..STAGES {
-                let force = |e: f64, v: f64| open * law.force(e, v);
+                let force = |e: f64, v: f64| forces[stage].at(e, v);
                 let [k, z] = slopes(&force, e[stage], v[stage] * rate);
                 for column in 0..STAGES {
                     let one = if column == stage { 1.0 } else { 0.0 };
@@ -226,7 +235,20 @@ impl Fine {
         for &link in &laws.links {
             let [e, v] = self.elongation(script, link, &at);
             let run = &script.links[link];
-            body.link[run.first] = law_force(script, gates, link, [e, v]);
+            let law = self.law(script, gates, (link, 0.0));
+            body.link[run.first] = law.at(e, v * law.rate());
+        }
+    }
+
+    /// A law as it is at an instant of this frame.
+    fn law<'a>(&self, script: &'a Script, gates: &[f64], (link, s): (usize, f64)) -> LawNow<'a> {
+        let run = &script.links[link];
+        let [k, z] = self.numbers(link, s);
+        LawNow {
+            kind: &run.kind,
+            open: run.gate.map_or(1.0, |gate| gates[gate]),
+            k,
+            z,
         }
     }
 
@@ -251,11 +273,12 @@ impl Fine {
         let [e, v] = self.elongation(script, link, at);
         let (a, b_end) = script.ends[link];
         let jump = script.jump(a, b_end);
+        let (own, step) = (self.law(script, gates, (link, at.s)), script.rate.step());
         let mut impulse = 0.0;
         for _ in 0..AGAIN {
             // Halfway through the kick.
             let v = v - 0.5 * jump * impulse;
-            impulse = b * script.rate.step() * law_force(script, gates, link, [e, v]);
+            impulse = b * step * own.at(e, v * own.rate());
         }
         self.work.instants += 1;
         self.shove(script, a, impulse, at);
@@ -263,12 +286,23 @@ impl Fine {
     }
 }
 
-fn law_force(script: &Script, gates: &[f64], link: usize, [e, v]: [f64; 2]) -> f64 {
-    let run = &script.links[link];
-    let open = run.gate.map_or(1.0, |gate| gates[gate]);
-    match &run.kind {
-        Kind::Lnl { law, rate, .. } => open * law.force(e, v * rate),
-        _ => 0.0,
+impl LawNow<'_> {
+    /// A rate of elongation [m/frame] times this is what the law takes.
+    fn rate(&self) -> f64 {
+        match self.kind {
+            Kind::Lnl { rate, .. } => *rate,
+            _ => 1.0,
+        }
+    }
+
+    /// Its force at an elongation and a rate [N].
+    fn at(&self, e: f64, v: f64) -> f64 {
+        let force = match self.kind {
+            Kind::Lnl { law, .. } => law.force(e, v),
+            Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
+            _ => 0.0,
+        };
+        self.open * force
     }
 }
 

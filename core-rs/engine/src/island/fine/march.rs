@@ -85,7 +85,7 @@ impl Own<'_> {
         if give == 0.0 {
             return 0.0;
         }
-        let tangent = if self.but.exponent == 1.0 {
+        let tangent = if self.but.exponent == 1.0 || self.k == 0.0 {
             self.k
         } else {
             // As deep as all its energy takes it.
@@ -123,7 +123,7 @@ impl Fine {
         for index in 0..script.links.len() {
             let rested = std::mem::take(&mut self.rests[index]);
             self.pushes[index] = false;
-            let Some(own) = self.own(script, gates, index) else {
+            let Some(own) = self.own(script, gates, (index, 0.0)) else {
                 continue;
             };
             let now = self.look(script, &own, &start);
@@ -160,8 +160,13 @@ impl Fine {
         }
     }
 
-    /// A contact that may be closed in this frame.
-    fn own<'a>(&self, script: &'a Script, gates: &[f64], index: usize) -> Option<Own<'a>> {
+    /// A contact that may be closed in this frame, as it is at an instant of it.
+    fn own<'a>(
+        &self,
+        script: &'a Script,
+        gates: &[f64],
+        (index, s): (usize, f64),
+    ) -> Option<Own<'a>> {
         let run = &script.links[index];
         let Kind::But(but) = &run.kind else {
             return None;
@@ -171,12 +176,13 @@ impl Fine {
             return None;
         }
         let (a, b) = script.ends[index];
+        let [k, z] = self.numbers(index, s);
         Some(Own {
             but,
             ends: (a, b),
             side: side(but),
-            k: open * run.k,
-            z: open * run.z,
+            k: open * k,
+            z: open * z,
             rest: run.rest,
             jump: script.jump(a, b),
         })
@@ -240,12 +246,15 @@ impl Fine {
         (s, h, index): (f64, f64, usize),
         left: &mut usize,
     ) -> f64 {
-        let Some(own) = self.own(script, forces.1, index) else {
+        let Some(own) = self.own(script, forces.1, (index, s)) else {
             return h;
         };
         let held = |fine: &Self, s: f64| {
-            let state = fine.look(script, &own, &At::new(script.basis.n(), s));
-            (own.holds(state), state)
+            let own = fine.own(script, forces.1, (index, s));
+            own.map_or((0.0, [0.0; 2]), |own| {
+                let state = fine.look(script, &own, &At::new(script.basis.n(), s));
+                (own.holds(state), state)
+            })
         };
         let (mut taken, (at_high, mut state)) = (h, held(self, s + h));
         self.restore();
@@ -293,7 +302,7 @@ impl Fine {
         let at = At::new(script.basis.n(), s);
         let mut quickest = 1.0_f64;
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
-            if let Some(own) = self.own(script, gates, index) {
+            if let Some(own) = self.own(script, gates, (index, s)) {
                 quickest = quickest.max(own.quickness(self.look(script, &own, &at), step));
             }
         }
@@ -326,7 +335,7 @@ impl Fine {
             if !self.pushes[index] {
                 continue;
             }
-            let Some(own) = self.own(script, gates, index) else {
+            let Some(own) = self.own(script, gates, (index, s)) else {
                 continue;
             };
             self.work.instants += 1;
@@ -343,7 +352,7 @@ impl Fine {
         let at = At::new(script.basis.n(), s);
         let others = (0..script.links.len()).filter(|&index| !self.located[index]);
         others.into_iter().find(|&index| {
-            self.own(script, gates, index).is_some_and(|own| {
+            self.own(script, gates, (index, s)).is_some_and(|own| {
                 let state = self.look(script, &own, &at);
                 if self.pushes[index] {
                     own.holds(state) < 0.0
@@ -360,16 +369,15 @@ impl Fine {
         let mut from = s;
         for look in 1..=LOOKS {
             let to = s + (1.0 - s) * look as f64 / LOOKS as f64;
-            let at = At::new(n, to);
             let mut first: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
-                let Some(own) = self.own(script, gates, index) else {
-                    continue;
+                let closes = |s: f64| {
+                    let own = self.own(script, gates, (index, s));
+                    own.is_some_and(|own| own.closes(self.look(script, &own, &At::new(n, s))))
                 };
-                if !own.closes(self.look(script, &own, &at)) {
+                if !closes(to) {
                     continue;
                 }
-                let closes = |s: f64| own.closes(self.look(script, &own, &At::new(n, s)));
                 let (mut open, mut closed) = (from, to);
                 // Halving finds it to the last bit but a few.
                 while closed - open > 1e-13 && !closes(open) {
@@ -409,7 +417,7 @@ impl Fine {
             for _ in 0..ROUNDS {
                 let mut change = 0.0_f64;
                 for index in 0..script.links.len() {
-                    let Some(own) = self.own(script, gates, index) else {
+                    let Some(own) = self.own(script, gates, (index, middle.s)) else {
                         continue;
                     };
                     self.work.instants += 1;

@@ -14,9 +14,8 @@ use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::{IslandPlan, Whole};
-use crate::scheme::{Certificate, Scheme};
-use crate::timeline::Timeline;
-use crate::units::Rate;
+use crate::scheme::{Certificate, Refusal, Scheme};
+use crate::timeline::{Timeline, greatest};
 
 /// An island that can be played.
 #[derive(Clone)]
@@ -47,7 +46,6 @@ impl Assembled {
         } else {
             faster(&own.timeline, oversampling, &subset.network)?
         };
-        let rate = timeline.rate;
         // A slow part stays as slow when all else is quicker.
         let sped = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
@@ -64,7 +62,8 @@ impl Assembled {
             let leaps =
                 |found: &PortedBody| matches!(&found.inside, BodyPlan::Mesh(mesh) if mesh.leaps());
             let once = cut.bodies.iter().any(leaps).then_some(1);
-            let by = |most| hub(&cut.hub.network, rate, budget, most);
+            let timeline = &cut.own.timeline;
+            let by = |most| hub(&cut.hub.network, timeline, budget, most, Refusal::Bare);
             match once
                 .map_or_else(|| by(Budget::STEPS_MAX), by)
                 .or_else(|_| by(Budget::STEPS_MAX))
@@ -76,7 +75,18 @@ impl Assembled {
         let (cut, (contact_substeps, may_collocate, certificate)) = match found {
             Some(found) => found,
             None => {
-                let stable = hub(&subset.network, rate, budget, Budget::STEPS_MAX)?;
+                // Of all rates the composer is told of the score's own.
+                let refusal = match oversampling {
+                    1 => Refusal::Explained,
+                    _ => Refusal::Bare,
+                };
+                let stable = hub(
+                    &subset.network,
+                    &timeline,
+                    budget,
+                    Budget::STEPS_MAX,
+                    refusal,
+                )?;
                 (ported::whole(subset, own, timeline), stable)
             }
         };
@@ -173,11 +183,13 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
 /// the rest of it is stable.
 fn hub(
     network: &Network,
-    rate: Rate,
+    timeline: &Timeline,
     budget: &Budget,
     most: usize,
+    refusal: Refusal,
 ) -> Result<(usize, bool, Certificate), Error> {
-    let mut scheme = Scheme::new(network, rate)?;
+    let network = &greatest(network, &timeline.leads)?;
+    let mut scheme = Scheme::new(network, timeline.rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
     // Where the discrete network is the truth, so are its contacts.
@@ -192,7 +204,8 @@ fn hub(
         scheme.take_fine();
     }
     let may_collocate = has_laws && !is_discrete && most > 1;
-    Ok((contact_substeps, may_collocate, scheme.certify(network)?))
+    let certificate = scheme.certify_or(network, refusal)?;
+    Ok((contact_substeps, may_collocate, certificate))
 }
 
 /// Two maps one after the other.

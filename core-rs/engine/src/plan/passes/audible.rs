@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::network::Network;
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::loudness::Loudness;
@@ -50,7 +51,7 @@ pub(in crate::plan) trait ModalBody {
 pub(in crate::plan) fn keep(
     body: &impl ModalBody,
     strikes: &Blows,
-    n_out: usize,
+    network: &Network,
     mut allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
@@ -61,10 +62,10 @@ pub(in crate::plan) fn keep(
     };
     let frames = strikes.values().flatten().map(|&(frame, _, _)| frame);
     let first = frames.min().filter(|_| !body.is_moving());
-    let outputs: Vec<u32> = (0..n_out as u32).collect();
+    let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
     let loudness = |some: &[usize]| {
         let bank = body.bank(some, &outputs);
-        Loudness::of(bank, outputs.len(), rate, first.unwrap_or(0))
+        Loudness::of(bank, network, rate, first.unwrap_or(0))
     };
     let mut all = None;
     loop {

@@ -26,7 +26,8 @@ pub(in crate::plan) fn bank(
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let is_handled = !timeline.keys.is_empty() || !timeline.drives.is_empty();
-    if is_handled || !timeline.ergons.is_empty() || !timeline.glides.is_empty() {
+    let is_led = !timeline.glides.is_empty() || !timeline.leads.is_empty();
+    if is_handled || !timeline.ergons.is_empty() || is_led {
         return Err(NoModes::Handled);
     }
     if !timeline.gates.is_empty() {
@@ -88,7 +89,7 @@ fn normal(
         None => {
             // Of what a session may bring nothing is known: nothing that can be heard is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);
-            audible::keep(&own, strikes, n_out, allowed, budget, rate)
+            audible::keep(&own, strikes, network, allowed, budget, rate)
         }
     };
     let rest = (0..n_out)

@@ -43,7 +43,7 @@ pub(in crate::plan) fn bank(
         Some(_) => return Err(NoModes::Pinned),
         None => {
             let allowed = budget.left_out();
-            let kept = audible::keep(&own, strikes, sums.len(), allowed, budget, rate);
+            let kept = audible::keep(&own, strikes, network, allowed, budget, rate);
             own.filled(kept)
         }
     };

@@ -81,6 +81,16 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     for mat in keys.chain(drives).chain(glides) {
         found[index[forest.root(mat)] as usize].is_handled = true;
     }
+    for (link, a, b) in ends(network) {
+        if timeline
+            .leads
+            .iter()
+            .any(|lead| lead.links().contains(&link))
+        {
+            let own = if is_free[a] { a } else { b };
+            found[index[forest.root(own)] as usize].is_handled = true;
+        }
+    }
     for island in &mut found {
         island.guests.sort_unstable();
         island.guests.dedup();

@@ -2,7 +2,9 @@
 //! hold together or against each other, and no sum of their energies tells.
 
 use crate::bank::Bank;
+use crate::derivative::Derivatives;
 use crate::maths::log10;
+use crate::network::Network;
 use crate::plan::BankPlan;
 use crate::units::Rate;
 
@@ -16,8 +18,15 @@ const ROOM: usize = 256;
 pub(in crate::plan) struct Loudness(Vec<Vec<f64>>);
 
 impl Loudness {
-    /// Of a bank that outputs hear by their local index.
-    pub(in crate::plan) fn of(mut bank: BankPlan, n_out: usize, rate: Rate, from: u64) -> Self {
+    /// Of a bank that outputs of a network hear by their index there.
+    pub(in crate::plan) fn of(
+        mut bank: BankPlan,
+        network: &Network,
+        rate: Rate,
+        from: u64,
+    ) -> Self {
+        let n_out = network.outputs().len();
+        let mut derivatives = Derivatives::of(network, rate.hertz());
         for strikes in &mut bank.strikes {
             for blow in &mut strikes.blows {
                 blow.0 -= from;
@@ -33,6 +42,7 @@ impl Loudness {
                 let sound = &mut sound[..n_frames * n_out];
                 sound.fill(0.0);
                 playing.process(sound, n_out, n_frames);
+                derivatives.process(sound, n_out);
                 for frame in sound.chunks_exact(n_out.max(1)) {
                     sums.iter_mut()
                         .zip(frame)

@@ -6,11 +6,12 @@ use std::sync::Arc;
 use crate::integrate::{MeshMethod, certify};
 use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
-use crate::network::Network;
+use crate::network::{Error, Network};
 use crate::plan::budget::Budget;
 use crate::plan::passes::body::heard;
+use crate::plan::passes::split::local as links_of;
 use crate::plan::passes::wiring::Body;
-use crate::timeline::{Timeline, pushes};
+use crate::timeline::{Lead, Timeline, greatest, pushes};
 use crate::units::Rate;
 
 /// Methods by what they cost a frame, in steps of CA (docs/benchmarks.md); the last cannot diverge.
@@ -63,33 +64,31 @@ pub(in crate::plan) fn mesh(
     (ways, index): (Ways<'_>, usize),
 ) -> Option<Mesh> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let parts = subset.network.mats().part.iter();
-    if parts
-        .chain(
-            &subset
-                .network
-                .runs()
-                .iter()
-                .map(|run| run.part as u32)
-                .collect::<Vec<_>>(),
-        )
-        .any(|&part| network.parts()[part as usize].ca_rate.is_some())
-    {
+    if is_discrete(network, &subset.network) {
         return None; // the discrete network is the truth
     }
     let rate = timeline.rate;
+    let leads: Vec<Lead> = timeline
+        .leads
+        .iter()
+        .filter_map(|lead| links_of(&subset, lead.links()).map(|(first, len)| lead.on(first, len)))
+        .collect();
+    let stiffest = greatest(&subset.network, &leads).ok()?;
+    let is_led = !leads.is_empty();
     let (way, substeps) = match pin {
         Some(&[way, substeps]) => (*MeshMethod::ALL.get(way as usize)?, substeps),
         Some(_) => return None,
         None => match ways {
             Ways::As(bodies) => (*bodies.get(index)?)?,
             Ways::All((way, substeps)) => {
-                certify(&subset.network, rate, way, substeps).ok()?;
+                let way = if is_led { MeshMethod::Bm4 } else { way };
+                certify(&stiffest, rate, way, substeps).ok()?;
                 (way, substeps)
             }
             Ways::Stepped => return None,
-            Ways::Safe => choose(&subset.network, rate, budget, true)?,
-            Ways::Budget => choose(&subset.network, rate, budget, false)?,
+            Ways::Safe if !is_led => choose(&stiffest, rate, budget, true)?,
+            _ if is_led => choose_led(&stiffest, rate, budget)?,
+            _ => choose(&stiffest, rate, budget, false)?,
         },
     };
     let outputs = heard(&subset.network).ok()?;
@@ -115,13 +114,55 @@ pub(in crate::plan) fn mesh(
         heard: subset.outputs.iter().copied().zip(outputs.rows).collect(),
         strikes: strikes.collect::<Option<_>>()?,
         network: Arc::new(subset.network),
+        leads,
     })
+}
+
+/// Refuses a mesh with links that IEQ does not know, where it is asked for by name: it would be stepped by CA unasked.
+///
+/// # Errors
+/// With the name of a module of it.
+pub(in crate::plan) fn takes(
+    network: &Network,
+    rate: Rate,
+    body: &Body,
+    way: MeshMethod,
+) -> Result<(), Error> {
+    let subset = network.subset(&body.mats, &body.guests, &body.links);
+    if way != MeshMethod::Ieq || is_discrete(network, &subset.network) {
+        return Ok(()); // CA steps what is discrete, whatever is asked for
+    }
+    certify(&subset.network, rate, way, 1).map(|_| ())
+}
+
+/// Whether the discrete network is the truth of any part in it.
+fn is_discrete(network: &Network, own: &Network) -> bool {
+    let of_mats = own.mats().part.iter().map(|&part| part as usize);
+    let of_links = own.runs().iter().map(|run| run.part);
+    of_mats
+        .chain(of_links)
+        .any(|part| network.parts()[part].ca_rate.is_some())
 }
 
 /// A mesh's method, as numbers of a plan.
 pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
     let way = MeshMethod::ALL.iter().position(|&way| way == mesh.way);
     vec![way.unwrap_or(0) as u32, mesh.substeps]
+}
+
+/// BM4 as often as the budget asks for: of the methods it alone keeps the action of an oscillation whose frequency changes
+/// to its own order, and so the amplitude.
+fn choose_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
+    let way = MeshMethod::Bm4;
+    let mut stable = [1, 2, 4]
+        .into_iter()
+        .filter(|&substeps| certify(network, rate, way, substeps).is_ok());
+    let Budget::Cents { cents: most, upto } = *budget else {
+        return stable.next().map(|substeps| (way, substeps));
+    };
+    let x = TAU * upto * rate.step();
+    let is_enough = |substeps: &u32| cents(way, x / f64::from(*substeps)) <= most;
+    stable.find(is_enough).map(|substeps| (way, substeps))
 }
 
 /// The first rung of the ladder that is exact enough by its formula, and stable; `is_safe`: that cannot diverge.

@@ -6,7 +6,7 @@ use crate::cell::Response;
 use crate::island::inside::BodyPlan;
 use crate::island::modal::{Answers, Modal, Mode, Port, Struck};
 use crate::network::forest::ends;
-use crate::network::{Network, Subset, Term};
+use crate::network::{Error, Network, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::cost;
@@ -102,6 +102,30 @@ pub(in crate::plan) fn cut(
         return (None, why);
     }
     (Some(hub(island, timeline, found)), why)
+}
+
+/// Refuses meshes that the method which is asked for by name cannot step.
+///
+/// # Errors
+/// With the name of a module of such a mesh.
+pub(in crate::plan) fn takes(
+    network: &Network,
+    timeline: &Timeline,
+    budget: &Budget,
+) -> Result<(), Error> {
+    let Budget::Method(method) = budget else {
+        return Ok(());
+    };
+    let Some(way) = method.way() else {
+        return Ok(());
+    };
+    let mut wiring = Wiring::new(network, timeline);
+    for (body, _) in slow(network, timeline).bodies {
+        wiring.take(&body.mats);
+    }
+    let bodies = wiring.bodies(network, true, true);
+    let takes = |body: &Body| mesh::takes(network, timeline.rate, body, way);
+    bodies.iter().try_for_each(takes)
 }
 
 impl PortedBody {

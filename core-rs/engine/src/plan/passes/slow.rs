@@ -111,6 +111,10 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         .gates
         .iter()
         .for_each(|gate| is_inner[gate.links()].fill(false));
+    timeline
+        .leads
+        .iter()
+        .for_each(|lead| is_inner[lead.links()].fill(false));
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
             Term::Force { first, len, .. } => is_inner[first..first + len].fill(false),

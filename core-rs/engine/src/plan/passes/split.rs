@@ -1,6 +1,7 @@
 //! What happens, shared out to the islands that it happens to.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::network::Subset;
@@ -79,21 +80,29 @@ pub(in crate::plan) fn split(
             }
         }
     }
-    for gate in &timeline.gates {
-        for (at, subset) in subsets.iter().enumerate() {
-            // Links rise, so those of a range lie together.
-            let local = |whole: usize| {
-                subset
-                    .links
-                    .partition_point(|&link| (link as usize) < whole)
-            };
-            let (first, stop) = (local(gate.links().start), local(gate.links().end));
-            if stop > first {
-                own[at].timeline.gates.push(gate.on(first, stop - first));
+    for (subset, own) in subsets.iter().zip(&mut own) {
+        for gate in &timeline.gates {
+            if let Some((first, len)) = local(subset, gate.links()) {
+                own.timeline.gates.push(gate.on(first, len));
+            }
+        }
+        for lead in &timeline.leads {
+            if let Some((first, len)) = local(subset, lead.links()) {
+                own.timeline.leads.push(lead.on(first, len));
             }
         }
     }
     subsets.into_iter().zip(own).collect()
+}
+
+/// The first of some links in a subset, and how many of them are there. Links rise, so those of a range lie together.
+pub(in crate::plan) fn local(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
+    let at = |whole: usize| {
+        let links = &subset.links;
+        links.partition_point(|&link| (link as usize) < whole)
+    };
+    let (first, stop) = (at(links.start), at(links.end));
+    (stop > first).then(|| (first, stop - first))
 }
 
 /// The homes of every MAT that something happens to: one if it moves, any number if it is held.

@@ -22,7 +22,7 @@ pub(in crate::plan) struct Body {
 /// Which links may lie inside a body, and which MATs.
 pub(in crate::plan) struct Wiring {
     may: Vec<bool>,
-    /// Springs, and springs and laws.
+    /// Springs that stay as they are, and laws or springs that are led.
     is_spring: Vec<bool>,
     is_law: Vec<bool>,
     is_driven: Vec<bool>,
@@ -63,6 +63,12 @@ impl Wiring {
             let links = run.first..run.first + run.len;
             is_spring[links.clone()].fill(matches!(run.kind, LinkKind::Ref));
             is_law[links].fill(matches!(run.kind, LinkKind::Lnl(_)));
+        }
+        // What is led has no modes of its own; a method can step it.
+        for lead in &timeline.leads {
+            for link in lead.links() {
+                (is_spring[link], is_law[link]) = (false, is_spring[link] || is_law[link]);
+            }
         }
         let mut outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
         let gated = timeline.gates.iter().flat_map(|gate| gate.links());

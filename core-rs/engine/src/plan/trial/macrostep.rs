@@ -383,7 +383,7 @@ impl<'a> Map<'a> {
 /// A run as linear links; `None` where it is open, or computed finer than a frame.
 fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item = Link> + use<>> {
     let (k, z) = match &run.kind {
-        Kind::Ref => (run.k, run.z),
+        Kind::Ref | Kind::Hardening(_) => (run.k, run.z),
         Kind::But(_) if !closed || (is_fine && run.can_substep()) => {
             return None;
         }

@@ -1,5 +1,6 @@
 //! Playing the beginning of an island, and for how long that is worth it.
 
+use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
@@ -100,7 +101,8 @@ struct Meter<'a> {
 impl<'a> Meter<'a> {
     fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
         let rows: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
-        let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * rows;
+        let short = rows + cost::lone_laws_cost(&island_plan.network);
+        let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short;
         let heard = HEARD * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
@@ -176,6 +178,8 @@ pub(in crate::plan) fn nudged(
     let mut island = island(island_plan, contact_substeps)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
+    let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
+    let mut derivatives = Derivatives::of(&island_plan.network, rate);
     let mut squares: Vec<Vec<f64>> = island_plan
         .bodies
         .iter()
@@ -190,6 +194,7 @@ pub(in crate::plan) fn nudged(
         let frames = sound.len() / n_out.max(1);
         meter.draw(&island, frames)?;
         let _ = island.process(sound, frames, &mut ThreadTeam::alone());
+        derivatives.process(sound, n_out);
         island.squares(&mut squares);
     }
     Ok(Take {

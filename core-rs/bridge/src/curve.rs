@@ -1,0 +1,26 @@
+//! Where a written curve leads, instant by instant.
+
+use ergon_engine::gesture::profile::{Point, Profile};
+use ergon_engine::gesture::written::Approach;
+use pyo3::prelude::*;
+
+use crate::error::{refused, word};
+use crate::words;
+
+/// Values of the path through points (t, x, curve) at instants.
+#[pyfunction]
+pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyResult<Vec<f64>> {
+    let point = |(t, x, curve): &(f64, f64, String)| {
+        let Approach::Path(curve) = word("curve", curve, &words::WAYS)? else {
+            return Err(refused("path_values", "a throw leads along no path"));
+        };
+        Ok(Point {
+            t: *t,
+            x: *x,
+            curve,
+        })
+    };
+    let points = points.iter().map(point).collect::<PyResult<Vec<_>>>()?;
+    let path = Profile::through(&points).map_err(|error| refused("path_values", error))?;
+    Ok(at.into_iter().map(|t| path.at(t).0).collect())
+}

@@ -1,0 +1,218 @@
+//! Rates of change of sampled outputs: speed and acceleration from positions.
+//!
+//! Both formulas are maximally flat at 0 Hz, of order 16. With s = sin(π·f/rate) the first one gives the terms up to s¹⁵
+//! of ω·T = 2·arcsin s, the second those up to s¹⁶ of (ω·T)² = 4·arcsin² s: too little by 0.0006 dB and 0.0016 dB at a
+//! quarter of the rate, by 0.55 dB and 1.18 dB at 20 kHz of 44.1 kHz. The phase is that of a pure delay at every frequency.
+
+use crate::network::Network;
+
+/// Frames on each side of the instant of which the rate of change is told.
+const SIDE: usize = 8;
+/// Frames that a formula looks back on, with the newest.
+pub const SPAN: usize = 2 * SIDE + 1;
+
+/// A rate of change of one output.
+#[derive(Clone, Debug)]
+struct Differentiator {
+    output: usize,
+    /// First or second derivative.
+    is_second: bool,
+    /// Of pairs of frames, the innermost first   [1/s or 1/s²]
+    weights: [f64; SIDE],
+    /// The last frames, the newest at `at`; each twice, so that they lie together.
+    past: [f64; 2 * SPAN],
+    at: usize,
+    is_begun: bool,
+}
+
+/// The outputs that are differentiated, in place: an output of order 1 comes 7.5 frames late, of order 2 8 frames.
+#[derive(Clone, Debug, Default)]
+pub struct Derivatives(Vec<Differentiator>);
+
+impl Derivatives {
+    /// Of the outputs of a network whose frames come at `rate` [Hz]; before the first frame everything stood where it
+    /// stands there.
+    pub fn of(network: &Network, rate: f64) -> Self {
+        let outputs = network.outputs().iter().enumerate();
+        let differentiated = outputs.filter(|(_, output)| output.order > 0);
+        let own = differentiated.map(|(index, output)| Differentiator {
+            output: index,
+            is_second: output.order == 2,
+            weights: if output.order == 2 {
+                second().map(|weight| weight * rate * rate)
+            } else {
+                first().map(|weight| weight * rate)
+            },
+            past: [0.0; 2 * SPAN],
+            at: 0,
+            is_begun: false,
+        });
+        Self(own.collect())
+    }
+
+    /// Whether no output is differentiated.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Replace each output that is differentiated in `frames`, (n_frames, n_out).
+    pub fn process(&mut self, frames: &mut [f64], n_out: usize) {
+        for own in &mut self.0 {
+            for x in frames.iter_mut().skip(own.output).step_by(n_out.max(1)) {
+                *x = own.next(*x);
+            }
+        }
+    }
+
+    /// Go on as `old` stands; `outputs`: which output here each of its outputs has become. Allocates nothing.
+    pub fn take_over(&mut self, old: &Self, outputs: &[Option<usize>]) {
+        for own in &mut self.0 {
+            let is_same = |before: &&Differentiator| {
+                outputs.get(before.output).copied().flatten() == Some(own.output)
+            };
+            if let Some(before) = old.0.iter().find(is_same) {
+                (own.past, own.at, own.is_begun) = (before.past, before.at, before.is_begun);
+            }
+        }
+    }
+}
+
+impl Differentiator {
+    fn next(&mut self, x: f64) -> f64 {
+        if !self.is_begun {
+            self.past = [x; 2 * SPAN];
+            self.is_begun = true;
+        }
+        self.at = (self.at + 1) % SPAN;
+        (self.past[self.at], self.past[self.at + SPAN]) = (x, x);
+        // Oldest first.
+        let past = &self.past[self.at + 1..=self.at + SPAN];
+        let pairs = self.weights.iter().zip(1..);
+        if self.is_second {
+            let now = past[SIDE];
+            pairs
+                .map(|(w, k)| w * ((past[SIDE + k] - now) - (now - past[SIDE - k])))
+                .sum()
+        } else {
+            // Between the two frames in the middle of the last 16.
+            pairs
+                .map(|(w, k)| w * (past[SIDE + k] - past[SIDE + 1 - k]))
+                .sum()
+        }
+    }
+}
+
+/// Weights of x(k − ½) − x(½ − k) in the first derivative at 0, k from 1.
+fn first() -> [f64; SIDE] {
+    std::array::from_fn(|i| {
+        let k = (i + 1) as f64;
+        let odd = 2.0 * k - 1.0;
+        // Lagrange: what the polynomial through all frames has as its slope.
+        let others = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {
+            let other = 2.0 * m as f64 - 1.0;
+            other * other / (other * other - odd * odd)
+        });
+        others.product::<f64>() / odd
+    })
+}
+
+/// Weights of x(k) − 2·x(0) + x(−k) in the second derivative at 0, k from 1.
+fn second() -> [f64; SIDE] {
+    std::array::from_fn(|i| {
+        let k = (i + 1) as f64;
+        let others = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {
+            let other = m as f64;
+            other * other / (other * other - k * k)
+        });
+        others.product::<f64>() / (k * k)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::maths::{log10, sincos};
+    use crate::network::Term;
+
+    const RATE: f64 = 44_100.0;
+
+    fn derivatives(order: u8) -> Derivatives {
+        let mut network = Network::new();
+        let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
+        let term = Term::Position {
+            first: m,
+            len: 1,
+            weight: 1.0,
+        };
+        network.listen_to("m", vec![term], order).unwrap();
+        Derivatives::of(&network, RATE)
+    }
+
+    /// Largest difference from the derivative of a sine, `delay` frames before, relative to its size [dB].
+    fn error(order: u8, f: f64, delay: f64) -> f64 {
+        let mut own = derivatives(order);
+        let omega = TAU * f;
+        let sine = |n: f64| sincos(omega * n / RATE);
+        let mut worst = 0.0_f64;
+        for n in 0..2000 {
+            let mut x = [sine(f64::from(n)).0];
+            own.process(&mut x, 1);
+            let (sin, cos) = sine(f64::from(n) - delay);
+            let wanted = if order == 1 {
+                omega * cos
+            } else {
+                -omega * omega * sin
+            };
+            if n >= SPAN as i32 {
+                let size = if order == 1 { omega } else { omega * omega };
+                worst = worst.max(((x[0] - wanted) / size).abs());
+            }
+        }
+        20.0 * log10(worst)
+    }
+
+    #[test]
+    fn a_sine_has_its_speed_and_acceleration() {
+        for (f, first, second) in [
+            (220.0, -130.0, -130.0),
+            (2_000.0, -130.0, -130.0),
+            (5_000.0, -130.0, -130.0),
+            (11_025.0, -82.9, -74.6),
+            (15_000.0, -49.2, -41.6),
+            (20_000.0, -24.2, -17.9),
+        ] {
+            let (speed, acceleration) = (error(1, f, 7.5), error(2, f, 8.0));
+            assert!(speed < first, "{f} Hz: speed {speed} dB");
+            assert!(
+                acceleration < second,
+                "{f} Hz: acceleration {acceleration} dB"
+            );
+        }
+    }
+
+    #[test]
+    fn what_stands_has_no_speed() {
+        for order in [1, 2] {
+            let mut frames = [0.3; 100];
+            derivatives(order).process(&mut frames, 1);
+            assert_eq!(frames, [0.0; 100]);
+        }
+    }
+
+    #[test]
+    fn blocks_change_nothing() {
+        let noise: Vec<f64> = (0..1000)
+            .map(|i| sincos(f64::from(i * i % 7919)).0)
+            .collect();
+        let mut whole = noise.clone();
+        derivatives(2).process(&mut whole, 1);
+        for block in [1, 7, 64, 333] {
+            let mut own = derivatives(2);
+            let mut pieces = noise.clone();
+            pieces.chunks_mut(block).for_each(|x| own.process(x, 1));
+            assert_eq!(pieces, whole);
+        }
+    }
+}

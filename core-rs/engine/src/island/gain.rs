@@ -1,0 +1,349 @@
+//! Energy that explicit steps make out of nothing.
+//!
+//! A contact or a law that is stepped by its force at the present frame gives back what it took only where its own
+//! oscillation is slow beside the steps. So each keeps account of what it took, ½(e⁺ − e⁻)·f a step: by this work the
+//! scheme balances exactly, whatever else moves its ends. What it gave beyond that and beyond what it stores is made.
+
+use super::{Fault, Island, OnFault};
+use crate::kernel;
+use crate::scheme::{Kind, Run, Scheme};
+use crate::state::Body;
+
+/// Steps between two looks at the accounts.
+pub(super) const BLOCK: u64 = 256;
+/// Links of one run at most: a longer one of laws is stepped faster than it is accounted for.
+const LONGEST: usize = 32;
+/// Elongations [m] and rates [m/s] at which a law's damping is asked whether it gives energy.
+const ACTIVE: (f64, f64) = (1e-2, 10.0);
+/// Made energy is told of from this part of what was there on.
+const TOLD: f64 = 0.01;
+/// And is a fault from this part on: twice what was there.
+const BORNE: f64 = 1.0;
+
+/// Energy that something took [J].
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Account {
+    /// What it took and has not given back.
+    held: f64,
+    /// The most that this was.
+    most: f64,
+}
+
+/// Energy that something made [J].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Gain {
+    /// What it gave or stores beyond what it took.
+    pub(crate) made: f64,
+    /// What was there without that.
+    pub(crate) of: f64,
+    /// The step at which it was found.
+    pub(crate) frame: u64,
+}
+
+impl Account {
+    /// Of what stores so much.
+    pub(crate) fn new(stored: f64) -> Self {
+        Self {
+            held: stored,
+            most: stored,
+        }
+    }
+
+    pub(crate) fn take(&mut self, work: f64) {
+        self.held += work;
+        self.most = self.most.max(self.held);
+    }
+
+    /// Whether more was given than was ever taken, whatever is stored.
+    fn is_overdrawn(&self) -> bool {
+        self.held < -TOLD * self.most
+    }
+
+    /// What was made where so much is stored, beside the energy of what moves around it.
+    pub(crate) fn gain(&self, stored: f64, around: f64, frame: u64) -> Gain {
+        let made = stored - self.held;
+        // What pushes away from where it rests stores less than nothing.
+        let of = self.most.max(-stored).max(around - made);
+        Gain { made, of, frame }
+    }
+}
+
+impl Gain {
+    /// What is said of it.
+    pub(crate) fn sentence(&self, module: &str, seconds: f64) -> String {
+        let [made, of] = [self.made, self.of].map(joules);
+        format!(
+            "{module} made energy: by {seconds:.3} s it gave {made} more than it took, where {of} were there; \
+             it is too stiff for its steps"
+        )
+    }
+
+    /// Whether it is worth telling.
+    pub(crate) fn is_told(&self) -> bool {
+        self.made > TOLD * self.of
+    }
+
+    /// Whether no render can stand it.
+    fn is_fault(&self) -> bool {
+        self.made > BORNE * self.of
+    }
+
+    fn is_worse(&self, other: &Self) -> bool {
+        self.made * other.of > other.made * self.of
+    }
+
+    /// The worse of two.
+    pub(crate) fn worst(self, other: Option<Self>) -> Self {
+        other.filter(|other| !self.is_worse(other)).unwrap_or(self)
+    }
+}
+
+/// An energy with two digits and its unit.
+fn joules(energy: f64) -> String {
+    const UNITS: [(f64, &str); 6] = [
+        (1e6, "MJ"),
+        (1e3, "kJ"),
+        (1.0, "J"),
+        (1e-3, "mJ"),
+        (1e-6, "µJ"),
+        (1e-9, "nJ"),
+    ];
+    let fits = |unit: &&(f64, &str)| energy >= 0.995 * unit.0 && energy < 995.0 * unit.0;
+    let Some((unit, name)) = UNITS.iter().find(fits) else {
+        return format!("{energy:.1e} J");
+    };
+    let size = energy / unit;
+    let digits = usize::from(size < 9.95);
+    format!("{size:.digits$} {name}")
+}
+
+/// What one link took, as it is added to at every step.
+#[derive(Clone, Copy, Debug)]
+struct Taken {
+    a: usize,
+    b: usize,
+    link: usize,
+    /// In the step before: how fast it stretched [m a step], and its force [N].
+    stretch: f64,
+    force: f64,
+    account: Account,
+}
+
+/// A link whose account is looked at.
+#[derive(Clone, Debug)]
+struct Watched {
+    /// A run of this link alone.
+    run: Run,
+    /// Its elongations [m] where its account began: there, and a step before.
+    from: [f64; 2],
+    /// Whether the account counts what was stored there: it is looked up when it matters.
+    is_whole: bool,
+    worst: Option<Gain>,
+}
+
+/// All links that may make energy.
+#[derive(Clone, Debug)]
+pub(super) struct Gains {
+    taken: Vec<Taken>,
+    links: Vec<Watched>,
+    /// Whether accounts begin at this step.
+    is_fresh: bool,
+}
+
+impl Gains {
+    /// `None` where nothing can make energy.
+    pub(super) fn new(scheme: &Scheme) -> Option<Box<Self>> {
+        let may_gain = |run: &&Run| {
+            let may = match &run.kind {
+                Kind::Ref | Kind::Hardening(_) => false,
+                Kind::But(_) => true,
+                Kind::Lnl { law, .. } => {
+                    let is_told = law.is_shared() || law.is_active(ACTIVE.0, ACTIVE.1);
+                    run.len <= LONGEST && !is_told
+                }
+            };
+            may && run.gate.is_none()
+        };
+        let alone = |run: &Run| {
+            let run = run.clone();
+            (0..run.len).map(move |i| Run {
+                a: run.a + i,
+                b: run.b + i,
+                first: run.first + i,
+                len: 1,
+                ..run.clone()
+            })
+        };
+        let runs = scheme.runs.iter().filter(may_gain).flat_map(alone);
+        let links: Vec<Watched> = runs
+            .map(|run| Watched {
+                run,
+                from: [0.0; 2],
+                is_whole: false,
+                worst: None,
+            })
+            .collect();
+        let taken = links.iter().map(|Watched { run, .. }| Taken {
+            a: run.a,
+            b: run.b,
+            link: run.first,
+            stretch: 0.0,
+            force: 0.0,
+            account: Account::default(),
+        });
+        let taken = taken.collect();
+        (!links.is_empty()).then(|| {
+            Box::new(Self {
+                taken,
+                links,
+                is_fresh: true,
+            })
+        })
+    }
+
+    /// Begin anew at the next step: what happened in this one is not known.
+    pub(super) fn restart(&mut self) {
+        self.is_fresh = true;
+    }
+
+    /// Let go of links on some MATs (n_mat).
+    pub(super) fn release(&mut self, mats: &[bool]) {
+        let stays = |a: usize, b: usize| !mats[a] && !mats[b];
+        self.taken.retain(|taken| stays(taken.a, taken.b));
+        self.links.retain(|link| stays(link.run.a, link.run.b));
+        self.restart();
+    }
+
+    /// A step whose forces are all known, before the MATs move.
+    #[inline(never)]
+    pub(super) fn step(&mut self, body: &Body) {
+        if self.is_fresh {
+            self.begin(body);
+            return;
+        }
+        for taken in &mut self.taken {
+            let force = body.link[taken.link];
+            if force == 0.0 && taken.force == 0.0 {
+                continue;
+            }
+            let stretch = body.d[taken.b] - body.d[taken.a];
+            let work = 0.5 * (taken.stretch + stretch) * taken.force;
+            taken.account.take(work);
+            (taken.stretch, taken.force) = (stretch, force);
+        }
+    }
+
+    #[cold]
+    fn begin(&mut self, body: &Body) {
+        for (taken, link) in self.taken.iter_mut().zip(&mut self.links) {
+            taken.account = Account::default();
+            taken.stretch = body.d[taken.b] - body.d[taken.a];
+            taken.force = body.link[taken.link];
+            (link.from, link.is_whole) = (elongations(&link.run, body), false);
+        }
+        self.is_fresh = false;
+    }
+}
+
+impl Watched {
+    /// What it made by frame `n`, if that is worth telling; `around`: the energy of all masses.
+    fn look(
+        &mut self,
+        account: &mut Account,
+        body: &Body,
+        around: impl Fn() -> f64,
+        n: u64,
+    ) -> Option<Gain> {
+        if account.is_overdrawn() && !self.is_whole {
+            let start = stored(&self.run, self.from);
+            (account.held, account.most) = (account.held + start, account.most + start);
+            self.is_whole = true;
+        }
+        if !account.is_overdrawn() {
+            return None;
+        }
+        let stored = stored(&self.run, elongations(&self.run, body));
+        let gain = account.gain(stored, around(), n);
+        if !gain.is_told() {
+            return None;
+        }
+        self.worst = Some(gain.worst(self.worst));
+        Some(gain)
+    }
+}
+
+/// Elongations of a link now and a step before [m].
+fn elongations(run: &Run, body: &Body) -> [f64; 2] {
+    let now = body.x[run.b] - body.x[run.a] - run.rest;
+    [now, now - (body.d[run.b] - body.d[run.a])]
+}
+
+/// Energy of a link between two steps [J].
+fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
+    0.5 * (kernel::potential(run, now) + kernel::potential(run, before))
+}
+
+/// Energy of all MATs and of what ties them to the ground [J].
+fn around(scheme: &Scheme, body: &Body) -> f64 {
+    let own = |i: usize| {
+        let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
+        0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
+    };
+    let moving = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
+    moving.map(own).sum()
+}
+
+impl Island {
+    /// Links and bodies that made energy, each with the most that it made.
+    pub(crate) fn gains(&self) -> impl Iterator<Item = (String, Gain)> {
+        let links = self.state.gains.iter().flat_map(|gains| &gains.links);
+        let links = links.filter_map(|link| {
+            let gain = link.worst?;
+            Some((self.network.link_name(link.run.first), gain))
+        });
+        let bodies = self.state.bodies.iter();
+        links.chain(bodies.filter_map(|body| {
+            let gain = body.gain()?;
+            Some((body.first_module()?.0, gain))
+        }))
+    }
+
+    /// Look at the accounts: stop or mute where a part made too much.
+    #[cold]
+    pub(super) fn look_for_gains(&mut self) -> Result<(), Fault> {
+        let n = self.state.frame;
+        let mut faults: Vec<(String, usize, Gain)> = Vec::new();
+        if let Some(gains) = &mut self.state.gains {
+            let scheme = self.state.scheme.as_deref().unwrap_or(&self.script.scheme);
+            let body = &self.state.body;
+            let around = || around(scheme, body);
+            for (taken, link) in gains.taken.iter_mut().zip(&mut gains.links) {
+                let found = link.look(&mut taken.account, body, around, n);
+                if let Some(gain) = found.filter(Gain::is_fault) {
+                    let (a, b) = (taken.a, taken.b);
+                    let part = scheme.part[if scheme.w[a] > 0.0 { a } else { b }] as usize;
+                    faults.push((self.network.link_name(taken.link), part, gain));
+                }
+            }
+        }
+        for body in &mut self.state.bodies {
+            if let Some(gain) = body.look_for_gain(n).filter(Gain::is_fault)
+                && let Some((module, part)) = body.first_module()
+            {
+                faults.push((module, part, gain));
+            }
+        }
+        let parts = self.network.parts();
+        // Under `units: ca` the steps are the instrument: what they make is meant.
+        faults.retain(|(_, part, _)| parts[*part].ca_rate.is_none());
+        for (module, part, gain) in faults {
+            if self.script.on_fault == OnFault::Stop {
+                return Err(self.told(module, part, Some(gain)));
+            }
+            if !self.state.mutes.is_mute(part) {
+                self.mute(part, n);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,374 @@
+//! A room: a feedback delay network.
+//!
+//! J.-M. Jot and A. Chaigne, Digital delay networks for designing artificial reverberators (AES 90th Convention, 1991):
+//! what leaves N delay lines goes through an orthogonal matrix back into them, which by itself keeps all energy; each
+//! line loses what its length costs, frequency by frequency, so that all resonances of one pitch fade equally fast.
+
+use thiserror::Error;
+
+use super::delay::Delay;
+use crate::maths::{cos, exp, log, pow, sin, sqrt};
+use crate::section::{BUTTERWORTH_2, Section};
+
+/// Delay lines; a power of two, for the matrix is Hadamard's.
+const LINES: usize = 16;
+/// Speed of sound [m/s].
+const SOUND: f64 = 343.0;
+/// Lengths of the shortest and the longest line beside their mean.
+const SPREAD: (f64, f64) = (0.5, 1.6);
+/// What comes in passes a high-pass [Hz]: a leaning hand is no sound, and a room keeps what stands still longest.
+const HIGHPASS: f64 = 20.0;
+/// Smaller samples are 0: doubles below 1e-308 are slow.
+const LEAST: f64 = 1e-200;
+/// Steps towards a filter that are tried.
+const STEPS: usize = 500;
+
+/// What a room is like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RoomSpec {
+    /// By which another version of the mix knows it again.
+    pub name: String,
+    /// Mean way of sound from wall to wall [m].
+    pub size: f64,
+    /// Decay times by 60 dB [s] at two frequencies [Hz], the lower one first; between and beyond, 1/t60 goes by
+    /// f²/(f² + f₁·f₂).
+    pub t60: [(f64, f64); 2],
+    /// Channels that hear it.
+    pub channels: Vec<usize>,
+    /// Gain of what they hear: at 1 a click has as much energy there as it had, whatever the decay.
+    pub gain: f64,
+}
+
+/// Why a room cannot be built.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum RoomError {
+    /// A size outside of 0.5 m to 100 m.
+    #[error("a room is 0.5 m to 100 m large; here {0} m")]
+    Size(f64),
+    /// Times or frequencies that are none.
+    #[error(
+        "a room needs two decay times above 0.01 s, at two rising frequencies below half of the rate"
+    )]
+    Decay,
+    /// Decays that one filter of first order cannot have.
+    #[error(
+        "decays of {0} s and {1} s cannot be had at these frequencies in a room of this size: take frequencies that lie farther apart, decays that lie closer, or a smaller room"
+    )]
+    Apart(f64, f64),
+    /// A gain that is not finite.
+    #[error("a room's gain is a finite number; here {0}")]
+    Gain(f64),
+}
+
+/// One line with what it loses.
+#[derive(Clone, Debug)]
+struct Line {
+    delay: Delay,
+    /// Filter of first order, y = b₀·x + b₁·x⁻ − a₁·y⁻
+    b0: f64,
+    b1: f64,
+    a1: f64,
+    x: f64,
+    y: f64,
+}
+
+/// A room that sounds.
+#[derive(Clone, Debug)]
+pub(super) struct Room {
+    spec: RoomSpec,
+    lines: Vec<Line>,
+    /// Of each channel and line   (n_channels · LINES)
+    heard: Vec<f64>,
+    highpass: Section,
+}
+
+impl Room {
+    pub(super) fn new(spec: RoomSpec, rate: f64) -> Result<Self, RoomError> {
+        if !(0.5..=100.0).contains(&spec.size) {
+            return Err(RoomError::Size(spec.size));
+        }
+        if !spec.gain.is_finite() {
+            return Err(RoomError::Gain(spec.gain));
+        }
+        let [(low, long), (high, short)] = spec.t60;
+        // `partial_cmp`: NaN is neither.
+        let is_decay =
+            long >= 0.01 && short >= 0.01 && low > 0.0 && low < high && high < 0.5 * rate;
+        if !is_decay {
+            return Err(RoomError::Decay);
+        }
+        let lengths = lengths(spec.size / SOUND * rate);
+        let slopes = slopes(spec.t60, rate).ok_or(RoomError::Apart(long, short))?;
+        let lines = lengths
+            .iter()
+            .map(|&frames| Line::new(frames, slopes, spec.t60, rate))
+            .collect::<Option<Vec<Line>>>()
+            .ok_or(RoomError::Apart(long, short))?;
+        // Energy of all lines' outputs after a click of energy 1: a geometric series.
+        let mean = lengths.iter().sum::<usize>() as f64 / LINES as f64;
+        let kept = exp(-6.0 * std::f64::consts::LN_10 * mean / (long * rate));
+        let scale = if kept < 1.0 {
+            spec.gain * sqrt((1.0 - kept) / kept)
+        } else {
+            spec.gain
+        };
+        let signs = |at: usize| (0..LINES).map(move |line| sign(at, line));
+        let heard = (0..spec.channels.len())
+            .flat_map(signs)
+            .map(|sign| sign * scale)
+            .collect();
+        Ok(Self {
+            spec,
+            lines,
+            heard,
+            highpass: Section::new(HIGHPASS.min(0.4 * rate), rate, BUTTERWORTH_2),
+        })
+    }
+
+    /// Go on as the room of the same name sounds. Allocates nothing.
+    pub(super) fn take_over(&mut self, old: &[Self]) {
+        let Some(old) = old.iter().find(|old| old.spec.name == self.spec.name) else {
+            return;
+        };
+        self.highpass.take_over(&old.highpass);
+        for (own, old) in self.lines.iter_mut().zip(&old.lines) {
+            own.delay.take_over(&old.delay);
+            (own.x, own.y) = (old.x, old.y);
+        }
+    }
+
+    /// Add what is heard of a frame's input to a frame of channels.
+    pub(super) fn next(&mut self, x: f64, frame: &mut [f64]) {
+        let x = if x.is_finite() { x } else { 0.0 };
+        let x = self.highpass.next(x).high / sqrt(LINES as f64);
+        let mut now = [0.0; LINES];
+        for (now, line) in now.iter_mut().zip(&mut self.lines) {
+            *now = line.next();
+        }
+        let rows = self.heard.chunks_exact(LINES);
+        for (&channel, row) in self.spec.channels.iter().zip(rows) {
+            frame[channel] += row.iter().zip(&now).map(|(h, y)| h * y).sum::<f64>();
+        }
+        turn(&mut now);
+        for (back, line) in now.iter().zip(&mut self.lines) {
+            let into = x + back;
+            line.delay.push(if into.abs() < LEAST { 0.0 } else { into });
+        }
+    }
+}
+
+impl Line {
+    /// A line of so many frames, which fades as asked; `None` where no filter of first order does that.
+    fn new(frames: usize, slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Self> {
+        // Natural logarithms of what a pass costs at the two frequencies, and of the filter's gains at 0 and at rate/2.
+        let costs =
+            t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 * frames as f64 / (t60 * rate));
+        let mut ends = slopes.map(|slope| slope * frames as f64);
+        let [low, high] = t60.map(|(f, _)| warped(f, rate));
+        let (middle, lower, upper) = (low * high, low * low, high * high);
+        let mut is_found = false;
+        // The gain of a filter is not quite exp of a weighted sum: some steps towards what was asked.
+        for _ in 0..STEPS {
+            let gain = |square: f64| {
+                let ratio = exp(ends[0] - ends[1]);
+                let (zero, pole) = (middle * ratio, middle / ratio);
+                ends[1] + 0.5 * log((square + zero) / (square + pole))
+            };
+            let missed = [costs[0] - gain(lower), costs[1] - gain(upper)];
+            ends = [ends[0] + missed[0], ends[1] + missed[1]];
+            is_found = missed[0].abs() + missed[1].abs() < 1e-9;
+            if is_found {
+                break;
+            }
+        }
+        if !is_found || ends[0] > 0.0 || ends[1] > 0.0 {
+            return None;
+        }
+        let ratio = exp(0.5 * (ends[0] - ends[1]));
+        let corner = sqrt(middle);
+        let (zero, pole, high) = (corner * ratio, corner / ratio, exp(ends[1]));
+        // H(s) = high·(s + zero)/(s + pole), s = (1 − z⁻¹)/(1 + z⁻¹).
+        Some(Self {
+            delay: Delay::new(frames),
+            b0: high * (1.0 + zero) / (1.0 + pole),
+            b1: high * (zero - 1.0) / (1.0 + pole),
+            a1: (pole - 1.0) / (1.0 + pole),
+            x: 0.0,
+            y: 0.0,
+        })
+    }
+
+    /// What leaves the line now.
+    fn next(&mut self) -> f64 {
+        let x = self.delay.oldest();
+        let y = self.b0 * x + self.b1 * self.x - self.a1 * self.y;
+        (self.x, self.y) = (x, if y.abs() < LEAST { 0.0 } else { y });
+        self.y
+    }
+}
+
+/// tan(π·f/rate): where a frequency lies for a filter that was made by the bilinear transformation.
+fn warped(f: f64, rate: f64) -> f64 {
+    let angle = std::f64::consts::PI * f / rate;
+    sin(angle) / cos(angle)
+}
+
+/// Natural logarithms of the gains at 0 Hz and at half of the rate that a frame costs, where 1/t60 goes by
+/// f²/(f² + f₁·f₂) of warped frequencies; `None` where one would not fade.
+fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
+    let [low, high] = t60.map(|(f, _)| warped(f, rate));
+    let share = |f: f64| f * f / (f * f + low * high);
+    let (first, second) = (share(low), share(high));
+    let [at_low, at_high] = t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 / (t60 * rate));
+    let rise = (at_high - at_low) / (second - first);
+    let ends = [at_low - rise * first, at_low + rise * (1.0 - first)];
+    // Without loss is none that grows.
+    let is_lossless = at_low == 0.0 && at_high == 0.0;
+    (is_lossless || ends.iter().all(|&end| end < 0.0)).then_some(ends)
+}
+
+/// Lengths of the lines [frames]: different primes about a geometric row, whose mean is `mean`.
+fn lengths(mean: f64) -> [usize; LINES] {
+    let (least, most) = SPREAD;
+    let row: [f64; LINES] =
+        std::array::from_fn(|i| least * pow(most / least, i as f64 / (LINES - 1) as f64));
+    let own = row.iter().sum::<f64>() / LINES as f64;
+    let mut last = 1;
+    row.map(|length| {
+        let mut frames = ((length / own * mean) as usize).max(last + 1);
+        while !is_prime(frames) {
+            frames += 1;
+        }
+        last = frames;
+        frames
+    })
+}
+
+fn is_prime(n: usize) -> bool {
+    n > 1
+        && (2..)
+            .take_while(|k| k * k <= n)
+            .all(|k| !n.is_multiple_of(k))
+}
+
+/// Hadamard's matrix over √LINES: orthogonal, in log₂ steps.
+fn turn(x: &mut [f64; LINES]) {
+    let mut half = 1;
+    while half < LINES {
+        for pair in x.chunks_exact_mut(2 * half) {
+            let (left, right) = pair.split_at_mut(half);
+            for (a, b) in left.iter_mut().zip(right) {
+                (*a, *b) = (*a + *b, *a - *b);
+            }
+        }
+        half *= 2;
+    }
+    let scale = 1.0 / sqrt(LINES as f64);
+    x.iter_mut().for_each(|x| *x *= scale);
+}
+
+/// With which sign a channel hears a line: the first channels by rows of Hadamard's matrix, so that they have nothing in
+/// common; later ones by a hash (SplitMix64).
+fn sign(channel: usize, line: usize) -> f64 {
+    // Row 0 would hear the first echoes of all lines together.
+    let row = channel + 1;
+    let is_less = if row < LINES {
+        (row & line).count_ones() % 2 == 1
+    } else {
+        let mut z = ((channel * LINES + line) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) & 1 == 1
+    };
+    if is_less { -1.0 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(long: f64, short: f64) -> RoomSpec {
+        RoomSpec {
+            name: "hall".to_owned(),
+            size: 12.0,
+            t60: [(200.0, long), (6_000.0, short)],
+            channels: vec![0, 1],
+            gain: 1.0,
+        }
+    }
+
+    fn energy(room: &Room) -> f64 {
+        room.lines.iter().map(|line| line.delay.energy()).sum()
+    }
+
+    #[test]
+    fn without_loss_all_energy_stays() {
+        let mut room = Room::new(spec(f64::INFINITY, f64::INFINITY), 44_100.0).unwrap();
+        let mut frame = [0.0; 2];
+        room.next(1.0, &mut frame);
+        // What the high-pass still lets through.
+        (0..44_100).for_each(|_| room.next(0.0, &mut frame));
+        let before = energy(&room);
+        for _ in 0..1_000_000 {
+            room.next(0.0, &mut frame);
+        }
+        assert!(before > 0.9 && before < 1.1, "{before}");
+        assert!(
+            (energy(&room) / before - 1.0).abs() < 1e-11,
+            "{}",
+            energy(&room) / before
+        );
+    }
+
+    #[test]
+    fn what_stands_still_is_no_sound() {
+        let mut room = Room::new(spec(20.0, 10.0), 44_100.0).unwrap();
+        let mut loudest = 0.0_f64;
+        for n in 0..40 * 44_100 {
+            let mut frame = [0.0; 2];
+            room.next(1.0, &mut frame);
+            if n > 30 * 44_100 {
+                loudest = loudest.max(frame[0].abs());
+            }
+        }
+        assert!(loudest < 0.01, "{loudest}");
+    }
+
+    #[test]
+    fn a_bad_sample_does_not_stay() {
+        let mut room = Room::new(spec(1.0, 0.5), 44_100.0).unwrap();
+        let mut frame = [0.0; 2];
+        room.next(f64::NAN, &mut frame);
+        (0..5000).for_each(|_| room.next(1.0, &mut frame));
+        assert!(frame.iter().all(|x| x.is_finite()));
+    }
+
+    #[test]
+    fn it_falls_silent_without_slow_numbers() {
+        let mut room = Room::new(spec(0.3, 0.2), 44_100.0).unwrap();
+        let mut frame = [0.0; 2];
+        room.next(1.0, &mut frame);
+        (0..40 * 44_100).for_each(|_| room.next(0.0, &mut frame));
+        assert_eq!(energy(&room), 0.0);
+    }
+
+    #[test]
+    fn refuses_what_is_no_room() {
+        for (size, t60) in [
+            (0.1, [(200.0, 1.0), (6_000.0, 0.5)]),
+            (f64::NAN, [(200.0, 1.0), (6_000.0, 0.5)]),
+            (12.0, [(6_000.0, 1.0), (200.0, 0.5)]),
+            (12.0, [(200.0, 0.0), (6_000.0, 0.5)]),
+            (12.0, [(200.0, 1.0), (30_000.0, 0.5)]),
+            (12.0, [(200.0, 10.0), (300.0, 0.1)]),
+            (12.0, [(200.0, 0.05), (6_000.0, 0.02)]),
+        ] {
+            let spec = RoomSpec {
+                size,
+                t60,
+                ..spec(1.0, 0.5)
+            };
+            assert!(Room::new(spec, 44_100.0).is_err(), "{size} {t60:?}");
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Links whose K and Z go through points, as factors of what the network says.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::Timeline;
+use crate::network::{Contact, Error, LinkKind, Network, Run};
+
+/// Factors of K and of Z.
+pub type Factors = [f64; 2];
+
+/// The factors of K and Z of some links as a function of the frame, linear between points.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Lead {
+    /// Index of the first link and number of links: complete runs.
+    pub(crate) link: usize,
+    pub(crate) len: usize,
+    /// Frames on the grid, rising, and the factors there; before the first and after the last they stay.
+    points: Arc<[(u64, Factors)]>,
+}
+
+impl Lead {
+    /// The factors at a frame, or between two.
+    pub(crate) fn at(&self, n: u64, part: f64) -> Factors {
+        let next = self.points.partition_point(|&(frame, _)| frame <= n);
+        let Some(&(start, from)) = next.checked_sub(1).and_then(|last| self.points.get(last))
+        else {
+            return self.points[0].1;
+        };
+        let Some(&(stop, to)) = self.points.get(next) else {
+            return from;
+        };
+        let share = ((n - start) as f64 + part) / (stop - start) as f64;
+        std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share)
+    }
+
+    /// The greatest factor of K and the greatest of Z.
+    fn greatest(&self) -> Factors {
+        let all = self.points.iter().map(|&(_, factors)| factors);
+        all.fold([0.0; 2], |most, own| {
+            std::array::from_fn(|i| f64::max(most[i], own[i]))
+        })
+    }
+
+    /// The same event at `oversampling` times the rate.
+    pub(super) fn faster(&self, oversampling: u64) -> Self {
+        let points = self.points.iter();
+        Self {
+            points: points
+                .map(|&(frame, factors)| (frame * oversampling, factors))
+                .collect(),
+            ..*self
+        }
+    }
+
+    /// The same on other links.
+    pub(crate) fn on(&self, link: usize, len: usize) -> Self {
+        Self {
+            link,
+            len,
+            points: self.points.clone(),
+        }
+    }
+
+    /// Indices of the links.
+    pub(crate) fn links(&self) -> Range<usize> {
+        self.link..self.link + self.len
+    }
+}
+
+/// The network with every link that is led at its greatest K and Z: what is stable with them is so all the time.
+///
+/// # Errors
+/// Where a law is not finite with them.
+pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
+    let mut stiffest = network.clone();
+    for lead in leads {
+        stiffest.scale(lead.links(), lead.greatest())?;
+    }
+    Ok(stiffest)
+}
+
+/// The network with every link that is led as it is at frame 0.
+///
+/// # Errors
+/// As [`greatest`].
+pub(crate) fn first(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
+    let mut begun = network.clone();
+    for lead in leads {
+        begun.scale(lead.links(), lead.at(0, 0.0))?;
+    }
+    Ok(begun)
+}
+
+impl Timeline {
+    /// Let K and Z of `n` LIAs, whole runs of them, go through points (instants [s], rising; factors of K and of Z), evenly
+    /// between them, on the grid. The q of a hardening spring stays.
+    ///
+    /// ```
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.sol("b", 0.0)?);
+    /// let tie = network.spring("tie", a, b, 500.0, 0.01, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// // Its K rises to 2 kN/m between 1 s and 2 s; Z stays.
+    /// timeline.lead(&network, (tie, 1), &[(1.0, [1.0, 1.0]), (2.0, [4.0, 1.0])])?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Unless they are whole runs with K and Z in SI units that are not led yet, and there are points that rise.
+    pub fn lead(
+        &mut self,
+        network: &Network,
+        (link, n): (usize, usize),
+        points: &[(f64, Factors)],
+    ) -> Result<(), Error> {
+        let refuse = |message: &str| {
+            Err(Error::Refused {
+                module: network.link_name(link),
+                message: message.to_owned(),
+            })
+        };
+        let begins = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
+        let end = link.saturating_add(n);
+        if n == 0 || !begins(link) || !(end == network.n_lia() || begins(end)) {
+            return refuse("this link is one of a row of links, which glide together");
+        }
+        let ours = link..end;
+        let runs = network.runs().iter();
+        let mut runs = runs.filter(|run| ours.contains(&run.first));
+        if !runs.all(|run| has_stiffness(network, run)) {
+            return refuse(
+                "a link with a law of its own, a magic contact or a link with algorithmic values cannot glide",
+            );
+        }
+        if self
+            .leads
+            .iter()
+            .any(|lead| lead.links().any(|own| ours.contains(&own)))
+        {
+            return refuse("the link glides already");
+        }
+        let is_good = |x: &f64| x.is_finite() && *x >= 0.0;
+        if !points
+            .iter()
+            .all(|(at, factors)| is_good(at) && factors.iter().all(is_good))
+        {
+            return refuse("a glide goes through finite instants, and factors of 0 or more");
+        }
+        if points.is_empty() || points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
+            return refuse("the points of a glide rise in time");
+        }
+        let mut placed: Vec<(u64, Factors)> = Vec::with_capacity(points.len());
+        for &(at, factors) in points {
+            let frame = self.on_grid(at);
+            if placed.last().is_some_and(|&(last, _)| last == frame) {
+                placed.pop();
+            }
+            placed.push((frame, factors));
+        }
+        self.leads.push(Lead {
+            link,
+            len: n,
+            points: placed.into(),
+        });
+        Ok(())
+    }
+}
+
+/// Whether the K and Z of a run are numbers that can change; a shared tension has neither, and stays.
+fn has_stiffness(network: &Network, run: &Run) -> bool {
+    let is_ca = network
+        .parts()
+        .get(run.part)
+        .is_some_and(|part| part.ca_rate.is_some());
+    !is_ca
+        && match &run.kind {
+            LinkKind::Ref => true,
+            LinkKind::But(but) => but.contact != Contact::Magic,
+            LinkKind::Lnl(law) => law.hardening_spring().is_some() || law.is_shared(),
+        }
+}

@@ -1,0 +1,148 @@
+//! Contacts and meshes that give more energy than they took: named and stopped, or put to silence.
+
+use std::sync::Arc;
+
+use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+const HERTZ: f64 = 44_100.0;
+
+const fn options(on_fault: OnFault) -> Options {
+    Options {
+        ledger: false,
+        record: false,
+        on_fault,
+        threads: 1,
+        unchecked: false,
+    }
+}
+
+/// A hammer that meets a cell by a contact of stiffness `k`, beside a bell; the part of the cell goes by `units: ca` where it
+/// has a rate.
+fn hammered(k: f64, ca: Option<Rate>) -> Network {
+    let mut network = Network::new();
+    network.part("bell", None);
+    let tie = Tie::Tuned {
+        f: 440.0,
+        t60: Some(1.0),
+    };
+    // Beside algorithmic energies the bell's own would hide all that is made.
+    let x0 = if ca.is_some() { 0.0 } else { 1e-3 };
+    network.cel("m", 1e-2, tie, 0.0, x0, 0.0).unwrap();
+    network.part("stiff", ca);
+    let tie = Tie::Tuned {
+        f: 1369.0,
+        t60: None,
+    };
+    let cell = match ca {
+        None => network.cel("t", 0.026, tie, 0.0, 0.0, 0.0).unwrap(),
+        Some(_) => {
+            let tie = Tie::Physical { k: 1e-3, z: 0.0 };
+            network.cel("t", 0.026, tie, 0.0, 0.0, 0.0).unwrap()
+        }
+    };
+    let hammer = network.mas("h", 1.7e-3, 0.0, 0.473).unwrap();
+    let but = But {
+        k,
+        z: 0.0,
+        gap: 1e-4,
+        side: Side::Below,
+        contact: Contact::Plain,
+        restitution: 1.0,
+        steps: 2,
+        exponent: 1.5,
+        clamp: false,
+    };
+    network.but("c", hammer, cell, but).unwrap();
+    for (name, first) in [("bell", 0), ("stiff", cell)] {
+        let (len, weight) = (1, 1.0);
+        let term = Term::Position { first, len, weight };
+        network.listen(name, vec![term]).unwrap();
+    }
+    network
+}
+
+fn begin(network: Network, on_fault: OnFault) -> Simulation {
+    let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
+    Simulation::new(Arc::new(network), &timeline, options(on_fault)).unwrap()
+}
+
+fn play(simulation: &mut Simulation) -> Vec<f64> {
+    let mut out = vec![0.0; 2 * 4_410];
+    simulation.process(&mut out).unwrap();
+    out
+}
+
+#[test]
+fn a_contact_too_stiff_for_its_steps_ends_a_render() {
+    let mut simulation = begin(hammered(3e11, None), OnFault::Stop);
+    let fault = simulation.skip(4_410).unwrap_err();
+    assert_eq!((&*fault.module, &*fault.part), ("stiff.c", "stiff"));
+    let sentence = fault.to_string();
+    assert!(sentence.contains("stiff.c made energy"), "{sentence}");
+    assert!(
+        sentence.contains("it gave 5.5 J more than it took"),
+        "{sentence}"
+    );
+}
+
+#[test]
+fn its_part_is_muted_and_the_others_play_on() {
+    let mut simulation = begin(hammered(3e11, None), OnFault::Mute);
+    let out = play(&mut simulation);
+    let muted = simulation.muted();
+    assert_eq!((muted.len(), &*muted[0].0), (1, "stiff"));
+    assert_eq!(simulation.gains().len(), 0, "its links are gone");
+    let healthy = play(&mut begin(hammered(1.0, None), OnFault::Stop));
+    let bell = |out: &[f64]| out.iter().step_by(2).copied().collect::<Vec<_>>();
+    assert_eq!(bell(&out), bell(&healthy));
+}
+
+#[test]
+fn a_contact_that_is_slow_beside_its_steps_makes_nothing() {
+    let mut simulation = begin(hammered(1e7, None), OnFault::Stop);
+    play(&mut simulation);
+    assert_eq!(simulation.gains(), []);
+}
+
+/// Where the steps are the instrument, what they make is told and meant.
+#[test]
+fn under_units_ca_energy_is_told_of_and_kept() {
+    let rate = Rate::new(HERTZ).ok();
+    let mut simulation = begin(hammered(50.0, rate), OnFault::Stop);
+    play(&mut simulation);
+    let gains = simulation.gains();
+    assert_eq!((gains.len(), &*gains[0].0), (1, "stiff.c"), "{gains:?}");
+    assert!(simulation.muted().is_empty());
+}
+
+/// IEQ keeps an energy of its own, whatever the masses and springs have.
+#[test]
+fn a_mesh_is_held_against_the_energy_of_its_laws() {
+    let mut network = Network::new();
+    network.part("wire", None);
+    let wall = network.sol("w", 0.0).unwrap();
+    let mut before = wall;
+    for i in 0..12 {
+        let x = if i == 4 { 1e-3 } else { 0.0 };
+        let mass = network.mas(&format!("m{i}"), 8e-4, x, 0.0).unwrap();
+        let law = ergon_engine::law::Law::hardening(1e5, 2e14, 0.0).unwrap();
+        network
+            .lnl(&format!("l{i}"), before, mass, Arc::new(law), 0.0)
+            .unwrap();
+        before = mass;
+    }
+    let (first, len, weight) = (before, 1, 1.0);
+    network
+        .listen("o", vec![Term::Position { first, len, weight }])
+        .unwrap();
+    let (network, timeline) = (Arc::new(network), Timeline::new(Rate::new(HERTZ).unwrap()));
+    let budget = Budget::Method(Method::Ieq);
+    let plan = Plan::new(network, &timeline, &budget, None).unwrap();
+    let mut simulation = Simulation::planned(Arc::new(plan), options(OnFault::Stop)).unwrap();
+    let fault = simulation.skip(11_025).unwrap_err();
+    assert!(fault.to_string().contains("made energy"), "{fault}");
+}

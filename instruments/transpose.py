@@ -1,0 +1,276 @@
+"""Instruments at another pitch: every time in them is divided by one ratio.
+
+Times divided by r multiply all eigenvalues by r: each mode's pitch exactly, while its T60 is
+divided. So stiffnesses go by r², viscosities by r, and masses and lengths stay. What is slower than
+one hears (a hammer, a mallet) is mechanics and stays, as does friction, a damping without a law.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.kinds import Start
+from ergon.instruments.stiff import Stretched
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import MISSING, Text
+from ergon.notation.text.errors import TextError, quote
+
+AUDIBLE = 20.0  # [Hz] slower CELs are mechanics
+MOST_CENTS = 12000.0  # ten octaves
+_EXAMPLE = "7st, -14cents or x1.5"
+_INTERVAL = re.compile(r"([+-]?(?:\d{1,5}\.?\d{0,6}|\.\d{1,6})) *(st|cents?)")
+_A4 = 440.0
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """From one pitch to another: in cents where they are known, as a ratio otherwise."""
+
+    ratio: float
+    cents: float | None = None
+
+    def then(self, other: Interval) -> Interval:
+        """This interval and another on top of it."""
+        if self.cents is not None and other.cents is not None:
+            return of_cents(self.cents + other.cents)
+        return Interval(_times(self.ratio, other.power(1)))
+
+    def back(self) -> Interval:
+        """The interval the other way."""
+        if self.cents is not None:
+            return of_cents(-self.cents)
+        return Interval(float(1 / Fraction(repr(self.ratio))))
+
+    def power(self, exponent: int) -> Fraction:
+        """The ratio to a whole power."""
+        if self.cents is None:
+            return Fraction(repr(self.ratio)) ** exponent
+        return Fraction(repr(_core.pow(2.0, exponent * self.cents / 1200.0)))
+
+
+def of_cents(cents: float) -> Interval:
+    """An interval of so many cents."""
+    return Interval(_core.pow(2.0, cents / 1200.0), cents)
+
+
+def parse_interval(text: str) -> Interval:
+    """Read `7st`, `-14cents` or `x1.5`. Raises TextError."""
+    word = text.strip()
+    if word.startswith("x"):
+        ratio = q.factor(word)
+        if not 1e-3 <= ratio <= 1e3:
+            message = f"{quote(word)} lies outside the range from x0.001 to x1000"
+            raise TextError(message, length=max(1, len(word)), code="E202")
+        return Interval(ratio)
+    match = _INTERVAL.fullmatch(word)
+    if match is None:
+        message = f"{quote(word)} is not an interval such as {_EXAMPLE}"
+        is_number = re.fullmatch(r"[+-]?\d+(\.\d+)?", word)
+        suggestion = f"{word}st" if is_number else None
+        code = "E203" if is_number else "E201"
+        raise TextError(message, length=max(1, len(word)), suggestion=suggestion, code=code)
+    cents = float(Fraction(match[1]) * (100 if match[2] == "st" else 1))
+    if abs(cents) > MOST_CENTS:
+        message = f"{quote(word)} lies outside the range from -120st to 120st"
+        raise TextError(message, length=len(word), code="E202")
+    return of_cents(cents)
+
+
+INTERVAL = Text(
+    parse_interval,
+    f"an interval, such as {_EXAMPLE}",
+    r"^([+-]?[0-9.]+ *(st|cents?)|x[0-9./]+)$",
+    types=("string",),
+)
+
+
+def between(low: float, high: float) -> Interval:
+    """The interval from one frequency [Hz] to another."""
+    a, b = _cents(low), _cents(high)
+    return Interval(high / low) if a is None or b is None else of_cents(float(b - a))
+
+
+def pitch(frequency: float, interval: Interval) -> float:
+    """A frequency [Hz] moved by an interval; a note stays a note, to the last bit."""
+    own = _cents(frequency) if interval.cents is not None else None
+    if own is not None and interval.cents is not None and (own + interval.cents).is_integer():
+        return _note(int(own + interval.cents))
+    return _times(frequency, interval.power(1))
+
+
+def _times(value: float, factor: Fraction) -> float:
+    """The float nearest to the product of two numbers as they are written in decimals."""
+    return float(Fraction(repr(value)) * factor)
+
+
+def _note(cents: int) -> float:
+    """The frequency [Hz] of a note so many cents above A4, as its name is read."""
+    octaves, rest = divmod(cents, 1200)
+    semitones, over = divmod(rest, 100)
+    steps = semitones + over / 100
+    return math.ldexp(_A4 * (_core.pow(2.0, steps / 12) if steps else 1.0), octaves)
+
+
+def _cents(frequency: float) -> int | None:
+    """The cents above A4 of a frequency that a note has; None for any other."""
+    if frequency <= 0.0:
+        return None
+    cents = round(1200.0 * math.log2(frequency / _A4))
+    return cents if _note(cents) == frequency else None
+
+
+# --- instruments --------------------------------------------------------------------------------
+
+# How each field goes with the ratio, beside `f`, `points` and laws; what is not here stays.
+_POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
+
+
+def sounding_at(base: Values, own: Values, *, is_root: bool) -> Values:
+    """What an instrument begins with, at the pitch that its own `f` and `transpose` ask for.
+
+    Where it begins with nothing else these are its own modules. Reports what has no pitch.
+    """
+    interval = own["transpose"] if own.written("transpose") else None
+    f = own.given.get("f")
+    if not is_root and isinstance(f, tuple) and base.written("modules"):
+        if own.written("modules") and f[0] != f[1]:
+            return base
+        own_pitch = named_pitch(base)
+        if own_pitch is None:
+            message = (
+                f"{own.context.of('f')}: {base.context.of('')} has no named pitch; write `f` "
+                "beside its modules, the pitch at which they are written, or `transpose`"
+            )
+            own.error("E103", message, "f")
+        elif f[0] == f[1]:
+            step = between(own_pitch, f[0])
+            interval = step.then(interval) if interval is not None else step
+    if interval is None or (interval.ratio == 1.0 and is_root):
+        return base
+    if base["units"] == "ca" or own["units"] == "ca":
+        name = "transpose" if own.written("transpose") else "f"
+        message = (
+            f"{own.context.of(name)}: under `units: ca` K and Z are those of a discrete network, "
+            "whose modes no factor moves alike; write them in SI units"
+        )
+        own.error("E111", message, name)
+        return base
+    return _instrument(base, interval)
+
+
+def at_note(values: Values, note: str) -> Values:
+    """An instrument that has `notes`, at one of them; its named pitch is known."""
+    own, high = named_pitch(values), q.frequency(note)
+    assert own is not None
+    given = {name: value for name, value in values.given.items() if name != "notes"}
+    member = replace(values, given=given)
+    if not values.kind:
+        member = _instrument(member, between(own, high))
+    # Beside a generator it is read as if it were written.
+    nodes = {"f": values.nodes["notes"], **values.nodes}
+    return replace(member, given={**member.given, "f": (high, high)}, nodes=nodes)
+
+
+def named_pitch(values: Values) -> float | None:
+    """The pitch [Hz] by which an instrument goes: its `f`, or that of the one module that has one.
+
+    A range is none, and mechanics have none.
+    """
+    written = values.given.get("f")
+    if isinstance(written, tuple):
+        return written[0] if written[0] == written[1] else None
+    bodies = [body for body in (values["modules"] or {}).values() if isinstance(body, Values)]
+    found = []
+    for body in [values] if values.kind else bodies:
+        fields = body.given.get(body.kind)
+        f = fields.given.get("f") if isinstance(fields, Values) else None
+        if isinstance(f, tuple) and f[0] == f[1]:
+            f = f[0]
+        if isinstance(f, float) and not (body.kind == "CEL" and f < AUDIBLE):
+            found.append(f)
+    return found[0] if len(found) == 1 else None
+
+
+def _instrument(values: Values, interval: Interval) -> Values:
+    given = dict(values.given)
+    if isinstance(given.get("modules"), dict):
+        given["modules"] = {
+            name: _body(body, interval) if isinstance(body, Values) else body
+            for name, body in given["modules"].items()
+        }
+    if values.kind and isinstance(body := given.get(values.kind), Values):
+        given[values.kind] = _fields(values.kind, body, interval)
+    for name in ("f", "t60"):
+        if name in given:
+            given[name] = moved(name, given[name], interval)
+    return replace(values, given=given)
+
+
+def _body(body: Values, interval: Interval) -> Values:
+    fields = body.given.get(body.kind, MISSING)
+    if not isinstance(fields, Values):
+        return body
+    return replace(body, given={**body.given, body.kind: _fields(body.kind, fields, interval)})
+
+
+def _fields(kind: str, fields: Values, interval: Interval) -> Values:
+    """The fields of one module; a law goes as its module says later (`interval`)."""
+    if is_mechanics(kind, fields):
+        return fields
+    given = {name: moved(name, value, interval) for name, value in fields.given.items()}
+    if kind == "LNL":
+        given["interval"] = given["interval"].then(interval) if "interval" in given else interval
+    return replace(fields, given=given)
+
+
+def is_mechanics(kind: str, fields: Values) -> bool:
+    """Whether a module is slower than one hears, so that no transposition moves it."""
+    f, stiffness, mass = (fields.given.get(name) for name in ("f", "K", "M"))
+    if kind != "CEL":
+        return False
+    if isinstance(f, float):
+        return f < AUDIBLE
+    if not isinstance(stiffness, float) or not isinstance(mass, float):
+        return False
+    return stiffness < mass * (2.0 * math.pi * AUDIBLE) ** 2
+
+
+def moved(name: str, value: Any, interval: Interval) -> Any:
+    """The value of a field of a module that moves by an interval."""
+    if isinstance(value, tuple):
+        if name == "points":
+            return tuple((d, _times(force, interval.power(2))) for d, force in value)
+        if name == "t60" and isinstance(value[0], tuple):
+            return tuple((pitch(f, interval), moved(name, t, interval)) for f, t in value)
+        return tuple(moved(name, one, interval) for one in value)
+    if isinstance(value, Start):
+        return replace(value, value=moved(name, value.value, interval))
+    if isinstance(value, Stretched):
+        return replace(value, per_gap=_times(value.per_gap, interval.power(2)))
+    if name == "f" and isinstance(value, float):
+        return pitch(value, interval)
+    power = _POWERS.get(name)
+    if power is None or not isinstance(value, float):
+        return value
+    return _times(value, interval.power(power))
+
+
+def law(fields: dict[str, Any], interval: Interval) -> None:
+    """Move a law that is written out: law(d) by r², damping(d, v) as r²·damping(d, v/r).
+
+    A damping without a law is friction, which stays.
+    """
+    if fields["law"] is None and fields["points"] is None:
+        return
+    square = f"{float(interval.power(2))!r}"
+    if fields["law"] is not None:
+        fields["law"] = f"{square}*({fields['law']})"
+    if fields["damping"] is not None:
+        slower = re.sub(r"\bv\b", f"(v/{float(interval.power(1))!r})", fields["damping"])
+        fields["damping"] = f"{square}*({slower})"

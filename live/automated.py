@@ -1,0 +1,147 @@
+"""What a hand may feel of automation: the values that are held against what its key bears."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from bisect import bisect_right
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.leading import Point, Points, Where
+    from ergon.scores.staging.stage import Stage
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """(MAT, K [N/m], Z [N·s/m], M [kg]) of CELs, and (LIA, factor of its force) of links."""
+
+    ties: tuple[tuple[int, float, float, float], ...] = ()
+    factors: tuple[tuple[int, float], ...] = ()
+
+
+MAX_SETS = 64  # of values: each is played once, against each key
+# In a change shorter than this [s] no oscillation grows that is stable at both ends.
+_SHORT = 0.05
+# A longer change is checked wherever a value has changed by this ratio.
+_RATIO = 1.2
+_OTHER = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
+
+
+def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
+    """Points of modules with automation that a hand on a MAT can feel; `held` are all hands'."""
+
+    def key(where: Where, numbers: Sequence[float]) -> bytes:
+        values = _applied(stage, [where], [numbers])
+        scene = stage.network.reachable_scene(
+            mat, stage.rate, held=list(held), ties=list(values.ties), factors=list(values.factors)
+        )
+        return scene.key()
+
+    found = {}
+    for where, points in stage.paths.items():
+        own = points[0][1:]
+        if key(where, own) != key(where, [_OTHER * x + 1.0 for x in own]):
+            found[where] = points
+    return found
+
+
+def _applied(stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[float]]) -> Values:
+    """Numbers of modules as the engine takes them; a BANK that is led is reached by no hand."""
+    assembly = stage.scene.assembly
+    ties, factors = [], []
+    for where, own in zip(modules, numbers, strict=True):
+        if len(own) == 3:
+            k, z, m = own
+            ties.append((assembly.mats[where], k, z, m))
+        elif where in assembly.bodies or where in assembly.links:
+            first, count = assembly.bodies.get(where) or (assembly.links[where], 1)
+            factors += [(first + link, max(own)) for link in range(count)]
+    return Values(tuple(ties), tuple(factors))
+
+
+def automation_felt(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
+    """The modules with automation that real hands can feel, by player; players that feel none are
+    left out."""
+    hands = [hand for hand in stage.live if hand.player in players]
+    mats = [hand.mat for hand in hands]
+    found = {
+        hand.player: [".".join(filter(None, where)) for where in felt(stage, hand.mat, mats)]
+        for hand in hands
+        if stage.paths
+    }
+    return {player: names for player, names in found.items() if names}
+
+
+def value_sets(stage: Stage, paths: Mapping[Where, Points], since: float) -> Iterator[Values]:
+    """Values that modules have together from an instant [s] on, each of them once.
+
+    They are each that stays, and on the way from one to another so many that every other lies
+    within a ratio of 1.2 of one.
+    """
+    modules = list(paths)
+    rows = list(paths.values())
+    instants = sorted({since, *(p[0] for points in rows for p in points if p[0] > since)})
+    known: set[object] = set()
+    last = [_value(points, instants[0]) for points in rows]
+    pending = [(last, True)]
+    for begin, end in itertools.pairwise(instants):
+        now = [_value(points, end) for points in rows]
+        if end - begin > _SHORT and now != last:
+            n = max(1, math.ceil(math.log(_widest(last, now)) / math.log(_RATIO)))
+            for place in range(1, n):
+                pending.append((_between(last, now, place / n), False))
+        pending.append((now, end - begin <= _SHORT or now == last))
+        last = now
+        yield from (_applied(stage, modules, one) for one in _new(pending, known))
+        pending = []
+    yield from (_applied(stage, modules, one) for one in _new(pending, known))
+
+
+def _new(
+    pending: Sequence[tuple[list[tuple[float, ...]], bool]], known: set[object]
+) -> Iterator[list[tuple[float, ...]]]:
+    for values, stays in pending:
+        key = tuple(values) if stays else tuple(_place(x) for one in values for x in one)
+        if key not in known:
+            known.add(key)
+            yield values
+
+
+def _place(x: float) -> int | None:
+    return None if x <= 0.0 else round(math.log(x) / math.log(_RATIO))
+
+
+def _widest(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float:
+    pairs = [
+        pair
+        for one, other in zip(a, b, strict=True)
+        for pair in zip(one, other, strict=True)
+        if min(pair) > 0.0
+    ]
+    return max((max(pair) / min(pair) for pair in pairs), default=1.0)
+
+
+def _between(
+    a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], share: float
+) -> list[tuple[float, ...]]:
+    return [
+        tuple(x + (y - x) * share for x, y in zip(one, other, strict=True))
+        for one, other in zip(a, b, strict=True)
+    ]
+
+
+def _value(points: Points, instant: float) -> tuple[float, ...]:
+    """K, Z and M at an instant, as the engine goes between two points."""
+    after = bisect_right(points, instant, key=_instant)
+    if after in (0, len(points)):
+        return points[0 if after == 0 else -1][1:]
+    first, last = points[after - 1], points[after]
+    share = (instant - first[0]) / (last[0] - first[0])
+    return tuple(x + (y - x) * share for x, y in zip(first[1:], last[1:], strict=True))
+
+
+def _instant(point: Point) -> float:
+    return point[0]

@@ -1,0 +1,337 @@
+"""Values with names and arithmetic: `2*heavy`, `low + 7st`, `(3 + 1/2)*beat_length`.
+
+An expression is turned into the literal that says its value, and that is read as if it had been
+written. Numbers are exact fractions, notes are semitones: `3*100g` is the very float 300g is.
+There is no code: numbers, units, notes, names of `let:`, + - * / and parentheses, bounded in length
+and depth.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+
+from ergon import _core
+from ergon.notation.tables import quantities as q
+from ergon.notation.text import document
+from ergon.notation.text.document import Document, Scalar
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+MAX_LENGTH = 200  # characters of an expression
+MAX_DEPTH = 16  # parentheses and signs inside one another
+MAX_NAMES = 1_000
+_MAX_BITS = 4_096  # of a numerator or denominator
+_MAX_EXPONENT = 40
+
+_NUMBER = re.compile(r"(\d{1,40}\.?\d{0,40}|\.\d{1,40})(?:[eE]([+-]?\d{1,2})(?!\d))?")
+_PART = re.compile(r"/(\d{1,15})(?![\d.eE])")
+_NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)(?![\w#♯♭])")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
+_SPACE = re.compile(r"\s*")
+_LETTERS = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}
+_SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
+_NOTE_NAMES = ("A", "A#", "B", "C", "C#", "D", "D#", "E", "F", "F#", "G", "G#")
+
+
+def _units() -> Iterator[tuple[str, tuple[str, int]]]:
+    """Each unit with the unit in which its values are kept, and the power of ten between them."""
+    own = (
+        *(q.MASS, q.STIFFNESS, q.DAMPING, q.POSITION, q.SPEED, q.PUSH, q.IMPULSE, q.HARDENING),
+        *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE),
+    )
+    for unit, power in q.CONSTANT.units.items():
+        if power == 0:
+            yield unit, (unit, 0)
+    for dimension in own:
+        for unit, power in dimension.units.items():
+            yield unit, (dimension.si, power)
+    for word, unit in {"bar": "bar", "bars": "bar", "beat": "beat", "beats": "beat"}.items():
+        yield word, (unit, 0)
+    yield from {"st": ("st", 0), "cent": ("st", -2), "cents": ("st", -2), "%": ("", -2)}.items()
+
+
+UNITS: Mapping[str, tuple[str, int]] = dict(_units())
+_BY_LENGTH = sorted(UNITS, key=lambda unit: (-len(unit), unit))
+_UNIT = re.compile(rf"\s?({'|'.join(map(re.escape, _BY_LENGTH))})(?![\w%])")
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """A number of a unit; of `note`, semitones above A4."""
+
+    number: Fraction
+    unit: str
+
+    @property
+    def literal(self) -> str:
+        """How it is written."""
+        if self.unit == "note":
+            if self.number.denominator == 1:
+                octaves, step = divmod(int(self.number) + 9, 12)
+                octaves, name = 4 + octaves, _NOTE_NAMES[(step - 9) % 12]
+                if 0 <= octaves <= 9:
+                    return f"{name}{octaves}"
+            return f"{_plain(_hertz(self))}Hz"
+        return f"{_plain(float(self.number))}{self.unit}"
+
+
+def _plain(value: float) -> str:
+    """A float without an exponent, to the last bit."""
+    return f"{Decimal(repr(value)).normalize():f}"
+
+
+def _hertz(note: Amount) -> float:
+    octaves, rest = divmod(note.number, 12)
+    return 440.0 * _core.pow(2.0, float(octaves)) * _core.pow(2.0, float(rest) / 12.0)
+
+
+class _Reader:
+    """Reads one expression, from left to right, once."""
+
+    def __init__(self, text: str, names: Mapping[str, Amount]) -> None:
+        self.text = text
+        self.names = names
+        self.at = 0
+
+    def whole(self) -> Amount:
+        if len(self.text) > MAX_LENGTH:
+            message = f"an expression has at most {MAX_LENGTH} characters; give a part of it a name"
+            raise TextError(message, length=MAX_LENGTH, code="E201")
+        found = self._sum(0)
+        if self.at < len(self.text):
+            rest = self.text[self.at :]
+            message = f"{quote(rest)} cannot stand here; write + - * / between values"
+            raise self._error(message, self.at, len(rest))
+        return found
+
+    def _sum(self, depth: int) -> Amount:
+        found = self._product(depth)
+        while sign := self._sign("+-"):
+            at = self.at - 1
+            found = self._checked(self._added(found, self._product(depth), sign, at), at)
+        return found
+
+    def _product(self, depth: int) -> Amount:
+        found = self._single(depth)
+        while sign := self._sign("*/"):
+            at = self.at - 1
+            found = self._checked(self._scaled(found, self._single(depth), sign, at), at)
+        return found
+
+    def _single(self, depth: int) -> Amount:
+        start = self._space()
+        if depth > MAX_DEPTH:
+            message = f"an expression is nested at most {MAX_DEPTH} deep; give a part of it a name"
+            raise self._error(message, start, 1)
+        if sign := self._sign("+-"):
+            found = self._single(depth + 1)
+            if sign == "+":
+                return found
+            if found.unit == "note":
+                raise self._error("a note has no opposite", start, 1)
+            return Amount(-found.number, found.unit)
+        if self._sign("("):
+            found = self._sum(depth + 1)
+            if not self._sign(")"):
+                raise self._error("this parenthesis is never closed", start, 1)
+            return found
+        return self._atom(start)
+
+    def _atom(self, start: int) -> Amount:
+        if match := _NUMBER.match(self.text, start):
+            self.at = match.end()
+            number = _fraction(match)
+            if number is None:
+                raise self._error("the number is too large or too small", start, len(match[0]))
+            if (part := _PART.match(self.text, self.at)) and match[1].isdigit():
+                unit = _UNIT.match(self.text, part.end())
+                if unit is not None:  # 1/3bar is a third of a bar
+                    if int(part[1]) == 0:
+                        raise self._error("the number divides by zero", start, len(match[0]))
+                    number, self.at = number / int(part[1]), part.end()
+            if unit := _UNIT.match(self.text, self.at):
+                self.at = unit.end()
+                name, power = UNITS[unit[1]]
+                return Amount(number * Fraction(10) ** power, name)
+            return Amount(number, "")
+        word = _WORD.match(self.text, start)
+        if word is not None and word[0] in self.names:
+            self.at = word.end()
+            return self.names[word[0]]
+        if match := _NOTE.match(self.text, start):
+            self.at = match.end()
+            letter, sign, octave = match.groups()
+            steps = _LETTERS[letter] + _SIGNS[sign] + 12 * (int(octave) - 4)
+            return Amount(Fraction(steps), "note")
+        if word is not None:
+            message = f"{quote(word[0])} is no name of `let:`, no note and no number"
+            near = nearest(word[0], self.names)
+            raise self._error(message, start, len(word[0]), near)
+        if start >= len(self.text):
+            raise self._error("a value is missing at the end", max(0, start - 1), 1)
+        raise self._error(f"{quote(self.text[start])} begins no value", start, 1)
+
+    def _added(self, a: Amount, b: Amount, sign: str, at: int) -> Amount:
+        number = b.number if sign == "+" else -b.number
+        if a.unit == "note" and b.unit == "st":
+            return Amount(a.number + number, "note")
+        if a.unit == "st" and b.unit == "note" and sign == "+":
+            return Amount(a.number + b.number, "note")
+        if a.unit == "Hz" and b.unit == "st":
+            return Amount(Fraction(_shifted(float(a.number), float(number))), "Hz")
+        if a.unit == "note" and b.unit == "note":
+            if sign == "-":
+                return Amount(a.number - b.number, "st")
+            raise self._error("two notes have no sum; add semitones (7st)", at, 1)
+        a, b = self._as_hertz(a, b), self._as_hertz(b, a)
+        if a.unit != b.unit:
+            message = (
+                f"{_called(a)} and {_called(b)} have no {'sum' if sign == '+' else 'difference'}"
+            )
+            raise self._error(message, at, 1)
+        return Amount(a.number + (b.number if sign == "+" else -b.number), a.unit)
+
+    def _scaled(self, a: Amount, b: Amount, sign: str, at: int) -> Amount:
+        if a.unit == "note":
+            a = Amount(Fraction(_hertz(a)), "Hz")
+        if b.unit == "note":
+            b = Amount(Fraction(_hertz(b)), "Hz")
+        if sign == "*":
+            if a.unit and b.unit:
+                message = f"{_called(a)} and {_called(b)} are not multiplied; one is a plain number"
+                raise self._error(message, at, 1)
+            return Amount(a.number * b.number, a.unit or b.unit)
+        if b.number == 0:
+            raise self._error("this divides by zero", at, 1)
+        if b.unit and a.unit != b.unit:
+            message = f"{_called(a)} is not divided by {_called(b)}"
+            raise self._error(message, at, 1)
+        return Amount(a.number / b.number, "" if b.unit else a.unit)
+
+    @staticmethod
+    def _as_hertz(own: Amount, other: Amount) -> Amount:
+        is_both = own.unit == "note" and other.unit == "Hz"
+        return Amount(Fraction(_hertz(own)), "Hz") if is_both else own
+
+    def _checked(self, found: Amount, at: int) -> Amount:
+        number = found.number
+        if max(number.numerator.bit_length(), number.denominator.bit_length()) > _MAX_BITS:
+            raise self._error("the numbers of this expression grow too long", at, 1)
+        limit = 400 if found.unit in ("note", "st") else q.MAX_SIZE
+        if abs(number) > limit:
+            raise self._error("the value is too large", at, 1)
+        return found
+
+    def _sign(self, which: str) -> str:
+        at = self._space()
+        if at < len(self.text) and self.text[at] in which:
+            self.at = at + 1
+            return self.text[at]
+        return ""
+
+    def _space(self) -> int:
+        match = _SPACE.match(self.text, self.at)
+        self.at = match.end() if match else self.at
+        return self.at
+
+    @staticmethod
+    def _error(message: str, at: int, length: int, suggestion: str | None = None) -> TextError:
+        return TextError(message, offset=at, length=length, suggestion=suggestion, code="E201")
+
+
+def _fraction(match: re.Match[str]) -> Fraction | None:
+    power = int(match[2] or 0)
+    return None if abs(power) > _MAX_EXPONENT else Fraction(f"{match[1]}e{power}")
+
+
+def _shifted(hertz: float, semitones: float) -> float:
+    return hertz * _core.pow(2.0, semitones / 12.0)
+
+
+def _called(amount: Amount) -> str:
+    if not amount.unit:
+        return "a plain number"
+    return "a note" if amount.unit == "note" else f"a value in {amount.unit}"
+
+
+def evaluate(text: str, names: Mapping[str, Amount]) -> Amount:
+    """The value of an expression. Raises TextError with the characters at fault."""
+    return _Reader(text, names).whole()
+
+
+def looks_like(text: str, names: Mapping[str, Amount]) -> bool:
+    """Whether a text that is no plain value is meant as an expression."""
+    words = _WORD.findall(text)
+    if any(word in names for word in words):
+        return True
+    if re.fullmatch(r"\s*[a-z_]\w*\s*", text):
+        return nearest(text.strip(), names) is not None
+    return bool(re.search(r"[\w)#]\s*[*(]|[\w)#]\s+[-+/]\s|\)\s*[-+*/]", text)) or bool(
+        re.search(r"\d[A-Za-z%]*\s*[-+]\s*[\d(]|[A-G][#b]?-?\d\s*[-+]\s*\d", text)
+    )
+
+
+@dataclass(slots=True)
+class Lets:
+    """The named values of a document, and what is wrong with them."""
+
+    names: dict[str, Amount]
+    wrong: list[tuple[Scalar, TextError]]
+
+
+def lets(of: Document) -> Lets:
+    """The values that `let:` of a document names; read once."""
+    if of.lets is None:
+        root, node = of.root, of.let
+        if node is None and isinstance(root, document.Mapping) and "let" in root.entries:
+            node = root.entries["let"][1]
+        of.lets = _read(node) if isinstance(node, document.Mapping) else Lets({}, [])
+    found: Lets = of.lets
+    return found
+
+
+def _read(section: document.Mapping) -> Lets:
+    found = Lets({}, [])
+    for number, (word, (key, node)) in enumerate(section.entries.items()):
+        if number >= MAX_NAMES:
+            message = f"`let:` has more than {MAX_NAMES:,} names"
+            found.wrong.append((key, TextError(message, length=len(word), code="E105")))
+            break
+        if not _NAME.fullmatch(word) or word in UNITS or len(word) > 64:
+            message = (
+                f"{quote(word)} cannot be the name of a value; write a small letter, then letters, "
+                "digits and _, and no unit"
+            )
+            found.wrong.append((key, TextError(message, length=len(word), code="E107")))
+            continue
+        if not isinstance(node, Scalar):
+            message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
+            found.wrong.append((key, TextError(message, length=len(word), code="E104")))
+            continue
+        try:
+            found.names[word] = evaluate(node.text, found.names)
+        except TextError as error:
+            found.wrong.append((node, error))
+    return found
+
+
+def literal(node: Scalar) -> str | None:
+    """What the expression in a node stands for; None where it is none. Raises TextError."""
+    names = lets(node.document).names
+    text = node.text
+    if not looks_like(text, names):
+        return None
+    low, dots, high = text.partition("..")
+    if not dots:
+        return evaluate(text, names).literal
+    first = evaluate(low, names).literal
+    try:
+        return f"{first}..{evaluate(high, names).literal}"
+    except TextError as error:
+        error.offset += len(low) + 2
+        raise

@@ -1,0 +1,195 @@
+"""Notes by name: their numbers, scales and chords, and lists of notes as they are written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.shapes import MISSING, Context, Shape, wrong_shape
+from ergon.notation.text import document
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+MAX_NOTES = 256  # of one instrument
+LOWEST, HIGHEST = 0, 131  # C-1 and B9
+# Semitones above the root.
+SCALES: Mapping[str, tuple[int, ...]] = {
+    "major": (0, 2, 4, 5, 7, 9, 11),
+    "minor": (0, 2, 3, 5, 7, 8, 10),
+    "harmonic-minor": (0, 2, 3, 5, 7, 8, 11),
+    "melodic-minor": (0, 2, 3, 5, 7, 9, 11),
+    "dorian": (0, 2, 3, 5, 7, 9, 10),
+    "phrygian": (0, 1, 3, 5, 7, 8, 10),
+    "lydian": (0, 2, 4, 6, 7, 9, 11),
+    "mixolydian": (0, 2, 4, 5, 7, 9, 10),
+    "locrian": (0, 1, 3, 5, 6, 8, 10),
+    "pentatonic": (0, 2, 4, 7, 9),
+    "minor-pentatonic": (0, 3, 5, 7, 10),
+    "blues": (0, 3, 5, 6, 7, 10),
+    "whole-tone": (0, 2, 4, 6, 8, 10),
+    "chromatic": tuple(range(12)),
+    "maj": (0, 4, 7),
+    "min": (0, 3, 7),
+    "dim": (0, 3, 6),
+    "aug": (0, 4, 8),
+    "sus2": (0, 2, 7),
+    "sus4": (0, 5, 7),
+    "maj7": (0, 4, 7, 11),
+    "min7": (0, 3, 7, 10),
+    "dom7": (0, 4, 7, 10),
+    "dim7": (0, 3, 6, 9),
+    "m7b5": (0, 3, 6, 10),
+}
+
+_NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)")
+_LETTERS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
+_SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
+_SHARP = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+_FLAT = ("C", "Db", "D", "Eb", "E", "F", "Gb", "G", "Ab", "A", "Bb", "B")
+_WORD = re.compile(r"\S+")
+_EXAMPLE = "D3 F3 A3, C3..C5 pentatonic, C3 minor count 8 or A3.min7"
+
+
+def number(word: str) -> int | None:
+    """The number of a note in semitones, 60 for C4 and 69 for A4; None for what is none."""
+    match = _NOTE.fullmatch(word)
+    if match is None:
+        return None
+    return 12 * (int(match[3]) + 1) + _LETTERS[match[1]] + _SIGNS[match[2]]
+
+
+def name(note: int, *, flat: bool = False) -> str:
+    """The name of a note by its number, with a sharp or a flat."""
+    octave, step = divmod(note, 12)
+    return f"{(_FLAT if flat else _SHARP)[step]}{octave - 1}"
+
+
+def read_note(word: str) -> int:
+    """The number of a note that is written. Raises TextError."""
+    q.frequency(word)  # says what is meant by H3 or c4
+    found = number(word)
+    if found is None or not LOWEST <= found <= HIGHEST:
+        message = f"{quote(word)} is not a note such as A3 or Bb2"
+        raise TextError(message, length=max(1, len(word)), code="E201")
+    return found
+
+
+def parse_notes(text: str) -> tuple[str, ...]:
+    """Read `D3 F3 A3`, `C3..C5 pentatonic`, `C3 minor count 8`, `A3.min7`. Raises TextError."""
+    words = [(word.group(), word.start()) for word in _WORD.finditer(text)]
+    if not words:
+        raise TextError(f"no note is written; write for instance {_EXAMPLE}", code="E201")
+    if ".." in words[0][0] or any(word == "count" for word, _ in words):
+        return _range(words)
+    found: list[str] = []
+    for word, offset in words:
+        root, dot, scale = word.partition(".")
+        low = _read_at(root, offset)
+        is_flat = root[1:2] in ("b", "♭")
+        steps = _scale(scale, offset + len(root) + 1) if dot else None
+        found += [root] if steps is None else [name(low + step, flat=is_flat) for step in steps]
+    return _bounded(found)
+
+
+def _read_at(word: str, offset: int) -> int:
+    try:
+        return read_note(word)
+    except TextError as error:
+        error.offset += offset
+        raise
+
+
+def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
+    (first, offset), rest = words[0], words[1:]
+    low_name, dots, high_name = first.partition("..")
+    count = None
+    low = _read_at(low_name, offset)
+    high = _read_at(high_name, offset + len(low_name) + 2) if dots else None
+    scale, at = "chromatic", offset
+    if rest and rest[0][0] != "count":
+        (scale, at), rest = rest[0], rest[1:]
+    steps = _scale(scale, at)
+    if rest and rest[0][0] == "count":
+        value, at = rest[1] if len(rest) > 1 else ("", rest[0][1])
+        if not re.fullmatch(r"[0-9]{1,6}", value) or not 1 <= int(value) <= MAX_NOTES:
+            message = f"`count` needs a whole number from 1 to {MAX_NOTES}"
+            raise TextError(message, offset=at, length=max(1, len(value)), code="E202")
+        count, rest = int(value), rest[2:]
+    if rest:
+        word, at = rest[0]
+        message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
+        raise TextError(message, offset=at, length=len(word), code="E204")
+    if high is not None and high < low:
+        message = f"the range {quote(first)} runs downwards; write the lower note first"
+        suggestion = f"{high_name}..{low_name}"
+        raise TextError(
+            message, offset=offset, length=len(first), suggestion=suggestion, code="E202"
+        )
+    top = HIGHEST if high is None else high
+    octaves = range((HIGHEST - low) // 12 + 1)
+    found = [low + 12 * octave + step for octave in octaves for step in steps]
+    is_flat = low_name[1:2] in ("b", "♭")
+    names = [name(note, flat=is_flat) for note in found if note <= top][:count]
+    if count is not None and len(names) < count:
+        message = f"from {low_name} to {high_name or name(HIGHEST)} there are {len(names)} notes"
+        message += f", not {count}"
+        raise TextError(message, offset=offset, length=len(first), code="E202")
+    return _bounded([low_name, *names[1:]])
+
+
+def _scale(scale: str, offset: int) -> tuple[int, ...]:
+    if scale not in SCALES:
+        message = f"{quote(scale)} is not the name of a scale or a chord"
+        near = nearest(scale, SCALES)
+        length = max(1, len(scale))
+        raise TextError(message, offset=offset, length=length, suggestion=near, code="E206")
+    return SCALES[scale]
+
+
+def _bounded(found: list[str]) -> tuple[str, ...]:
+    if len(found) > MAX_NOTES:
+        message = f"{len(found)} notes are written; the maximum is {MAX_NOTES}"
+        raise TextError(message, code="E202")
+    seen: dict[int | None, str] = {}
+    for note in found:
+        if (before := seen.setdefault(number(note), note)) is not note:
+            message = f"{quote(note)} is written twice"
+            if before != note:
+                message = f"{quote(note)} is the same note as {quote(before)}; remove one of them"
+            raise TextError(message, code="E202")
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Notes(Shape):
+    """`[D3, F3, A3]`, `C3..C5 pentatonic`, `C3 minor count 8`: the names of notes."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        items = node.items if isinstance(node, document.Sequence) else [node]
+        found: list[str] = []
+        for item in items:
+            if not isinstance(item, Scalar) or not items:
+                return wrong_shape(self, item, name, context)
+            try:
+                found += parse_notes(item.text)
+                _bounded(found)
+            except TextError as error:
+                context.text_error(error, item, name, inside=False)
+                return MISSING
+        if not found:
+            context.error("E106", f"{context.of(name)}: no note is written", node.place)
+            return MISSING
+        return tuple(found)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["array", "string"], "items": {"type": ["string"]}, "minItems": 1}
+
+    def words(self) -> str:
+        """In words."""
+        return f"notes, such as [D3, F3, A3] or {_EXAMPLE}"

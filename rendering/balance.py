@@ -1,0 +1,85 @@
+"""How loud each instrument is in a mix, once the gain of the whole file is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+MOST = 256  # instruments times channels: beyond that measuring costs more than mixing
+_GATE = -70.0  # [LUFS] of BS.1770-4: quieter blocks are none
+_RELATIVE = -10.0  # [LU] below the mean of the others: neither are these
+
+
+class Mixes(Protocol):
+    """Outputs to loudspeakers; `_core.Mixer`."""
+
+    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
+        """(n_frames, n_out) to (n_frames, n_channels)."""
+
+
+@dataclass(frozen=True, slots=True)
+class InstrumentLevel:
+    """The peak of one instrument as a ratio, and its integrated loudness [LUFS], in the file."""
+
+    name: str
+    peak: float
+    loudness: float
+
+
+class Balance:
+    """The level of one instrument by itself, before the limiter.
+
+    The blocks of 400 ms of BS.1770 are kept, for what its gates let through depends on the gain.
+    """
+
+    def __init__(
+        self, name: str, mixer: Mixes, rate: float, n_channels: int, start: int, stop: int
+    ) -> None:
+        """Measure frames `start` to `stop` of those that are taken, counted from 0."""
+        from ergon import _core
+
+        self._name, self._mixer = name, mixer
+        self._meter = _core.Meter(rate, n_channels)
+        self._n_channels = n_channels
+        self._step = (int(rate + 0.5) + 5) // 10
+        self._start, self._stop = start, stop
+        self._at = self._measured = 0
+        self._blocks: list[float] = []
+
+    def take(self, frames: NDArray[np.float64]) -> None:
+        """The next (n_frames, n_out)."""
+        import numpy as np
+
+        mixed = np.zeros((len(frames), self._n_channels))
+        self._mixer.process(frames, mixed)
+        kept = mixed[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
+        self._at += len(frames)
+        while len(kept):
+            count = min(self._step - self._measured % self._step, len(kept))
+            self._meter.process(np.ascontiguousarray(kept[:count]))
+            kept = kept[count:]
+            self._measured += count
+            if self._measured % self._step == 0 and self._measured >= 4 * self._step:
+                self._blocks.append(self._meter.momentary)
+
+    def level(self, gain: float) -> InstrumentLevel:
+        """What it is in a file of a gain, as a ratio."""
+        import numpy as np
+
+        blocks = np.array(self._blocks) + 20.0 * np.log10(max(gain, 1e-30))
+        blocks = blocks[blocks > _GATE]
+        if len(blocks):
+            blocks = blocks[blocks > _mean(blocks) + _RELATIVE]
+        loudness = _mean(blocks) if len(blocks) else -np.inf
+        return InstrumentLevel(self._name, self._meter.peak * gain, float(loudness))
+
+
+def _mean(blocks: NDArray[np.float64]) -> float:
+    """The level of the mean power."""
+    import numpy as np
+
+    return float(10.0 * np.log10(np.mean(10.0 ** (blocks / 10.0))))

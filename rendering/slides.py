@@ -1,0 +1,76 @@
+"""Whether bows stick, in a piece that is played to its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.scores.staging.probes import Rubbing
+
+_LEAST = 5e-4  # [s] that ends stay together at least: what passes by does not stick
+_FASTEST = 10.0  # [m/s] up to which frictions are looked at
+_STEPS = 20_001
+_FALLS = 0.95  # of its most, at the highest speed, where a friction is a bow's
+
+
+@dataclass(slots=True)
+class Sliding:
+    """Whether a bow stuck after it had first slipped; it holds between two rates."""
+
+    rubbing: Rubbing
+    low: float
+    high: float
+    has_slipped: bool = False
+    has_stuck: bool = False
+    _apart: float | None = None
+    _held: int = 0
+
+    def take(self, frames: NDArray[np.float64], rate: float) -> None:
+        """Go on with positions (n_frames, n_points)."""
+        import numpy as np
+
+        apart = frames[:, self.rubbing.b.output] - frames[:, self.rubbing.a.output]
+        first = apart[0] if self._apart is None else self._apart
+        speeds = np.diff(apart, prepend=first) * rate
+        self._apart = float(apart[-1])
+        least = max(1, int(_LEAST * rate))
+        for holds in ((speeds > self.low) & (speeds < self.high)).tolist():
+            if not holds:
+                self.has_slipped, self._held = True, 0
+            elif self.has_slipped:
+                self._held += 1
+                self.has_stuck = self.has_stuck or self._held >= least
+
+
+def sliding(rubbing: Rubbing) -> Sliding | None:
+    """Of a link whose friction falls beyond a top, as a bow's does; None of any other."""
+    band = holding(rubbing.module.fields)
+    return None if band is None else Sliding(rubbing, *band)
+
+
+def holding(fields: Any) -> tuple[float, float] | None:
+    """The rates [m/s] between the lowest and the highest friction, where it falls beyond both."""
+    import numpy as np
+
+    from ergon import _core
+
+    if not fields.get("damping"):
+        return None
+    try:
+        law = _core.Law(None, fields["damping"], fields.get("constants") or {})
+    except (ValueError, _core.LawError):
+        return None
+    speeds = np.linspace(-_FASTEST, _FASTEST, _STEPS)
+    forces = np.zeros(_STEPS)
+    law.forces(np.zeros(_STEPS), speeds, forces)
+    if not np.isfinite(forces).all():
+        return None
+    low, high = int(np.argmin(forces)), int(np.argmax(forces))
+    falls = forces[-1] < _FALLS * forces[high] and forces[0] > _FALLS * forces[low]
+    if not (low < high and forces[high] > 0.0 > forces[low] and falls):
+        return None
+    return float(speeds[low]), float(speeds[high])

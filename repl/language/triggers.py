@@ -1,0 +1,158 @@
+"""When a block runs by itself: every so often, or where a condition on bar and beat holds."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, parse_length
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.text.errors import TextError, quote
+
+_MOST = 10_000  # bars of a length, and numbers of a condition
+_CLAUSE = re.compile(
+    r"(?P<what>bar|beat)(?:\s*%\s*(?P<modulus>[0-9]{1,5}))?"
+    r"\s*(?P<compares>==|!=|<=|>=|<|>)\s*(?P<number>[0-9]{1,5})"
+)
+_AND = re.compile(r"\s+and\s+")
+_COMPARES: dict[str, Callable[[int, int], bool]] = {
+    "==": lambda a, b: a == b,
+    "!=": lambda a, b: a != b,
+    "<": lambda a, b: a < b,
+    "<=": lambda a, b: a <= b,
+    ">": lambda a, b: a > b,
+    ">=": lambda a, b: a >= b,
+}
+FORM = "bar or beat, perhaps % a number, then == != < <= > or >= and a number; `and` joins several"
+
+
+@dataclass(frozen=True, slots=True)
+class Every:
+    """`every 4bar`: whole bars, or beats, from the beat on which the rule began."""
+
+    length: Length
+    text: str = field(compare=False)
+
+    def begins(self, tempo: TempoMap, beat: float) -> bool:
+        """Whether the block runs on the beat on which the rule takes effect: it always does."""
+        return True
+
+    def next(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
+        """The first beat after `after` and not after `until` on which the block runs."""
+        if self.length.bars:
+            n_bars = round(self.length.bars)
+            first, into = tempo.bar_beat(begin)
+            bar, _ = tempo.bar_beat(after)
+            bar += (first - bar) % n_bars
+            beat = tempo.bars.start(bar) + into - 1.0
+            if beat <= after + SAME:
+                beat = tempo.bars.start(bar + n_bars) + into - 1.0
+        else:
+            step = self.length.beats
+            count = math.floor((after - begin) / step + SAME) + 1
+            beat = begin + count * step
+        return beat if beat <= until + SAME else None
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """`bar % 4 == 3`: one comparison; without modulus the bar or beat itself is compared."""
+
+    what: str
+    modulus: int | None
+    compares: str
+    number: int
+
+    def holds(self, bar: int, beat: int) -> bool:
+        """Whether it holds on a beat of a bar, both from 1."""
+        value = bar if self.what == "bar" else beat
+        return _COMPARES[self.compares](
+            value % self.modulus if self.modulus else value, self.number
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """`when bar % 4 == 3 and beat == 1`: on bars, or on beats where a clause asks for the beat."""
+
+    clauses: tuple[Clause, ...]
+    text: str = field(compare=False)
+
+    def holds(self, bar: int, beat: int) -> bool:
+        """Whether all clauses hold on a beat of a bar, both from 1."""
+        return all(clause.holds(bar, beat) for clause in self.clauses)
+
+    def begins(self, tempo: TempoMap, beat: float) -> bool:
+        """Whether the block runs on the beat on which the rule takes effect."""
+        return self.next(tempo, beat, beat - 2.0 * SAME, beat) is not None
+
+    def next(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
+        """The first beat after `after` and not after `until` on which the block runs."""
+        bar, _ = tempo.bar_beat(max(0.0, after))
+        last, _ = tempo.bar_beat(until)
+        asks_beat = any(clause.what == "beat" for clause in self.clauses)
+        while bar <= last:
+            start, per_bar = tempo.bars.bar(bar)
+            for beat in range(1, per_bar + 1 if asks_beat else 2):
+                at = start + beat - 1.0
+                if after + SAME < at <= until + SAME and self.holds(bar, beat):
+                    return at
+            bar += 1
+        return None
+
+
+Trigger = Every | Condition
+
+
+def parse_every(text: str) -> Every:
+    """Read `4bar` or `2`. Raises TextError."""
+    length = parse_length(text)
+    bars = length.bars
+    if length.seconds or not 1.0 <= bars + length.beats <= _MOST or bars != round(bars):
+        message = f"a block runs every so many beats or whole bars, from 1 to {_MOST:,}"
+        raise TextError(f"{message}: every 4bar", length=len(text))
+    return Every(length, f"every {text.strip()}")
+
+
+def parse_condition(text: str) -> Condition:
+    """Read `bar % 4 == 3 and beat == 1`. Raises TextError."""
+    clauses, offset = [], 0
+    for part in _AND.split(text.strip()):
+        place = text.index(part, offset)
+        clauses.append(_clause(part, place))
+        offset = place + len(part)
+    return Condition(tuple(clauses), f"when {' '.join(text.split())}")
+
+
+def parse_trigger(text: str) -> Trigger:
+    """Read `every 4bar` or `when bar % 4 == 3`. Raises TextError."""
+    word, _, rest = text.partition(" ")
+    if word not in ("every", "when"):
+        raise TextError(f"{quote(text)} does not say when a block runs", length=len(text))
+    return parse_every(rest) if word == "every" else parse_condition(rest)
+
+
+def _clause(text: str, offset: int) -> Clause:
+    match = _CLAUSE.fullmatch(text)
+    if match is None:
+        near = re.sub(r"(?<![=!<>])=(?!=)", "==", text)
+        near = re.sub(r"\s+(?:is|equals)\s+", " == ", near)
+        raise TextError(
+            f"{quote(text)} is not a condition: {FORM}",
+            offset=offset,
+            length=max(1, len(text)),
+            suggestion=near if near != text and _CLAUSE.fullmatch(near) else None,
+        )
+    modulus = None if match["modulus"] is None else int(match["modulus"])
+    clause = Clause(match["what"], modulus, match["compares"], int(match["number"]))
+    values = range(1, _MOST + 1) if modulus is None else range(modulus)
+    if not any(_COMPARES[clause.compares](value, clause.number) for value in values):
+        most = f"{clause.what}s count from 1 to {_MOST:,}"
+        if modulus is not None:
+            most = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
+        message = f"{quote(text)} never holds: {most}"
+        raise TextError(message, offset=offset, length=len(text))
+    return clause

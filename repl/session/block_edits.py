@@ -1,0 +1,78 @@
+"""Version edits of blocks: lines by a name, run by hand or by a rule."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ergon.repl.language import commands as c
+from ergon.repl.language.parse import block_line
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.language.scope import scope_of
+from ergon.repl.session.block_rules import MAX_RULES, Rule
+from ergon.repl.session.edit_table import VERSION_EDITS, makes, writes
+from ergon.repl.session.version import NotTakenError, Version
+from ergon.scores.edits import blocks
+from ergon.scores.edits.texts import Texts
+
+if TYPE_CHECKING:
+    from ergon.repl.session.commits import VersionEdit
+
+
+@writes(c.DefineBlock)
+def _define(command: c.DefineBlock, version: Version, beat: float) -> Texts:
+    return blocks.define(version.texts, version.piece, command.name, command.lines)
+
+
+@makes(c.RunBlock)
+def _run(command: c.RunBlock) -> VersionEdit:
+    return lambda version, beat: run(version, beat, command.name)
+
+
+@makes(c.RunByRule)
+def _run_by_rule(command: c.RunByRule) -> VersionEdit:
+    """Run a block by a rule from here on, and now where the rule says so."""
+    name, trigger = command.name, command.trigger
+
+    def edit(version: Version, beat: float) -> Version:
+        if len(version.rules) >= MAX_RULES and name not in version.rules:
+            raise NotTakenError(f"at most {MAX_RULES} blocks run by themselves; `stop` one first")
+        lines_of(version, name)
+        made = replace(version, rules={**version.rules, name: Rule(beat, trigger)})
+        if trigger.begins(version.piece.tempo_map, beat):
+            made = run(made, beat, name)
+        return made
+
+    return edit
+
+
+@makes(c.StopBlock)
+def _stop(command: c.StopBlock) -> VersionEdit:
+    name = command.name
+
+    def edit(version: Version, beat: float) -> Version:
+        if name not in version.rules:
+            raise NotTakenError(f"{name} does not run by itself; `show` lists the blocks that do")
+        return replace(version, rules={n: own for n, own in version.rules.items() if n != name})
+
+    return edit
+
+
+def lines_of(version: Version, name: str) -> list[str]:
+    """The lines of a block. Raises NotTakenError where the score has none of the name."""
+    lines = version.piece.blocks.get(name)
+    if lines is None:
+        raise NotTakenError(f"the score has no block {name}")
+    return list(lines)
+
+
+def run(version: Version, beat: float, name: str) -> Version:
+    """The version with the lines of a block done at a beat. Raises NotTakenError."""
+    made = version
+    for number, line in enumerate(lines_of(version, name), 1):
+        try:
+            command = block_line(line, scope_of(made.piece))
+        except Refusal as refusal:
+            raise NotTakenError(f"line {number} of {name}: {refusal.message}") from None
+        made = VERSION_EDITS[type(command)](command)(made, beat)
+    return replace(made, rules=version.rules)

@@ -1,0 +1,49 @@
+"""Rules by which blocks run by themselves, and how a journal keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from ergon.notation.tables.shapes import MAX_NAME, NAME
+from ergon.notation.text.errors import TextError
+from ergon.repl.language.triggers import Trigger, parse_trigger
+
+if TYPE_CHECKING:
+    from ergon.repl.session.journal import Event
+
+MAX_RULES = 16
+_BEAT_MAX = 1e7
+
+
+class Rule(NamedTuple):
+    """When a block runs, and the beat on which the rule took effect."""
+
+    begin: float
+    trigger: Trigger
+
+
+def rules_field(rules: Mapping[str, Rule]) -> dict[str, object]:
+    """The field of a journal for rules; none where there are none."""
+    rows = [[name, rule.begin, rule.trigger.text] for name, rule in rules.items()]
+    return {"rules": rows} if rows else {}
+
+
+def read_rules(event: Event) -> Mapping[str, Rule]:
+    """The rules in a journal's event. Raises JournalError."""
+    rows: list[object] = event.get("rules", list, [])
+    if len(rows) > MAX_RULES:
+        event.wrong("its rules are more than any session has")
+    return dict(_read_row(event, row) for row in rows)
+
+
+def _read_row(event: Event, row: object) -> tuple[str, Rule]:
+    match row:
+        case [str(name), float(begin), str(text)] if (
+            NAME.fullmatch(name) and len(name) <= MAX_NAME and 0.0 <= begin <= _BEAT_MAX
+        ):
+            try:
+                return name, Rule(begin, parse_trigger(text))
+            except TextError as error:
+                event.wrong(f"the field 'rules' has the wrong value: {error.message}")
+    event.wrong("the field 'rules' has the wrong type or value")

@@ -1,0 +1,111 @@
+"""The lines of blocks that run by themselves: each is queued shortly before its beat."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, Position
+from ergon.repl.language.commands import RunBlock
+from ergon.repl.session import version_edits
+from ergon.repl.session.commits import REFUSALS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ergon.repl.language.commands import When
+    from ergon.repl.session.block_rules import Rule
+    from ergon.repl.session.commits import Commits, VersionEdit, Waiting
+
+_AHEAD = 1.0  # [s] before its beat a run is queued
+_APART = 0.25  # [s] at least between two runs of a block
+
+
+class Running(Protocol):
+    """What blocks run in: the versions of a session."""
+
+    commits: Commits
+    number: int
+
+    def say(self, message: str) -> None:
+        """Add a message."""
+
+    def drop(self, waiting: Waiting) -> None:
+        """Remove a line that has not taken effect."""
+
+    def queue(
+        self, line: str, edit: VersionEdit, when: When = None, *, is_typed: bool = True
+    ) -> object:
+        """Queue a line for its boundary."""
+
+
+class BlockRuns:
+    """The runs that wait, by the number of their line, and the last run of each block."""
+
+    def __init__(self, session: Running) -> None:
+        """Begin with nothing that waits."""
+        self._session = session
+        self._waiting: dict[int, tuple[str, Rule]] = {}
+        self._done: dict[str, float] = {}
+        self._last = 0.0  # the beat of the last turn
+        self._refused: set[str] = set()
+
+    def turn(self) -> None:
+        """Queue what is due, and drop what waits for a rule that does not hold any more."""
+        commits = self._session.commits
+        rules = {(name, rule) for name, rule in self._rules()}
+        if not rules and not self._waiting:
+            return
+        goes, now = commits.running.clock.goes, commits.now()
+        has_jumped = now < self._last - SAME
+        self._last = now
+        if has_jumped or not goes:
+            self._done.clear()
+        for one in [one for one in commits.waiting if one.number in self._waiting]:
+            name, rule = self._waiting[one.number]
+            if has_jumped or not goes or not self._holds(name, rule, one.beat):
+                self._session.drop(one)
+        waits = {one.number for one in commits.waiting}
+        for number in self._waiting.keys() - waits:
+            del self._waiting[number]
+            commits.past.pop(number, None)  # `undo` returns to typed lines alone
+        if goes:
+            for name, rule in sorted(rules, key=lambda one: one[0]):
+                self._queue_next(name, rule)
+
+    def _rules(self) -> Iterator[tuple[str, Rule]]:
+        """The rules of all versions that play or wait."""
+        commits = self._session.commits
+        yield from commits.running.version.rules.items()
+        for one in commits.waiting:
+            if one.version is not None:
+                yield from one.version.rules.items()
+
+    def _holds(self, name: str, rule: Rule, beat: float) -> bool:
+        return self._session.commits.version_at(beat).rules.get(name) == rule
+
+    def _queue_next(self, name: str, rule: Rule) -> None:
+        """Queue the next run of a block where it is due, and is not queued yet."""
+        commits = self._session.commits
+        tempo, clock = commits.head.piece.tempo_map, commits.running.clock
+        soonest = commits.soonest() / commits.rate + commits.lead
+        first, last = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
+        after = max(first - 2.0 * SAME, rule.begin)
+        if (done := self._done.get(name)) is not None:
+            after = max(after, done, tempo.beats(tempo.seconds(done) + _APART) - 2.0 * SAME)
+        beat = rule.trigger.next(tempo, rule.begin, after, last)
+        if beat is None or not self._holds(name, rule, beat):
+            return
+        self._done[name] = beat
+        where = Position(plus=Length(beats=beat))
+        line = f"run {name}"
+        try:
+            edit = version_edits.combined([RunBlock(name)])
+            self._session.queue(line, edit, where, is_typed=False)
+        except REFUSALS as error:
+            if name not in self._refused:  # once, and not for each bar
+                self._refused.add(name)
+                self._session.say(f"{name} cannot run: {error}")
+            return
+        self._refused.discard(name)
+        self._waiting[self._session.number] = name, rule

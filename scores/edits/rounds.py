@@ -1,0 +1,117 @@
+"""Patterns of a scene, written so that they begin again with its bars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits.entries import Entry
+from ergon.scores.pattern import words
+from ergon.scores.pattern.order import REST, Group, Leaf
+from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.turns import parse as parse_turns
+
+_MOST_STEPS = 192  # of a round that is written out
+_MOST_PLACES = 10_000  # of a pattern in a scene
+# Fields that say what and when a pattern plays; a round that is written out says it by its steps.
+_OF_PATTERNS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))
+
+
+def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[tuple[float, Entry]]:
+    """The entries that play the first places of a pattern every so many beats.
+
+    Each with the first beat on which it plays. What the pattern leaves to chance is as it is in
+    these places. Raises EditError where they are too many.
+    """
+    _check(count)
+    if not count:
+        return
+    course = places.course
+    if course.pattern.chance is None and _is_periodic(places, count, beats):
+        yield places[0], entry
+        return
+    turns = parse_turns(entry.fields[words.NTH]) if course.pattern.turns else ()
+    text = entry.fields.get(words.NTH, "")
+    played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
+    for place in range(count):
+        if (name := course.played(place)) is not None:
+            number = course.round(place) + 1
+            due = (one for turn in turns if number % turn.nth == 0 for one in turn.do)
+            chain = tuple(text[one.offset : one.offset + one.length] for one in due)
+            played.setdefault(chain, []).append((places[place], name))
+    for chain, found in played.items():
+        own = Entry(entry.with_fields(**_OF_PATTERNS).fields, (*entry.do, *chain))
+        for begin, play, every in _written_out(found, beats):
+            yield begin, own.with_fields(play=play, every=f"{every:.12g}")
+
+
+def strikes(
+    body: Mapping[str, object], places: Steps, count: int, beats: float, notes: Mapping[str, str]
+) -> Iterator[tuple[float, Mapping[str, object]]]:
+    """The fields of strikes that fall as in the first places of a pattern every so many beats.
+
+    Each with the first beat; `notes` are those of the pattern as texts, none where it has none.
+    What the strikes leave to chance is drawn again in every round.
+    """
+    _check(count)
+    if not count:
+        return
+    if _is_periodic(places, count, beats):
+        yield places[0], body
+        return
+    plain = {name: value for name, value in body.items() if name not in ("euclid", "swing", "skip")}
+    named = ((places[place], places.course.named(place)) for place in range(count))
+    found = [(beat, name) for beat, name in named if name is not None]
+    if notes:
+        played = [(beat, notes[name]) for beat, name in found]
+        for begin, said, every in _written_out(played, beats):
+            yield begin, {**plain, "notes": said, "every": f"{every:.12g}"}
+        return
+    for begin, _ in found:
+        yield begin, {**plain, "every": f"{beats:.12g}"}
+
+
+def _check(count: int) -> None:
+    if count > _MOST_PLACES:
+        raise EditError(
+            f"a pattern has {count:,} places in this scene, and {_MOST_PLACES:,} at most come back"
+        )
+
+
+def _is_periodic(places: Steps, count: int, beats: float) -> bool:
+    """Whether the places after the first ones repeat them, so many beats later, for ever."""
+    course = places.course
+    return (
+        _is_in_turn(course.pattern.order)
+        and not course.pattern.turns
+        and all(
+            abs(places.beat(count + place) - places[place] - beats) < SAME
+            and course.named(count + place) == course.named(place)
+            for place in range(count)
+        )
+    )
+
+
+def _is_in_turn(item: Leaf | Group) -> bool:
+    return isinstance(item, Leaf) or (item.way == "in turn" and all(map(_is_in_turn, item.items)))
+
+
+def _written_out(
+    played: Sequence[tuple[float, str]], beats: float
+) -> Iterator[tuple[float, str, float]]:
+    """What plays names on beats, again every so many: the first beat, a pattern, its step.
+
+    Where they lie on no grid each is written by itself.
+    """
+    begin = played[0][0] if played else 0.0
+    for steps in range(len(played), _MOST_STEPS + 1):
+        slots = [(beat - begin) * steps / beats for beat, _ in played]
+        if all(abs(slot - round(slot)) < SAME * steps for slot in slots):
+            by_step = {round(slot): name for slot, (_, name) in zip(slots, played, strict=True)}
+            if len(by_step) == len(played) and max(by_step, default=steps) < steps:
+                row = [by_step.get(step, REST) for step in range(steps)]
+                yield begin, " ".join(row), beats / steps
+                return
+    for beat, name in played:
+        yield beat, name, beats

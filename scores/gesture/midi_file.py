@@ -1,0 +1,185 @@
+"""Notes of a MIDI file (Standard MIDI Files 1.0, RP-001), in beats: when, which, how hard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+from ergon._core import poll
+from ergon.common.regular import read_bounded
+from ergon.scores.gesture.take_file import TakeError
+
+SUFFIXES = (".mid", ".midi")
+MAX_BYTES = 4_000_000  # a million notes: two seconds to read
+MAX_NOTES = 100_000  # of those that are played
+MAX_TICK = 2**40
+_DATA = {0x8: 2, 0x9: 2, 0xA: 2, 0xB: 2, 0xC: 1, 0xD: 1, 0xE: 2}  # bytes after each status
+_META, _END_OF_TRACK = 0xFF, 0x2F
+
+
+class MidiNote(NamedTuple):
+    """A note that begins: in beats, from 0; its number, 60 for C4, and velocity, 1 to 127."""
+
+    at: float
+    number: int
+    velocity: int
+
+
+class MidiNotes(NamedTuple):
+    """The notes of a file in the order of time, and how long it is, in beats."""
+
+    notes: tuple[MidiNote, ...]
+    length: float
+
+
+def read_notes(path: Path, channel: str | None = None) -> MidiNotes:
+    """The notes of a channel from 1 to 16, or of all. Raises TakeError."""
+    try:
+        found = path.stat()
+        made_of = found.st_mtime_ns, found.st_size, found.st_ino
+        return _read(path, channel, made_of)
+    except OSError as error:
+        raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
+
+
+@lru_cache(8)
+def _read(path: Path, channel: str | None, _: tuple[int, ...]) -> MidiNotes:
+    wanted = _channel(path, channel)
+    data = read_bounded(path, MAX_BYTES)
+    if len(data) > MAX_BYTES:
+        raise TakeError(f"the file has more than {MAX_BYTES // 1_000_000} MB", path)
+    file = _File(path, data)
+    ticks, tracks = file.header()
+    by_channel: dict[int, list[tuple[int, int, int]]] = {}
+    end, count = 0, 0
+    for track in tracks:
+        for tick, note_channel, number, velocity in file.track(track):
+            end = max(end, tick)
+            if number < 0:
+                continue
+            own = by_channel.setdefault(note_channel, [])
+            if wanted is None or note_channel == wanted:
+                count += 1
+                if count > MAX_NOTES:
+                    raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
+                own.append((tick, number, velocity))
+    played = [note for own in by_channel.values() for note in own]
+    if not played:
+        there = ", ".join(str(known) for known in sorted(by_channel))
+        message = f"channel {channel} has no notes; those with notes are {there}"
+        field = "channel"
+        if not by_channel:
+            message, field = "it has no notes", "file"
+        raise TakeError(message, path, field=field)
+    played.sort(key=lambda note: note[:2])
+    notes = tuple(MidiNote(tick / ticks, number, hard) for tick, number, hard in played)
+    last = notes[-1].at
+    return MidiNotes(notes, end / ticks if end / ticks > last else int(last) + 1.0)
+
+
+def _channel(path: Path, channel: str | None) -> int | None:
+    if channel is None:
+        return None
+    if not channel.isascii() or not channel.isdigit() or not 1 <= int(channel[:9]) <= 16:
+        raise TakeError("a channel of a MIDI file is a number from 1 to 16", path, field="channel")
+    return int(channel[:9])
+
+
+class _File:
+    """The bytes of a MIDI file, read with care."""
+
+    def __init__(self, path: Path, data: bytes) -> None:
+        self.path = path
+        self.data = data
+
+    def damaged(self, at: int, what: str) -> TakeError:
+        """What is wrong at a byte."""
+        return TakeError(f"the file is damaged at byte {at:,}: {what}", self.path)
+
+    def header(self) -> tuple[int, list[tuple[int, int]]]:
+        """Ticks in a beat, and from where to where each track lies."""
+        data = self.data
+        if data[:4] != b"MThd":
+            raise TakeError("it is not a MIDI file: it does not begin with MThd", self.path)
+        size = int.from_bytes(data[4:8], "big")
+        if len(data) < 14 or size < 6:
+            raise self.damaged(4, "the header has fewer than 6 bytes")
+        kind, division = (int.from_bytes(data[i : i + 2], "big") for i in (8, 12))
+        if kind > 1:
+            message = f"a MIDI file of type {kind} holds several pieces; save it as type 1"
+            raise TakeError(message, self.path)
+        if division & 0x8000:
+            message = "its times are frames of film (SMPTE); save it with ticks in a beat"
+            raise TakeError(message, self.path)
+        if not division:
+            raise self.damaged(12, "a beat has no ticks")
+        tracks, at = [], 8 + size
+        while at < len(data):
+            if at + 8 > len(data):
+                raise self.damaged(at, "a chunk ends in its name or length")
+            size = int.from_bytes(data[at + 4 : at + 8], "big")
+            stop = at + 8 + size
+            if stop > len(data):
+                raise self.damaged(at + 4, f"a chunk of {size:,} bytes goes beyond the end")
+            if data[at : at + 4] == b"MTrk":  # others may come, and mean nothing here
+                tracks.append((at + 8, stop))
+            at = stop
+        return division, tracks
+
+    def track(self, span: tuple[int, int]) -> Iterator[tuple[int, int, int, int]]:
+        """Tick, channel from 1, number and velocity of each note; of other events number -1."""
+        at, stop = span
+        tick, status, count = 0, 0, 0
+        while at < stop:
+            count += 1
+            if not count % 4096:
+                poll()
+            step, at = self.variable(at, stop)
+            tick += step
+            if tick > MAX_TICK:
+                raise self.damaged(at, "a track is longer than any piece")
+            if at >= stop:
+                raise self.damaged(at, "a track ends where an event is expected")
+            if self.data[at] & 0x80:
+                status, at = self.data[at], at + 1
+            elif not status:
+                raise self.damaged(at, "data without a status before it")
+            if status >= 0xF0:
+                kind, at = self.message(status, at, stop)
+                if kind == _END_OF_TRACK:
+                    yield tick, 0, -1, 0
+                    return
+                status = 0  # a status does not hold beyond these
+                continue
+            size = _DATA[status >> 4]
+            content = self.data[at : at + size]
+            if at + size > stop or any(byte & 0x80 for byte in content):
+                raise self.damaged(at, "an event lacks its data")
+            at += size
+            is_note = status >> 4 == 0x9 and content[1] > 0
+            yield tick, (status & 0xF) + 1, content[0] if is_note else -1, content[-1]
+
+    def message(self, status: int, at: int, stop: int) -> tuple[int, int]:
+        """The kind of a meta event, -1 of another message, and where it ends."""
+        kind = -1
+        if status == _META:
+            if at >= stop:
+                raise self.damaged(at, "a track ends where an event is expected")
+            kind, at = self.data[at], at + 1
+        elif status not in (0xF0, 0xF7):
+            raise self.damaged(at - 1, f"a message 0x{status:02X}, which no file has")
+        size, at = self.variable(at, stop)
+        if at + size > stop:
+            raise self.damaged(at, f"an event of {size:,} bytes goes beyond its track")
+        return kind, at + size
+
+    def variable(self, at: int, stop: int) -> tuple[int, int]:
+        """A number of variable length, and where it ends."""
+        value = 0
+        for place in range(at, min(at + 4, stop)):
+            value = value << 7 | self.data[place] & 0x7F
+            if not self.data[place] & 0x80:
+                return value, place + 1
+        raise self.damaged(at, "a number has no end")

@@ -1,0 +1,82 @@
+"""Curves of a parameter: the notation of gestures, with values in place of positions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from ergon.notation.tables import quantities as q
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.values import Time
+from ergon.scores.gesture import notation
+from ergon.scores.pattern.values import Amount
+
+Way = Literal["smooth", "line", "hold"]
+MAX_POINTS = 1_000  # written out
+_VALUE = re.compile(r"(?<![^\s(])[^\s()|@]+(?=@)")
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePoint:
+    """A value at a time from where the curve begins, and the way to it."""
+
+    at: Time
+    amount: Amount
+    way: Way
+
+
+def is_curve(text: str) -> bool:
+    """Whether a text says when each of its values is reached."""
+    return "@" in text
+
+
+def amount_of(word: str, read: Callable[[str], float]) -> Amount:
+    """A value, or `x1.5`: a factor of the parameter's own. Raises TextError."""
+    if word.startswith("x"):
+        return Amount(q.factor(word), is_factor=True)
+    return Amount(read(word))
+
+
+def parse_curve(text: str, read: Callable[[str], float]) -> tuple[CurvePoint, ...]:
+    """Read `A3@0 smooth C4@2`. Raises TextError with the characters at fault."""
+    amounts: list[Amount] = []
+    moved: list[tuple[int, int]] = []  # where the text goes on: in what is read, and as written
+    pieces, at, length = [], 0, 0
+    for match in _VALUE.finditer(text):
+        try:
+            amount = amount_of(match.group(), read)
+        except TextError as error:
+            error.offset += match.start()
+            raise
+        if amount not in amounts:
+            amounts.append(amount)
+        # A gesture's position stands for the value: its number in metres.
+        for part in (text[at : match.start()], f"{amounts.index(amount)}m"):
+            pieces.append(part)
+            length += len(part)
+        at = match.end()
+        moved.append((length, at))
+    pieces.append(text[at:])
+    try:
+        points = notation.parse("".join(pieces), most=MAX_POINTS).points
+    except TextError as error:
+        here = [pair for pair in moved if pair[0] <= error.offset]
+        if here:
+            error.offset += here[-1][1] - here[-1][0]
+        if error.message.startswith("'hold' keeps"):
+            error.message = "'hold' keeps the value; this point has another"
+        error.length = max(1, min(error.length, len(text) - error.offset))
+        raise
+    if points[0].at != Time():
+        raise TextError("a curve begins at 0: write its first value as VALUE@0", length=len(text))
+    found = []
+    for point in points:
+        if point.curve == "throw":
+            raise TextError("a parameter is not thrown; write smooth or line", length=len(text))
+        way: Way = (
+            "hold" if point.curve == "hold" else "line" if point.curve == "line" else "smooth"
+        )
+        found.append(CurvePoint(point.at, amounts[round(point.x)], way))
+    return tuple(found)

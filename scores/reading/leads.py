@@ -1,0 +1,82 @@
+"""Which parameters of which modules may change while a piece plays, and what is said of others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ergon.instruments.kinds import KINDS
+from ergon.instruments.model import Instrument, Module
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError, quote
+
+# By the kind of a module; a generator is led as a whole.
+PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "CEL": ("f", "t60", "K", "Z", "M"),
+    "RES": ("K",),
+    "FRO": ("Z",),
+    "REF": ("K", "Z"),
+    "BUT": ("K", "Z"),
+    "STRING": ("f", "t60"),
+    "PLATE": ("f", "t60"),
+    "BANK": ("f", "t60"),
+}
+ALL = ("f", "t60", "K", "Z", "M")
+
+
+def found(
+    name: str, keys: Mapping[str, Any], instruments: Mapping[str, Any]
+) -> tuple[str, Module, bool] | None:
+    """The part, the module and whether its values are algorithmic, by a name such as `bell.s`."""
+    words = name.split(".")
+    for count in range(len(words), 0, -1):  # names that a file brings in have dots themselves
+        part = ".".join(words[:count])
+        owner = keys.get(part) or instruments.get(part)
+        if owner is None:
+            continue
+        wanted = ".".join(words[count:])
+        for module in owner.modules:
+            if module.name == wanted:
+                return part, module, isinstance(owner, Instrument) and owner.ca_rate is not None
+    return None
+
+
+def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
+    """Why a parameter of a module cannot change while it plays; None where it can."""
+    own = PARAMETERS.get(module.kind, ())
+    if is_ca:
+        return "has algorithmic values, which stay as they are; only values in SI units change"
+    if not own:
+        able = ", ".join(PARAMETERS)
+        return f"is a {module.kind}, which does not change while it plays; {able} do"
+    if parameter not in own:
+        word = " and ".join(own)
+        return f"is a {module.kind}, of which only {word} change while it plays"
+    if module.kind == "BUT" and module.fields.get("contact") == "magic":
+        return "is a magic contact, which chooses its own K and Z"
+    if module.kind in ("STRING", "PLATE") and parameter == "t60":
+        t60 = module.fields.get("t60")
+        if t60 is None:
+            return "has no t60 of its own, so it has no dampers; write one"
+        if not isinstance(t60, float):
+            return "has a t60 for each of several frequencies, which stay as they are"
+    if module.kind in ("RES", "FRO", "REF", "BUT") and not module.fields.get(parameter):
+        return f"has no {parameter} of its own that could change; write one above 0"
+    return None
+
+
+def reader(module: Module, parameter: str) -> Callable[[str], float]:
+    """What reads a value of a parameter."""
+    if module.kind == "BANK":
+        return _only_factor
+    if parameter in ("f", "t60"):
+        return (k.PITCH if parameter == "f" else k.DURATION).parse
+    shape = KINDS[module.kind].table.by_name[parameter].shape
+    assert isinstance(shape, Text)
+    return shape.parse
+
+
+def _only_factor(text: str) -> float:
+    message = f"{quote(text)}: the members of a BANK have values of their own; write a factor, x1.5"
+    raise TextError(message, length=max(1, len(text)), code="E201")

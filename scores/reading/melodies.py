@@ -1,0 +1,194 @@
+"""From `entries` and `play` of strikes to hits: rows, transformed, with what they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import PurePath
+from typing import Any
+
+from ergon.instruments.model import Target
+from ergon.instruments.names import Scene
+from ergon.notation.clock.positions import Length
+from ergon.notation.tables import notes
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.files import Files
+from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.reading.melody import Row, Voices, length_of, transformed
+from ergon.scores.reading.piece import Hit, Strikes
+
+_OWN = {
+    "entries": ("entries", "to", "impulse", "until"),
+    "play": ("play", "to", "impulse", "at", "every", "times", "until", "transpose", "do"),
+}
+_OF_PHRASE = ("transpose", "do")
+
+
+def kind_of(values: Values) -> str:
+    """`entries` or `play` of a melody, "" of other strikes."""
+    return next(iter(values.written(*_OWN)), "")
+
+
+def is_whole(values: Values) -> bool:
+    """Whether strikes have the fields that their kind needs, and no others; reports."""
+    v, kind = values, kind_of(values)
+    needed = {"entries": ("entries",), "play": ("play", "at")}.get(kind, ("to", "at"))
+    for name in needed:
+        if name not in v.nodes:
+            message = f"{v.context.of('')} has no '{name}': {v.record.by_name[name].shape.words()}"
+            v.error("E103", message)
+    own = _OWN.get(kind, tuple(name for name in v.record.by_name if name not in _OF_PHRASE))
+    for name in v.nodes:
+        if name not in own:
+            which = f"strikes with `{kind}` have" if kind else "only strikes that `play` have"
+            message = f"{v.context.of(name)}: {which} {'no such' if kind else 'this'} field"
+            v.error("E111", f"{message}; remove it", name)
+            return False
+    return all(name in v.given for name in (*needed, *v.written("to", "play", "impulse", "do")))
+
+
+def hits_of(
+    values: Values, scene: Scene, phrases: Mapping[str, Any], files: Files
+) -> tuple[tuple[Hit, ...], Length | None] | None:
+    """The hits of a melody and, of a phrase, its length; None after a report."""
+    who = f"strikes {quote(values.context.name)}"
+    if kind_of(values) == "entries":
+        voices = Voices(scene, values["to"] or ())
+        rows = _strong(values["entries"], values["impulse"], values)
+        return None if rows is None else (_hits(rows, voices, who), None)
+    phrase = phrases.get(values["play"])
+    if not isinstance(phrase, Values):
+        if values["play"] not in phrases:
+            message = f"{who}: no phrase or MIDI take is called {quote(values['play'])}"
+            names = tuple(phrases)
+            values.error("E301", message, "play", word=str(values["play"]), names=names)
+        return None
+    to = values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
+    found = played(phrase, values, Voices(scene, to), files)
+    return None if found is None else (_hits(found[0], found[1], who), found[2])
+
+
+def played(
+    phrase: Values, values: Values, voices: Voices, files: Files
+) -> tuple[Sequence[Row], Voices, Length] | None:
+    """The rows of a phrase as strikes play them, and its length; None after a report."""
+    rows: tuple[Row, ...] | None
+    length: Length | None
+    if is_midi(phrase):
+        if (tune := midi_rows(phrase, files)) is None:
+            return None
+        rows, length = _strong(tune[0], values["impulse"], phrase), tune[1]
+    else:
+        rows = _strong(phrase["entries"], values["impulse"] or phrase["impulse"], phrase)
+        length = length_of(rows or (), phrase["length"])
+    if rows is None:
+        return None
+    if length is None:
+        message = f"{phrase.context.of('')} has no 'length': not all its entries are in beats"
+        phrase.error("E103", message, "entries")
+        return None
+    try:
+        if (interval := values["transpose"]) is not None:
+            steps = None if interval.cents is None else interval.cents / 100.0
+            if steps is None or not steps.is_integer():
+                raise TextError("notes move by whole semitones, such as 7st")
+            rows = tuple(
+                voices.renamed(row, [voices.moved(word, int(steps)) for word in row.what])
+                for row in rows
+            )
+    except TextError as error:
+        values.error("E306", f"{values.context.of('transpose')}: {error.message}", "transpose")
+        return None
+    try:
+        rows, length = transformed(rows, length, values["do"] or (), voices.mirrored)
+    except TextError as error:
+        values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
+        return None
+    return rows, voices, length
+
+
+def voiced(made: Strikes, values: Values, voices: Voices, who: str) -> Strikes:
+    """Strikes whose pattern of notes says which notes of an instrument are struck."""
+    place = values.place_of("notes")
+    found: dict[str, tuple[Target, ...]] = {}
+    for word in made.notes:
+        root, _, step = word.partition(".")
+        note = notes.number(root)
+        if note is None:
+            message = f"{who}: {quote(word)} is not a note such as A3, by which members are called"
+            voices.scene.collector.error("E304", message, place)
+            continue
+        if step:  # `A3.minor.7`: of a scale, so many semitones above its root
+            root = notes.name(note + int(step.rpartition(".")[2]))
+        row = Row(Length(), (Name(root, place),), None, place)
+        found[word] = voices.targets(row, who)
+    targets = dict.fromkeys(target for own in found.values() for target in own)
+    return replace(made, to=tuple(targets), notes={}, voices=found)
+
+
+def is_midi(take: Any) -> bool:
+    """Whether a take is written that is a MIDI file."""
+    is_take = isinstance(take, Values) and take.record.noun == "take"
+    return is_take and PurePath(take["file"]).suffix.lower() in SUFFIXES
+
+
+def midi_notes(take: Values, files: Files) -> MidiNotes | None:
+    """The notes of a MIDI file; None after a report."""
+    who, folder = f"{take.context.of('file')}: ", take.nodes["file"].document.folder
+    path = files.locate(take["file"], folder, take.place_of("file"), who, is_text=False)
+    if path is None:
+        return None
+    try:
+        return read_notes(path, take["channel"])
+    except TakeError as error:
+        message = f"take {quote(take.context.name)}: {error.message}"
+        take.error("E310", message, error.field)
+    return None
+
+
+def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | None:
+    """The notes of a MIDI file as a phrase, and its length; None after a report."""
+    found = midi_notes(take, files)
+    if found is None:
+        return None
+    place, impulse, rows = take.place_of("file"), take["velocity"], []
+    for note in found.notes:
+        own = None if impulse is None else (between(note.velocity, impulse),) * 2
+        what = (Name(notes.name(note.number), place),)
+        rows.append(Row(Length(beats=note.at), what, own, place))
+    return tuple(rows), Length(beats=found.length)
+
+
+def between(velocity: int, ends: tuple[float, float]) -> float:
+    """What a velocity from 1 to 127 means between two values, evenly, as decimals are written."""
+    low, high = (Fraction(repr(end)) for end in ends)
+    return float(low + (high - low) * (velocity - 1) / 126)
+
+
+def _strong(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...] | None:
+    """Rows, each with an impulse: its own, or that of the one before."""
+    found = []
+    for row in rows:
+        impulse = row.impulse or impulse
+        if impulse is None:
+            message = f"{values.context.of('')}: the first strike has no impulse; write it beside "
+            message += "its notes, such as 2mNs, or write `impulse`"
+            if is_midi(values):
+                message = f"{values.context.of('')} has no 'velocity': impulses of its softest and "
+                message += "hardest note, such as 1mNs..9mNs"
+            values.context.error("E103", message, row.place)
+            return None
+        found.append(replace(row, impulse=impulse))
+    return tuple(found)
+
+
+def _hits(rows: Sequence[Row], voices: Voices, who: str) -> tuple[Hit, ...]:
+    found = []
+    for row in rows:
+        what, impulse = " ".join(row.what), row.impulse or (0.0, 0.0)
+        found.append(Hit(row.at, voices.targets(row, who), impulse, row.place, what))
+    return tuple(found)

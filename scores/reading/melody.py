@@ -1,0 +1,332 @@
+"""Melodies: strikes one by one, as a list or a table `at  what  impulse`, and phrases of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import floor
+from typing import Any
+
+from ergon.instruments.model import Target
+from ergon.instruments.names import Scene
+from ergon.notation.clock.positions import Length, Position
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables import notes
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
+    MISSING,
+    Context,
+    ListOf,
+    Name,
+    Reference,
+    Shape,
+    Text,
+    wrong_shape,
+)
+from ergon.notation.text import document
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.values import Place
+from ergon.scores.gesture.transforms import Transform
+from ergon.scores.pattern import words
+
+MAX_ROWS = 100_000  # of one melody
+MAX_CHORD = 256  # names of one strike
+_IMPULSE = re.compile(r"[-+.0-9]")
+_WORD = re.compile(r"\S+")
+_HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes they are"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A strike as written: where, what by name, how strong (None: as the one before)."""
+
+    at: Position | Length
+    what: tuple[Name, ...]
+    impulse: tuple[float, float] | None
+    place: Place
+    before: tuple[Name, ...] = ()  # what was written, where a transposition has changed it
+
+
+class _WhatShape(Reference):
+    """Names apart by spaces, or as a list."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        items = node.items if isinstance(node, document.Sequence) else [node]
+        found: list[Name] = []
+        for item in items:
+            if not isinstance(item, Scalar):
+                return wrong_shape(self, item, name, context)
+            found += [
+                Name(word.group(), item.place_at(word.start(), len(word.group())))
+                for word in _WORD.finditer(item.text)
+            ]
+        if not 1 <= len(found) <= MAX_CHORD:
+            message = f"{context.of(name)}: from 1 to {MAX_CHORD} names are expected"
+            context.error("E106", message, node.place)
+            return MISSING
+        return tuple(found)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["string", "array"], "items": {"type": ["string"]}}
+
+
+def _row(values: Values) -> Row:
+    return Row(values["at"], values["what"], values["impulse"], values.node.place)
+
+
+def _entry(at: Text, doc: str) -> Record:
+    fields = (
+        Field("at", at, doc, required=True),
+        Field("what", _WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
+        Field("impulse", k.IMPULSES, "impulse of an ergon", shown="that of the strike before"),
+    )
+    doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
+    return Record("strike", doc, fields, _row, foreign=foreign)
+
+
+ENTRY = _entry(k.WHEN, "where in the piece")
+PHRASE_ENTRY = _entry(k.LENGTH, "how long after the beginning of the phrase")
+
+
+@dataclass(frozen=True)
+class Entries(Shape):
+    """A list of strikes, or a table with rows such as `1|1  D3 F3  2mNs`."""
+
+    entry: Record
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, document.Sequence):
+            return ListOf(self.entry, 1, MAX_ROWS).read(node, name, context)
+        if not isinstance(node, Scalar) or node.is_empty:
+            return wrong_shape(self, node, name, context)
+        found, is_broken = [], False
+        for number, (row, offset) in enumerate(words.rows(node.text)):
+            if number >= MAX_ROWS:
+                context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
+                return MISSING
+            read = self._row(row, offset, node, context)
+            is_broken |= read is None
+            found += [read] if read is not None else []
+        if not found and not is_broken:
+            context.error("E106", f"{context.of(name)}: the table has no row", node.place)
+            return MISSING
+        return MISSING if is_broken else tuple(found)
+
+    def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
+        cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
+        (at, start), rest = cells[0], cells[1:]
+        impulse = None
+        if rest and _IMPULSE.match(rest[-1][0]):
+            impulse = self._value("impulse", *rest.pop(), node, context)
+        when = self._value("at", at, start, node, context)
+        if not 1 <= len(rest) <= MAX_CHORD:
+            message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
+            context.error("E204", message, node.place_at(start, len(at)))
+            return None
+        if when is MISSING or impulse is MISSING:
+            return None
+        names = tuple(Name(word, node.place_at(place, len(word))) for word, place in rest)
+        return Row(when, names, impulse, node.place_at(start, len(at)))
+
+    def _value(self, field: str, word: str, offset: int, node: Scalar, context: Context) -> Any:
+        shape = self.entry.by_name[field].shape
+        assert isinstance(shape, Text)
+        try:
+            return shape.parse(word)
+        except TextError as error:
+            error.offset += offset
+            context.text_error(error, node, field, inside=False)
+            return MISSING
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        array = ListOf(self.entry, 1).schema()
+        return {**array, "type": ["array", "string"]}
+
+    def words(self) -> str:
+        """In words."""
+        at = "1|1" if self.entry is ENTRY else "1/2"
+        return f"a list of strikes, or a table below '|' with rows such as {at}  D3 F3  2mNs"
+
+
+# --- phrases ------------------------------------------------------------------------------------
+
+
+def length_of(rows: Sequence[Row], written: Length | None) -> Length | None:
+    """The length of a phrase; without one to the next whole beat, None where that is not known."""
+    if written is not None:
+        return written
+    last = 0.0
+    for row in rows:
+        assert isinstance(row.at, Length)
+        if row.at.bars or row.at.seconds:
+            return None
+        last = max(last, row.at.beats)
+    return Length(beats=floor(last) + 1.0)
+
+
+def transformed(
+    rows: Sequence[Row],
+    length: Length,
+    chain: Iterable[Transform],
+    mirrored: Callable[[Row, Row], Row],
+) -> tuple[tuple[Row, ...], Length]:
+    """Rows of a phrase after transformations, left to right, and its length. Raises TextError."""
+    found = tuple(rows)
+    for transform in chain:
+        if transform.word == "mirror":
+            found = tuple(mirrored(row, found[0]) for row in found)
+            continue
+        act = _ACTS.get(transform.word)
+        if act is None:
+            known = ", ".join([*_ACTS, "mirror"])
+            message = f"'{transform.word}' moves the points of a gesture; a phrase has {known}"
+            raise TextError(message, offset=transform.offset, length=transform.length)
+        found = tuple(act(found, transform))
+        if transform.word == "stretch":
+            length = length.times(transform.amount)
+    return found, length
+
+
+def _scale(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        low, high = row.impulse or (0.0, 0.0)
+        yield replace(row, impulse=(low * t.amount, high * t.amount))
+
+
+def _stretch(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        yield replace(row, at=_length(row).times(t.amount))
+
+
+def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        at = _length(row)
+        beats, seconds = at.beats + t.time.beats, at.seconds + t.time.seconds
+        yield replace(row, at=Length(at.bars, beats, seconds))
+
+
+def _reverse(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    """From the last to the first, between their instants."""
+    at = [(a.bars, a.beats, a.seconds) for a in map(_length, rows)]
+    if sum(any(unit) for unit in zip(*at, strict=True)) > 1:
+        message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
+        raise TextError(message, offset=t.offset, length=t.length)
+    both = [low + high for low, high in zip(min(at), max(at), strict=True)]
+    for row, own in sorted(zip(rows, at, strict=True), key=lambda pair: pair[1], reverse=True):
+        yield replace(row, at=Length(*(a - b for a, b in zip(both, own, strict=True))))
+
+
+def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        at = _length(row)
+        if at.bars or at.seconds:
+            message = "'quantise' moves beats; the entries of this phrase are in bars or seconds"
+            raise TextError(message, offset=t.offset, length=t.length)
+        yield replace(row, at=Length(beats=floor(at.beats / t.amount + 0.5) * t.amount))
+
+
+def _length(row: Row) -> Length:
+    assert isinstance(row.at, Length)
+    return row.at
+
+
+_ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
+    "scale": _scale,
+    "stretch": _stretch,
+    "reverse": _reverse,
+    "shift": _shift,
+    "quantise": _quantise,
+}
+
+
+# --- notes --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Voices:
+    """What the words of a melody reach: notes of `to`, or modules by their full names."""
+
+    scene: Scene
+    to: tuple[Name, ...]
+
+    def mirrored(self, row: Row, first: Row) -> Row:
+        """A row upside down about the first note of a phrase. Raises TextError."""
+        about = next((note for word in first.what if (note := self._note(word)) is not None), None)
+        if about is None:
+            raise TextError(f"{quote(' '.join(first.what))} has no note to mirror about")
+        what = [self.moved(word, 2 * (about - (self._note(word) or 0))) for word in row.what]
+        return self.renamed(row, what)
+
+    def renamed(self, row: Row, what: Sequence[Name]) -> Row:
+        """A row with other notes, which remembers those that were written."""
+        return replace(row, what=tuple(what), before=row.before or row.what)
+
+    def moved(self, word: Name, semitones: int) -> Name:
+        """A note, or a module of one, so many semitones higher. Raises TextError."""
+        note = self._note(word)
+        if note is None:
+            raise TextError(f"{quote(word)} has no note that could be transposed")
+        high = note + semitones
+        if not notes.LOWEST <= high <= notes.HIGHEST:
+            raise TextError(f"{quote(word)} leaves the notes from C-1 to B9")
+        words = word.split(".")
+        words[self._place(words)] = notes.name(high)
+        return Name(".".join(words), word.place)
+
+    def targets(self, row: Row, who: str) -> tuple[Target, ...]:
+        """The MATs that a row strikes; reports what cannot be reached."""
+        pairs = zip(row.what, row.before or row.what, strict=True)
+        names = [name for word, before in pairs for name in self._names(word, before, who)]
+        return tuple(t for name in names for t in self.scene.targets(name, "mats", who))
+
+    def _names(self, word: Name, before: Name, who: str) -> list[Name]:
+        note = notes.number(word)
+        if note is None:
+            return [word]
+        if not self.to:
+            message = f"{who}: {quote(word)} is a note; write `to`, whose notes are struck"
+            self.scene.collector.error("E103", message, word.place)
+            return []
+        found = []
+        for to in self.to:
+            family = self.scene.family(to)
+            if family is None:
+                message = f"{who}: {quote(to)} has no notes; write `notes` in the instrument"
+                if self.scene.is_known(to):
+                    self.scene.collector.error("E304", message, to.place)
+                else:
+                    self.scene.target(to, "mats", who)
+                continue
+            parts, rest = family
+            if note not in parts:
+                known = [part.rpartition(".")[2] for part in parts.values()]
+                message = f"{who}: {quote(to)} has no note {quote(word)}"
+                if word == before:
+                    self.scene.collector.error("E301", message, word.place, word=word, names=known)
+                else:
+                    message += f", to which {quote(before)} is moved"
+                    self.scene.collector.error("E301", message, word.place)
+                continue
+            found.append(Name(".".join(filter(None, (parts[note], rest))), word.place))
+        return found
+
+    def _note(self, word: str) -> int | None:
+        words = word.split(".")
+        place = self._place(words)
+        return None if place is None else notes.number(words[place])
+
+    def _place(self, words: list[str]) -> Any:
+        """Which of the words of a name is its note."""
+        if len(words) == 1:
+            return 0 if notes.number(words[0]) is not None else None
+        for count in range(1, len(words)):
+            is_family = ".".join(words[:count]) in self.scene.families
+            if is_family and notes.number(words[count]) is not None:
+                return count
+        return None

@@ -1,0 +1,156 @@
+"""Rooms, fades and radiation of a mix: their tables, and what they are once read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.instruments.bodies import Decays
+from ergon.notation.clock.positions import Position
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import MISSING, Either, ListOf, NamesOf, Shape, choice
+from ergon.notation.text.values import Place
+
+SOUND = 343.0  # [m/s]
+AIR = 1.204  # density [kg/m³]
+_FLAT = 200.0, 6000.0  # where a room that decays evenly is said to [Hz]
+
+
+@dataclass(frozen=True, slots=True)
+class FadePoint:
+    """A point of a fade: position, gain as a ratio, whether the way to it is smooth."""
+
+    at: Position
+    gain: float
+    is_smooth: bool
+    place: Place
+
+
+Fade = tuple[FadePoint, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Radiation:
+    """A disc of a radius [m] in a wall, heard at a distance [m]."""
+
+    distance: float
+    radius: float
+
+    @property
+    def gain(self) -> float:
+        """Pressure [Pa] for an acceleration of 1 m/s²."""
+        return AIR * self.radius * self.radius / (2.0 * self.distance)
+
+    def delay(self, rate: float) -> int:
+        """Frames that the sound takes."""
+        return int(self.distance / SOUND * rate + 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """A room: mean way from wall to wall [m], decays as pairs of frequency [Hz] and time [s].
+
+    Channels are counted from 1; none are all.
+    """
+
+    name: str
+    size: float
+    t60: tuple[tuple[float, float], tuple[float, float]]
+    to: tuple[int, ...]
+    gain: float
+    place: Place
+
+
+def room_table(to: Shape) -> Record:
+    """The fields of a room; `to` reads channels."""
+    return Record(
+        "room",
+        "a room that routes send to: a feedback delay network",
+        (
+            Field("size", k.ROOM_SIZE, "mean way of sound from wall to wall", 10.0, shown="10m"),
+            Field(
+                "t60",
+                Either(k.DURATION, Decays()),
+                "time to fall by 60 dB, or times at two frequencies",
+                required=True,
+            ),
+            Field("to", to, "channels that hear it", shown="all"),
+            Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        ),
+    )
+
+
+RADIATION = Record(
+    "radiation",
+    "a disc in a wall, heard at a distance",
+    (
+        Field("distance", k.DISTANCE, "from the disc to the ear", required=True),
+        Field("radius", k.DISC, "of the disc", 0.05, shown="5cm"),
+    ),
+    lambda v: MISSING if v["distance"] is None else Radiation(v["distance"], v["radius"]),
+)
+
+
+def _fade_point(values: Values) -> Any:
+    if values["at"] is None or values["gain"] is None:
+        return MISSING
+    is_smooth = values["curve"] == "smooth"
+    return FadePoint(values["at"], values["gain"], is_smooth, values.place_of("at"))
+
+
+FADE = ListOf(
+    Record(
+        "point of a fade",
+        "a level at a position of the piece",
+        (
+            Field("at", k.WHEN, "where", required=True),
+            Field("gain", k.GAIN, "level there; x0 is silence", required=True),
+            Field("curve", choice("smooth", "line"), "the way to it", "smooth"),
+        ),
+        _fade_point,
+    ),
+    least=1,
+    single=True,
+)
+SENDS = NamesOf(k.GAIN, "room")
+
+
+def fade(value: Any) -> Fade:
+    """The points that were read."""
+    return tuple(point for point in value or () if isinstance(point, FadePoint))
+
+
+def pan(value: float | None) -> tuple[float, float] | None:
+    """Gains of the two channels by constant power: -1 is the first one alone, 1 the second."""
+    if value is None:
+        return None
+    return (math.sqrt(0.5 * (1.0 - value)), math.sqrt(0.5 * (1.0 + value)))
+
+
+def sends(value: Any) -> tuple[tuple[str, float], ...]:
+    """Rooms by name, with the gain of what is sent there."""
+    return tuple((name, gain) for name, gain in (value or {}).items() if gain is not MISSING)
+
+
+def rooms(written: Any) -> tuple[Room, ...]:
+    """The rooms that were read."""
+    return tuple(_rooms(written or {}))
+
+
+def _rooms(written: dict[str, Any]) -> Iterator[Room]:
+    for name, values in written.items():
+        if not isinstance(values, Values) or values["t60"] is None:
+            continue
+        t60 = values["t60"]
+        if isinstance(t60, float):
+            pairs = (_FLAT[0], t60), (_FLAT[1], t60)
+        elif len(t60) == 2:
+            pairs = t60
+        else:
+            message = f"room {name}: t60: a room has decays at two frequencies; here {len(t60)}"
+            values.error("E106", message, "t60")
+            continue
+        yield Room(name, values["size"], pairs, values["to"] or (), values["gain"], values.place)

@@ -1,0 +1,107 @@
+"""What `like:` and `from:` begin with under one's own values: fields merge module by module."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ergon.instruments.transpose import at_note, pitch
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.notes import number
+
+# What is written here replaces what stands for the same in the other: K for f, a table for a line.
+_EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
+    "key": ((("K", "Z"), ("f", "t60"), ("modules", "struck")),),
+    "gesture": ((("notation",), ("points",)),),
+    "CEL": ((("K", "Z"), ("f", "t60")),),
+    "STRING": ((("inharmonicity",), ("stiffness",)),),
+    "PLATE": ((("radius",), ("sides",)),),
+}
+_LAW = ("law", "damping", "points")
+
+
+def overlaid(base: Values, own: Values) -> Values:
+    """The base's fields under one's own; those of a module too; transformations add up.
+
+    An `f` of one's own is moved by one's own `transpose`, as the base is already.
+    """
+    hidden = _hidden(own, own.record.noun) | {"transpose"}
+    if own.written("notes"):  # other notes, of which nothing was said yet
+        hidden.add("members")
+    body = own.given.get(own.kind)
+    if isinstance(body, Values):  # what a generator itself says goes before what is said beside it
+        hidden.update(body.written("f", "t60", "M"))
+        if body.written("K", "Z"):
+            hidden.update(("f", "t60"))
+    given = {name: value for name, value in base.given.items() if name not in hidden}
+    nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
+    for name, value in own.given.items():
+        if name == "modules" and isinstance(given.get(name), dict):
+            value = _modules(given[name], value)
+        elif name == "do" and name in given:
+            value = (*given[name], *value)
+        elif name == own.kind == base.kind and isinstance(value, Values):
+            value = _fields(name, given.get(name), value)
+        elif name == "members" and isinstance(given.get(name), dict):
+            value = {**given[name], **value}
+        elif name == "f" and isinstance(value, tuple) and "transpose" in own.given:
+            value = tuple(pitch(one, own.given["transpose"]) for one in value)
+        given[name] = value
+    given.pop("transpose", None)
+    nodes.update(own.nodes)
+    kind = own.kind or base.kind
+    return Values(own.record, own.node, own.context, given, nodes, {**base.free, **own.free}, kind)
+
+
+def member(values: Values, note: int) -> Values | None:
+    """What a note of an instrument has of its own, as it is written."""
+    for word, own in (values["members"] or {}).items():
+        if number(word) == note:
+            assert isinstance(own, Values)
+            return own
+    return None
+
+
+def at(values: Values, note: str) -> Values:
+    """An instrument with notes at one of them, with what this has of its own."""
+    base, own = at_note(values, note), member(values, number(note) or 0)
+    if own is None:
+        return base
+    said = overlaid(base, own)
+    return replace(said, record=base.record, node=base.node, context=base.context)
+
+
+def _hidden(own: Values, what: str) -> set[str]:
+    hidden: set[str] = set()
+    for groups in _EXCLUSIVE.get(what, ()):
+        if any(own.written(*group) for group in groups):
+            for group in groups:
+                if not own.written(*group):
+                    hidden.update(group)
+    return hidden
+
+
+def _modules(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for name, body in own.items():
+        below = base.get(name)
+        if isinstance(body, Values) and isinstance(below, Values) and body.kind == below.kind:
+            fields = _fields(body.kind, below.given.get(body.kind), body.given[body.kind])
+            body = replace(body, given={body.kind: fields})
+        merged[name] = body
+    return merged
+
+
+def _fields(kind: str, base: Any, own: Any) -> Any:
+    """The fields of one module over those of another of its kind."""
+    if not isinstance(base, Values) or not isinstance(own, Values):
+        return own
+    hidden, free = _hidden(own, kind), {**base.free, **own.free}
+    if kind == "LNL" and own.written(*_LAW):  # another law has other constants
+        hidden, free = {*_LAW, *base.free, "interval"}, dict(own.free)
+    if kind == "BUT" and own["contact"] == "magic":
+        hidden = {"K", "Z", "clamp"}
+    given = {name: value for name, value in base.given.items() if name not in hidden}
+    nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
+    return replace(own, given={**given, **own.given}, nodes={**nodes, **own.nodes}, free=free)

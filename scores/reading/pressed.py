@@ -1,0 +1,58 @@
+"""Notes of a MIDI file as a gesture: each presses the key, as deep as it is hard."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ergon.notation.tables.fields import Values
+from ergon.notation.text.files import Files
+from ergon.notation.text.values import Point, Time
+from ergon.scores.gesture.midi_file import MidiNote
+from ergon.scores.reading.melodies import between, midi_notes
+from ergon.scores.reading.piece import UNSAID, Gesture
+
+_REACH = 0.125  # [beats] from rest to the depth of a note, and back
+_ROOM = 0.45  # of the way to the next note, where that is nearer
+
+
+def gesture(take: Values, files: Files, room: int) -> Gesture | None:
+    """The gesture of a MIDI take with at most `room` points; None after a report."""
+    who = take.context.of("")
+    if take["depth"] is None:
+        take.error("E103", f"{who} has no 'depth': how far notes press a key, such as 2mm..8mm")
+        return None
+    found = midi_notes(take, files)
+    if found is None:
+        return None
+    points = _points(found.notes, take["depth"], found.length)
+    if len(points) > room:
+        take.error("E105", f"{who}: the gestures have more points than a piece may have", "file")
+        return None
+    return Gesture(take.context.name, points, (), (), UNSAID, take.place)
+
+
+def _points(
+    notes: Sequence[MidiNote], depth: tuple[float, float], length: float
+) -> tuple[Point, ...]:
+    """At rest but for `_REACH` around each instant; of notes at one instant the hardest counts."""
+    hardest: dict[float, int] = {}
+    for note in notes:
+        hardest[note.at] = max(note.velocity, hardest.get(note.at, 0))
+    instants = [*hardest]
+    points: list[Point] = []
+
+    def add(at: float, x: float, curve: str) -> None:
+        points.append(Point(Time(at), x, curve, 0, 1))
+
+    for i, at in enumerate(instants):
+        before = instants[i - 1] if i else -at  # half the way from the beginning
+        after = instants[i + 1] if i + 1 < len(instants) else at + 1.0
+        if at > 0.0:
+            if not points:
+                add(0.0, 0.0, "smooth")
+            add(at - min(_REACH, _ROOM * (at - before)), 0.0, "hold")
+        add(at, between(hardest[at], depth), "smooth")
+        add(at + min(_REACH, _ROOM * (after - at)), 0.0, "smooth")
+    if length > points[-1].at.beats:
+        add(length, 0.0, "hold")
+    return tuple(points)

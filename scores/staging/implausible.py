@@ -1,0 +1,146 @@
+"""What a score may say and can hardly mean: pitches, gaps and stiffnesses out of reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import inf, pi, sqrt
+
+from ergon.instruments.kinds import member_count
+from ergon.instruments.model import Module, Target
+from ergon.notation.text.errors import Diagnostic, quote
+from ergon.scores.reading.piece import Key, Piece
+
+
+def implausible(piece: Piece) -> list[Diagnostic]:
+    """W326 to W329, each where it is written. Instruments under `units: ca` say nothing in SI."""
+    scene = _Scene.of(piece)
+    found: list[Diagnostic] = []
+    for instrument in piece.instruments.values():
+        if instrument.ca_rate is not None:
+            continue
+        for module in instrument.modules:
+            name = ".".join(filter(None, (instrument.name, module.name)))
+            found += _pitches(piece, name, module)
+            if module.kind == "BUT":
+                found += scene.gaps(name, module)
+            if module.kind in ("BUT", "RES", "REF"):
+                found += scene.stiffness(piece, name, module)
+    return found
+
+
+def _pitches(piece: Piece, name: str, module: Module) -> Iterator[Diagnostic]:
+    """W326 for strings and plates; a cell above half of the rate is refused (E309)."""
+    f, highest = module.fields.get("f"), 0.5 * piece.rate
+    if module.kind in ("STRING", "PLATE") and isinstance(f, float) and f > highest:
+        message = (
+            f"the pitch of {quote(name)} is {_hertz(f)}, above half of the rate "
+            f"({_hertz(highest)}): no file can hold it"
+        )
+        place = module.places.get("f", module.place)
+        yield Diagnostic("W326", message, place, None, "choose a lower pitch or a higher rate")
+
+
+@dataclass
+class _Scene:
+    """Modules and keys, as far as the ends of links go."""
+
+    keys: dict[str, Key]
+    modules: dict[tuple[str, str], Module] = field(default_factory=dict)
+    imposed: set[tuple[str, str, object]] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, piece: Piece) -> _Scene:
+        own = cls(dict(piece.keys))
+        for part, module in piece.modules():
+            own.modules[part, module.name] = module
+            to = module.fields.get("to")
+            if module.kind == "ENX" and isinstance(to, Target):
+                own.imposed.add((to.part, to.module, to.first))
+        return own
+
+    def gaps(self, name: str, but: Module) -> Iterator[Diagnostic]:
+        """W327 where a contact is pressed from the beginning, W329 where it is too wide."""
+        a, b = but.fields["between"]
+        gap, sign = but.fields["gap"], 1.0 if but.fields["side"] == "below" else -1.0
+        place = but.places.get("gap", but.place)
+        start = sign * (self._start(a) - self._start(b)) - gap
+        if gap < 0.0 and start > 0.0:
+            message = (
+                f"the gap of contact {quote(name)} is negative: its ends are pressed together "
+            )
+            message += f"by {_millimetres(start)} from the beginning"
+            help = "write a gap of 0 or more, or a RES or REF where the two are tied for good"
+            yield Diagnostic("W327", message, place, None, help)
+        low_a, high_a = self._travel(a)
+        low_b, high_b = self._travel(b)
+        # The deepest that travels allow; what has no travel of its own stays where it begins.
+        nearest = (high_a - low_b if sign > 0 else high_b - low_a) - gap
+        has_travel = any(self._key(end) is not None for end in (a, b))
+        if has_travel and nearest <= 0.0:
+            message = (
+                f"contact {quote(name)} lies beyond the travel of its key: there it misses by "
+            )
+            message += _millimetres(-nearest)
+            help = "make the gap smaller than the travel, or the travel longer"
+            yield Diagnostic("W329", message, place, None, help)
+
+    def stiffness(self, piece: Piece, name: str, link: Module) -> Iterator[Diagnostic]:
+        """W328 where the two ends swing against each other, or touch, in less than a frame."""
+        stiffness = link.fields.get("K")
+        if not isinstance(stiffness, float) or stiffness <= 0.0:
+            return
+        is_contact = link.kind == "BUT"
+        if is_contact and (link.fields["exponent"] != 1.0 or link.fields["contact"] == "magic"):
+            return
+        inverse = sum(1.0 / self._mass(end) for end in link.fields["between"])
+        if inverse == 0.0:
+            return
+        half = pi / sqrt(stiffness * inverse)  # of a period; as long as a touch lasts [s]
+        if half >= 1.0 / piece.rate:
+            return
+        does = "a touch lasts" if is_contact else "half a period lasts"
+        message = f"{quote(name)} is stiffer than the rate can follow: {does} {1e6 * half:.3g} us, "
+        message += f"a frame {1e6 / piece.rate:.3g} us"
+        most = pi * pi * piece.rate * piece.rate / inverse
+        help = f"stay below {most:.3g} N/m, or make the masses heavier"
+        yield Diagnostic("W328", message, link.places.get("K", link.place), None, help)
+
+    def _key(self, end: Target) -> Key | None:
+        key = self.keys.get(end.part)
+        return key if key is not None and key.travel and key.struck == end.module else None
+
+    def _travel(self, end: Target) -> tuple[float, float]:
+        key = self._key(end)
+        if key is None or key.travel is None:
+            start = self._start(end)
+            return start, start
+        low, high = key.travel
+        return key.reach * low, key.reach * high
+
+    def _start(self, end: Target) -> float:
+        """Where a single mass begins [m]; members of generators begin at 0."""
+        module = self.modules[end.part, end.module]
+        start = module.fields.get("X0")
+        reach = self.keys[end.part].reach if end.part in self.keys else 1.0
+        return reach * start if isinstance(start, float) else 0.0
+
+    def _mass(self, end: Target) -> float:
+        """Of one MAT [kg], as the scene sees it; endless where nothing moves it."""
+        module = self.modules[end.part, end.module]
+        if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
+            return inf
+        mass = module.fields["M"]
+        if module.kind in ("STRING", "PLATE"):
+            mass /= member_count(module.kind, module.fields)
+        key = self.keys.get(end.part)
+        mass = mass if key is None else mass / (key.reach * key.reach)
+        return float(mass)
+
+
+def _hertz(f: float) -> str:
+    return f"{f / 1e3:.3g} kHz"
+
+
+def _millimetres(x: float) -> str:
+    return f"{1e3 * x:.3g} mm"

@@ -1,0 +1,131 @@
+"""What leads the parameters of a module: its numbers for given values, as the engine takes them.
+
+The numbers are K, Z and M of a CEL; factors of K and of Z for links and for the links of a STRING
+or a PLATE; the square of the factor of all frequencies and the factor of all decay rates of a BANK.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ergon import _core
+from ergon.instruments.kinds import member_count
+from ergon.instruments.model import Module
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.gliding import LN_1000, TWO_PI, ties
+
+if TYPE_CHECKING:
+    from ergon.instruments.assemble import Assembly
+
+Where = tuple[str, str]  # a part and one of its modules
+Point = tuple[float, ...]  # an instant [s] and numbers
+Points = Sequence[Point]
+
+_FOR_EVER = 1e9  # the t60 of what does not fade [s]
+_BODIES = ("STRING", "PLATE")
+
+
+class Led:
+    """A module some of whose parameters are led; `scale` turns its values into the scene's."""
+
+    def __init__(self, module: Module, scale: float) -> None:
+        """Take a module."""
+        self.module = module
+        self.scale = scale
+        self.own = _own(module)
+        self.numbers_alone = self.numbers({})
+
+    @classmethod
+    def of(cls, piece: Piece, where: Where) -> Led | None:
+        """A module of a piece; None where it is not."""
+        name, module_name = where
+        key = piece.keys.get(name)
+        part = key or piece.instruments.get(name)
+        modules = () if part is None else part.modules
+        module = next((one for one in modules if one.name == module_name), None)
+        if module is None:
+            return None
+        return cls(module, 1.0 if key is None else 1.0 / (key.reach * key.reach))
+
+    @property
+    def cost(self) -> int:
+        """How many places of the engine a point takes."""
+        kind = self.module.kind
+        return member_count(kind, self.module.fields) if kind == "BANK" else 1
+
+    def numbers(self, said: Mapping[str, float]) -> tuple[float, ...]:
+        """Its numbers where some parameters have other values."""
+        kind = self.module.kind
+        if kind == "CEL":
+            return _tied(self.module, self.own, said, self.scale)
+        if kind == "BANK":
+            f, t60 = said.get("f", 1.0), said.get("t60", 1.0)
+            return f * f, 1.0 / t60
+        if kind in _BODIES:
+            k, sigma = _square_and_sigma(self.own)
+            new_k, new_sigma = _square_and_sigma({**self.own, **said})
+            return new_k / k, new_sigma / sigma if sigma else 1.0
+        return tuple(said[name] / self.own[name] if name in said else 1.0 for name in ("K", "Z"))
+
+    def put(
+        self, timeline: _core.Timeline, assembly: Assembly, where: Where, points: Points
+    ) -> None:
+        """Let the engine lead it. Raises EngineError."""
+        kind = self.module.kind
+        if kind == "CEL":
+            timeline.path(assembly.mats[where], [(t, k, z, m) for t, k, z, m in points])
+            return
+        pairs = [(t, a, b) for t, a, b in points]
+        if kind == "BANK":
+            timeline.retune(assembly.mats[where], pairs, n=self.cost)
+            return
+        first, count = assembly.bodies.get(where) or (assembly.links[where], 1)
+        timeline.lead(first, pairs, n=count)
+
+
+def _own(module: Module) -> dict[str, float]:
+    """The parameters of a module as they are."""
+    fields = module.fields
+    if module.kind == "BANK":
+        return {"f": 1.0, "t60": 1.0}  # each member has its own
+    if module.kind in _BODIES:
+        t60 = fields.get("t60")
+        return {"f": float(fields["f"]), "t60": t60 if isinstance(t60, float) else _FOR_EVER}
+    if module.kind != "CEL":
+        return {name: float(fields.get(name) or 0.0) for name in ("K", "Z")}
+    k, z, m = ties(fields)
+    sigma = z / (2.0 * m)
+    f, t60 = fields.get("f"), fields.get("t60")
+    return {
+        "K": k,
+        "Z": z,
+        "M": m,
+        "f": float(f) if f else math.sqrt(max(0.0, k / m - sigma * sigma)) / TWO_PI,
+        "t60": float(t60) if t60 else (LN_1000 / sigma if sigma else _FOR_EVER),
+    }
+
+
+def _tied(
+    module: Module, own: Mapping[str, float], said: Mapping[str, float], scale: float
+) -> tuple[float, float, float]:
+    """K, Z and M of a CEL some of whose parameters have other values."""
+    fields: dict[str, Any] = dict(module.fields)
+    if said.keys() & {"f", "t60"} and not fields.get("f"):
+        fields |= own
+    fields |= said
+    if float(fields.get("t60") or 0.0) >= _FOR_EVER:
+        fields["t60"] = None
+    if said.keys() & {"K", "Z"} and fields.get("f"):
+        k, z, _ = ties(fields)
+        fields |= {"f": None, "K": said.get("K", k), "Z": said.get("Z", z)}
+    k, z, m = ties(fields)
+    return k * scale, z * scale, m * scale
+
+
+def _square_and_sigma(values: Mapping[str, float]) -> tuple[float, float]:
+    """The square of the lowest frequency without losses [1/s²] and the decay rate [1/s]."""
+    omega, t60 = TWO_PI * values["f"], values["t60"]
+    sigma = LN_1000 / t60 if t60 < _FOR_EVER else 0.0
+    return omega * omega + sigma * sigma, sigma

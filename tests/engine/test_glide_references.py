@@ -1,0 +1,198 @@
+"""Glides beside the converged motion with parameters that change in time: two octaves in a bar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+RATE = 44_100
+BEGIN, LENGTH, END = 0.25, 1.5, 2.0  # a glide of 6/8 of a bar, and what sounds of it [s]
+SIGMA = math.log(1000.0)  # times 1/t60: the decay rate
+
+SCORE = """\
+ergon: 1
+tempo: [{{at: 1|1, bpm: 120, meter: 4/4}}]
+{keys}instruments:
+  a:
+    modules:
+{modules}
+    out: {{SOX: {heard}}}
+automation: [{lines}]
+accuracy: {accuracy}
+render: {{tail: 2s}}
+"""
+
+
+def ratio(t: float) -> float:
+    """Two octaves up, evenly in pitch."""
+    return 4.0 ** min(1.0, max(0.0, (t - BEGIN) / LENGTH))
+
+
+def heard(modules: str, out: str, lines: str, accuracy: str = "{error: -60dB}", keys: str = ""):
+    text = SCORE.format(modules=modules, heard=out, lines=lines, accuracy=accuracy, keys=keys)
+    loaded = load("s.yaml", text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    whole = stage(loaded.piece, planned=True)
+    sound = np.zeros((whole.n_frames, whole.simulation.n_out))
+    whole.simulation.process(sound)
+    return sound[:, 0]
+
+
+def reference(
+    forces: Callable[[float, np.ndarray, np.ndarray], np.ndarray], x0: np.ndarray, n_frames: int
+) -> np.ndarray:
+    """Positions (n_mat, n_frames) of ẍ = forces(t, x, ẋ), by DOP853."""
+    n = len(x0)
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[n:], forces(t, y[:n], y[n:])])
+
+    found = solve_ivp(
+        slope,
+        (0.0, n_frames / RATE),
+        np.concatenate([x0, np.zeros(n)]),
+        method="DOP853",
+        rtol=1e-11,
+        atol=1e-16,
+        t_eval=np.arange(n_frames) / RATE,
+    )
+    return found.y[:n]
+
+
+def error_db(sound: np.ndarray, truth: np.ndarray) -> float:
+    n = min(len(sound), len(truth))
+    difference = sound[:n] - truth[:n]
+    return float(10 * np.log10((difference**2).mean() / (truth[:n] ** 2).mean()))
+
+
+GLIDE = "{{set: a.m.f, to: x4, at: {at}, over: {over}}}".format(at="0.25s", over="1.5s")
+N = int(END * RATE)
+
+
+def laplacian(across: int, up: int) -> np.ndarray:
+    """K of springs of 1 on a square lattice with a free rim   (n_mat, n_mat)."""
+    matrix = np.zeros((across * up, across * up))
+    index = np.arange(across * up).reshape(up, across)
+    pairs = [*zip(index[:, :-1].ravel(), index[:, 1:].ravel(), strict=True)]
+    pairs += [*zip(index[:-1].ravel(), index[1:].ravel(), strict=True)]
+    for i, j in pairs:
+        matrix[[i, j], [i, j]] += 1.0
+        matrix[[i, j], [j, i]] -= 1.0
+    return matrix
+
+
+@pytest.mark.parametrize(("f", "accuracy"), [(110.0, "{method: ca}"), (440.0, "{error: -60dB}")])
+def test_a_cel_glides(f: float, accuracy: str):
+    t60 = 3.0
+    module = f"      m: {{CEL: {{M: 2g, f: {f}Hz, t60: {t60}s, X0: 1mm}}}}"
+    sigma = SIGMA / t60
+
+    def forces(t, x, v):
+        return -((2 * math.pi * f * ratio(t)) ** 2 + sigma**2) * x - 2 * sigma * v
+
+    truth = reference(forces, np.array([1e-3]), N)[0]
+    assert error_db(heard(module, "m", GLIDE, accuracy), truth) <= -60.0
+
+
+def test_a_string_glides():
+    n, f, t60 = 12, 110.0, 3.0
+    module = (
+        f"      m: {{STRING: {{masses: {n}, M: 8g, f: {f}Hz, t60: {t60}s, X0: {{at: 3, x: 1mm}}}}}}"
+    )
+    matrix = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    truth = body(matrix, 4 * math.sin(math.pi / 2 / (n + 1)) ** 2, f, t60, 3)
+    assert error_db(heard(module, "m.5", GLIDE), truth[5]) <= -60.0
+
+
+def test_a_plate_glides():
+    across, up, f, t60 = 5, 4, 110.0, 2.0
+    module = (
+        f"      m: {{PLATE: {{shape: rectangle, sides: [{across}, {up}], M: 300g, f: {f}Hz, "
+        f"t60: {t60}s, X0: {{at: 6, x: 1mm}}}}}}"
+    )
+    matrix = laplacian(across, up)
+    truth = body(matrix, np.linalg.eigvalsh(matrix)[1], f, t60, 6)
+    assert error_db(heard(module, "m.7", GLIDE), truth[7]) <= -60.0
+
+
+def body(matrix: np.ndarray, lowest: float, f: float, t60: float, at: int) -> np.ndarray:
+    """A linear body that begins 1 mm out at one mass, and whose K go with the pitch's square."""
+    sigma = SIGMA / t60
+
+    def forces(t, x, v):
+        square = ((2 * math.pi * f * ratio(t)) ** 2 + sigma**2) / lowest
+        return -(square * (matrix @ x) + 2 * sigma / lowest * (matrix @ v))
+
+    x0 = np.zeros(len(matrix))
+    x0[at] = 1e-3
+    return reference(forces, x0, N)
+
+
+def test_a_decay_glides_without_a_change_of_pitch():
+    n, f = 8, 220.0
+    module = (
+        f"      m: {{STRING: {{masses: {n}, M: 8g, f: {f}Hz, t60: 4s, X0: {{at: 3, x: 1mm}}}}}}"
+    )
+    line = "{set: a.m.t60, to: 0.5s, at: 0.25s, over: 1.5s}"
+    matrix = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    lowest = 4 * math.sin(math.pi / 2 / (n + 1)) ** 2
+
+    def forces(t, x, v):
+        u = min(1.0, max(0.0, (t - 0.25) / 1.5))
+        sigma = SIGMA / 4.0 + (SIGMA / 0.5 - SIGMA / 4.0) * u
+        square = ((2 * math.pi * f) ** 2 + sigma**2) / lowest
+        return -(square * (matrix @ x) + 2 * sigma / lowest * (matrix @ v))
+
+    x0 = np.zeros(n)
+    x0[3] = 1e-3
+    truth = reference(forces, x0, N)[5]
+    assert error_db(heard(module, "m.5", line), truth) <= -60.0
+
+
+def test_a_bank_glides_member_by_member():
+    module = "      m: {BANK: {count: 3, f: 110Hz..330Hz, t60: 3s..3s, M: 2g, X0: 1mm}}"
+    sigma = SIGMA / 3.0
+    pitches = np.array([110.0, math.sqrt(110.0 * 330.0), 330.0])
+
+    def forces(t, x, v):
+        return -((2 * math.pi * pitches * ratio(t)) ** 2 + sigma**2) * x - 2 * sigma * v
+
+    truth = reference(forces, np.full(3, 1e-3), N).sum(axis=0)
+    assert error_db(heard(module, "m.all", GLIDE), truth) <= -60.0
+
+
+def test_a_hardening_plate_keeps_what_hardens():
+    """Where it glides to is the plate that is written so; its q·d³ has not gone with it."""
+    across, up, f, q = 4, 3, 60.0, 3e7
+    module = (
+        f"      m: {{PLATE: {{shape: rectangle, sides: [{across}, {up}], M: 300g, f: {f}Hz, "
+        f"t60: 2s, hardening: {q:g}N/m3, X0: {{at: 5, x: 2mm}}}}}}"
+    )
+    matrix = laplacian(across, up)
+    lowest, sigma = np.linalg.eigvalsh(matrix)[1], SIGMA / 2.0
+    mass = 0.3 / (across * up)
+    index = np.arange(across * up).reshape(up, across)
+    a = np.concatenate([index[:, :-1].ravel(), index[:-1].ravel()])
+    b = np.concatenate([index[:, 1:].ravel(), index[1:].ravel()])
+
+    def forces(t, x, v):
+        square = ((2 * math.pi * f * ratio(t)) ** 2 + sigma**2) / lowest
+        found = -(square * (matrix @ x) + 2 * sigma / lowest * (matrix @ v))
+        cubes = q * (x[b] - x[a]) ** 3 / mass
+        np.add.at(found, a, cubes)
+        np.add.at(found, b, -cubes)
+        return found
+
+    x0 = np.zeros(across * up)
+    x0[5] = 2e-3
+    truth = reference(forces, x0, N)[6]
+    # A hardening body parts from itself at every rounding: its beginning and the glide's are held.
+    half = N // 2
+    assert error_db(heard(module, "m.6", GLIDE, "{method: bm4}")[:half], truth[:half]) <= -60.0

@@ -1,0 +1,119 @@
+"""Energy that steps make: refused or told of, with its place, and never called proved."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ergon import _core
+from ergon.cli import app
+from ergon.scores.reading.load import load
+from ergon.scores.staging import planning
+from ergon.scores.staging.stage import StageError, prepare, stage
+
+SCENES = Path(__file__).parents[1] / "data" / "accuracy"
+HAMMER = """\
+ergon: 1
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: 220Hz, t60: 2.5s}}
+      hammer: {MAS: {M: 5g, X0: -2mm, V0: 1m/s}}
+      felt: {BUT: {between: [hammer, m], K: 5000kN/m, gap: 0.5mm}}
+    out: {SOX: m}
+render: {tail: 0.2s}
+"""
+LAWFUL = """\
+ergon: 1
+accuracy: {method: ieq}
+instruments:
+  row:
+    modules:
+      a: {MAS: {M: 1g, X0: 1mm}}
+      b: {MAS: {M: 1g}}
+      c: {MAS: {M: 1g}}
+      d: {MAS: {M: 1g}}
+      r1: {REF: {between: [a, b], K: 1kN/m}}
+      r2: {REF: {between: [b, c], K: 1kN/m}}
+      soft: {LNL: {between: [c, d], law: F*tanh(d/w), F: 1N, w: 1mm}}
+    out: {SOX: a}
+render: {tail: 0.2s}
+"""
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(own_folder: Path) -> Path:
+    return own_folder
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "module"),
+    [("but-16", "ca", "s.c"), ("but-14", "ca", "s.c"), ("hard-4", "ieq", "s.b"),
+     ("hard-14", "ieq", "s.b")],
+)  # fmt: skip
+def test_a_render_ends_where_the_energy_doubles(
+    scene: str, method: str, module: str, capsys: Capture
+) -> None:
+    path = SCENES / f"stability-{scene}.yaml"
+    assert app.run(["render", str(path), "--method", method, "-o", "x.wav"]) == 4
+    err = capsys.readouterr().err
+    assert "error[E401]" in err
+    assert f"{module}" in err
+    assert "made energy: by 0." in err
+    assert "or leave the method to the plan" in err
+    assert not Path("x.wav").exists()
+
+
+@pytest.mark.parametrize("scene", ["but-16", "but-14"])
+def test_the_plan_makes_none(scene: str) -> None:
+    piece = load(str(SCENES / f"stability-{scene}.yaml")).piece
+    assert piece is not None
+    played = stage(piece, planned=True)
+    played.simulation.process(_frames(played.simulation))
+    assert played.gains() == []
+
+
+def test_a_little_is_told_of(capsys: Capture) -> None:
+    Path("a.yaml").write_text(HAMMER)
+    assert app.run(["render", "a.yaml", "--method", "ca"]) == 0
+    err = capsys.readouterr().err
+    assert "a.yaml:7:7: warning[W404] bell.felt made energy" in err
+    assert app.run(["render", "a.yaml"]) == 0
+    assert "W404" not in capsys.readouterr().err
+
+
+def test_of_links_that_harden_no_method_is_proved() -> None:
+    piece = load(str(SCENES / "stability-hard-4.yaml")).piece
+    assert piece is not None
+    ready = prepare(piece)
+    plan = _core.Plan(ready.network, ready.timeline, method="ieq")
+    assert [row.guarantee for row in plan.rows()] == ["guarded"]
+
+
+def test_a_link_that_a_method_does_not_know_is_refused() -> None:
+    piece = load("a.yaml", text=LAWFUL).piece
+    assert piece is not None
+    with pytest.raises(StageError) as refused:
+        stage(piece, planned=True)
+    (found,) = refused.value.diagnostics
+    assert (found.code, found.place.line) == ("E309", 12)
+    assert "ieq needs a law by points or a polynomial" in found.message
+
+
+def test_an_error_that_no_trial_measured_is_warned_of() -> None:
+    row = SimpleNamespace(
+        what="ieq", parts=["gong"], error_db=None, error_s=None, spectral_db=None, cut_short=False
+    )
+    plan = SimpleNamespace(rows=lambda: [row])
+    (said,) = planning._missed(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
+    assert said.startswith("gong: its error is not measured")
+    assert "whether the -60 dB asked for are reached is not known" in said
+    # Where hands play nothing can be measured beforehand.
+    assert planning._missed(plan, -60.0, is_foreseen=False) == []  # type: ignore[arg-type]
+
+
+def _frames(simulation: _core.Simulation) -> NDArray[np.float64]:
+    return np.zeros((8_000, simulation.n_out))

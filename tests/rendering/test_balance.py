@@ -1,0 +1,48 @@
+"""The level of each instrument beside that of a file which holds it alone."""
+
+import numpy as np
+import pytest
+
+from ergon._core import Meter, Mixer
+from ergon.rendering.balance import Balance
+
+RATE = 44_100
+
+
+def frames(n: int) -> np.ndarray:
+    """Two outputs: a tone that fades, and one that comes late."""
+    t = np.arange(n) / RATE
+    one = 1e-3 * np.sin(2 * np.pi * 440 * t) * np.exp(-t)
+    two = np.where(t > 3, 4e-4 * np.sin(2 * np.pi * 1234 * t), 0)
+    return np.column_stack([one, two])
+
+
+def mixer(out: int) -> Mixer:
+    own = Mixer(RATE, 2, 2)
+    own.route(out, 0, 0.5)
+    own.route(out, 1, 1.0)
+    return own
+
+
+@pytest.mark.parametrize("out", [0, 1])
+@pytest.mark.parametrize("block", [100, 4096])
+@pytest.mark.parametrize("gain", [1.0, 30.0, 400.0])
+def test_it_is_what_a_meter_reads_after_the_gain(out, block, gain):
+    """The gates of BS.1770 are absolute: they are applied when the gain is known."""
+    sound, start, stop = frames(6 * RATE), RATE // 2, 5 * RATE + 777
+    balance = Balance("bell", mixer(out), RATE, 2, start, stop)
+    for at in range(0, len(sound), block):
+        balance.take(sound[at : at + block])
+    mixed = np.zeros_like(sound)
+    mixer(out).process(sound, mixed)
+    meter = Meter(RATE, 2)
+    meter.process(np.ascontiguousarray(mixed[start:stop] * gain))
+    found = balance.level(gain)
+    assert found.peak == pytest.approx(meter.peak, rel=1e-12)
+    assert found.loudness == pytest.approx(meter.loudness, abs=0.02)
+
+
+def test_silence():
+    balance = Balance("bell", mixer(0), RATE, 2, 0, RATE)
+    balance.take(np.zeros((RATE, 2)))
+    assert (balance.level(3.0).peak, balance.level(3.0).loudness) == (0.0, -np.inf)

@@ -1,0 +1,80 @@
+"""`tail: auto`: a file ends where its sound has faded, and has the samples of a longer one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from checked import codes
+
+import ergon
+from ergon.rendering.quiet import FadeFinder
+
+RATE = 44_100
+SCORE = """\
+ergon: 1
+instruments:
+  bell:
+    modules: {m: {CEL: {M: 2g, f: A3, t60: T60}}}
+    out: {SOX: m}
+strikes: {hit: {to: bell.m, at: 0.25s, impulse: IMPULSE}}
+mix: {route: {from: bell, to: 1, highpass: 20Hz}, MASTER}
+render: {tail: TAIL}
+"""
+
+
+def score(
+    folder: Path, tail: str, t60: str = "0.9s", impulse: str = "1mNs", master: str = ""
+) -> Path:
+    text = SCORE.replace("TAIL", tail).replace("T60", t60).replace("IMPULSE", impulse)
+    path = folder / "bell.yaml"
+    path.write_text(text.replace(", MASTER", f", {master}" if master else ""), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("level", ["", "normalise: -6dB, limit: -6dB", "limit: -1dB"])
+def test_the_file_ends_at_80_db_with_the_samples_of_a_longer_one(tmp_path, level):
+    master = f"master: {{{level}}}" if level else ""
+    ends = {}
+    for tail in ("auto", "4s"):
+        for options in ({}, {"threads": 2, "block": 777}):
+            out = tmp_path / "out.wav"
+            given = ergon.FileOptions(force=True, **options)
+            ergon.render_to_file(score(tmp_path, tail, master=master), out, given)
+            ends.setdefault(tail, []).append(soundfile.read(out)[0])
+    short, long = ends["auto"][0], ends["4s"][0]
+    assert np.array_equal(ends["auto"][1], short)
+    # 80 dB are 4/3 of the decay time, to the next tenth of a second.
+    assert len(short) / RATE == pytest.approx(0.25 + 0.9 * 4 / 3, abs=0.16)
+    assert np.array_equal(short, long[: len(short)])
+    assert np.abs(long[len(short) :]).max() <= 1.1e-4 * np.abs(long).max()
+
+
+def test_silence_ends_soon_and_a_long_sound_after_a_minute(tmp_path):
+    silent = ergon.render(score(tmp_path, "auto", impulse="0Ns"))
+    assert len(silent.frames) < RATE
+    endless = ergon.render(score(tmp_path, "auto", t60="900s"))
+    assert len(endless.frames) == int(60.25 * RATE)
+
+
+@pytest.mark.parametrize("block", [1, 100, 4096])
+def test_what_beats_is_not_over(block):
+    """Quiet for half a second, then loud again: it goes on."""
+    sound = np.ones((8 * RATE, 1))
+    sound[RATE : RATE + RATE // 2] = 5e-5
+    sound[2 * RATE :] = 5e-5
+    finder, n = FadeFinder(RATE, 0), 8 * RATE if block > 1 else 4 * RATE
+    ends = (finder.take(sound[at : at + block]) for at in range(0, n, block))
+    assert next(end for end in ends if end is not None) == 2 * RATE + 4410
+
+
+def test_no_end_before_the_last_event():
+    finder = FadeFinder(RATE, 3 * RATE)
+    assert finder.take(np.zeros((10 * RATE, 2))) == 3 * RATE + 4410
+
+
+def test_a_tail_is_a_time_or_auto():
+    text = SCORE.replace("T60", "1s").replace("IMPULSE", "1mNs").replace(", MASTER", "")
+    assert codes(text.replace("TAIL", "auto")) == []
+    assert codes(text.replace("TAIL", "7s")) == []
+    assert codes(text.replace("TAIL", "atuo")) != []

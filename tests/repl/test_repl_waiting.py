@@ -1,0 +1,93 @@
+"""Lines that wait for their bars while the piece jumps, its tempo changes, and names go."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sessions import Stepped
+from tests.repl.test_repl_session import SCORE
+
+
+@pytest.fixture
+def session(tmp_path: Path):
+    stepped = Stepped(SCORE.replace("bpm: 120", "bpm: 240"), tmp_path)
+    yield stepped
+    stepped.close()
+
+
+def same(session: Stepped) -> None:
+    """The journal renders what was heard, at every frame."""
+    session.close()
+    assert np.array_equal(session.again(), session.sound)
+
+
+def commits(session: Stepped) -> dict[int, int]:
+    """The frame at which each line took effect, by its number."""
+    events = [json.loads(line) for line in session.journal.read_text().splitlines()]
+    return {one["number"]: one["frame"] for one in events if one["event"] == "commit"}
+
+
+def test_what_repeats_goes_on_while_a_line_waits_for_a_far_bar(session: Stepped):
+    """It fell silent 32 bars after the last line that took effect."""
+    session.ok("play")
+    session.ok("ada plays knock every 1")
+    session.ok("rest ada at 60|1")
+    session.run(50.0)
+    second = int(session.rate)
+    loudest = [np.abs(session.sound[n * second :][:second]).max() for n in range(2, 50)]
+    assert min(loudest) > 1e-3
+    session.run(14.0)
+    assert np.abs(session.sound[-second:]).max() < 1e-6
+    same(session)
+
+
+def test_a_line_whose_bar_a_jump_has_passed_acts_at_once(session: Stepped):
+    """The music stopped at the frame that the line waited for, until its window was extended."""
+    session.ok("play")
+    session.ok("ada plays knock every 1 now")
+    session.ok("leo plays lean every 2 at 9|1")
+    session.ok("gain drum -3dB at 40|1")
+    session.run(2.0)
+    session.ok("play from 153|2")
+    session.run(0.5)
+    assert not session.session.commits.waiting
+    session.run(12.0)
+    second = int(session.rate)
+    assert np.abs(session.sound[-second:]).max() > 1e-3
+    same(session)
+
+
+def test_a_line_acts_on_its_beat_though_the_tempo_changes(session: Stepped):
+    """It acted at the second at which its beat had been."""
+    session.ok("play")
+    session.ok("ada plays knock every 1 at 9|1")  # at 8 s
+    session.ok("tempo 120 now")
+    session.run(20.0)
+    tempo = session.session.commits.head.piece.tempo_map
+    frame = commits(session)[2]
+    assert session.session.commits.running.clock.beat(tempo, frame / session.rate) == pytest.approx(
+        32.0, abs=0.1
+    )
+    onset = int(np.flatnonzero(np.abs(session.sound).max(axis=1) > 1e-6)[0])
+    assert onset / session.rate == pytest.approx(16.0, abs=0.1)
+    session.ok("undo")
+    same(session)
+
+
+def test_a_line_that_takes_a_name_from_one_that_waits_is_refused(session: Stepped):
+    """It was an internal error."""
+    session.ok("play")
+    session.run(0.1)
+    session.ok("gain leo -5dB")
+    reply = session.type("rename leo mia now")
+    assert not reply.taken
+    assert reply.text == (
+        "'gain leo -5dB' waits for 2|1 and would fail after this line: "
+        "nothing is called leo any more"
+    )
+    session.run(2.0)
+    session.ok("rename leo mia now")
+    same(session)

@@ -1,0 +1,365 @@
+"""Melodies: strikes as lists and tables, and phrases that are played, moved and repeated."""
+
+import numpy as np
+import pytest
+from checked import check, found
+
+from ergon.scores.edits import parts
+from ergon.scores.edits.keeping import keep
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.stage import stage
+
+CELLS = """\
+ergon: 1
+seed: 7
+tempo: [{at: 1|1, bpm: 240}, {at: 5|1, bpm: 240 -> 300, over: 4}]
+marks: {B: 3|1}
+instruments:
+  cell: {CEL: {M: 1g, f: A4, t60: 2s}, notes: C3..C5, out: {SOX: cell}}
+  string: {from: string/string, notes: [D3, F3]}
+  lone: {CEL: {M: 1g, f: A3, t60: 1s}, out: {SOX: lone}}
+render: {tail: 0.1s}
+"""
+CALL = """\
+phrases:
+  call:
+    to: cell
+    length: 4
+    impulse: 1mNs
+    entries: |
+      # at  what  impulse
+      0     C3
+      1/2   E3 G3   3mNs
+      3     Db3     1mNs..2mNs
+"""
+
+
+def piece(text: str) -> Piece:
+    loaded = check(CELLS + text)
+    assert loaded.piece is not None, loaded.diagnostics
+    return loaded.piece
+
+
+def falls(text: str, name: str = "s") -> list[tuple[float, tuple[str, ...], tuple[float, float]]]:
+    made = piece(text)
+    strikes = next(s for s in made.strikes if s.name == name)
+    return [
+        (round(beat, 9), tuple(t.part for t in hit.to), hit.impulse)
+        for beat, _, hit in strikes.falls(made.tempo_map)
+    ]
+
+
+def sound(text: str) -> np.ndarray:
+    staged = stage(piece(text))
+    out = np.zeros((staged.n_frames, staged.simulation.n_out))
+    staged.simulation.process(out)
+    assert np.abs(out).max() > 0
+    return out
+
+
+# --- tables and lists ---------------------------------------------------------------------------
+
+BY_HAND = """\
+strikes:
+  a: {to: cell.C4, at: 1|1, impulse: 2mNs}
+  b: {to: [cell.E4, cell.G#4], at: 1|2.5, impulse: 2mNs}
+  c: {to: string.F3.hammer, at: B, impulse: 5mNs}
+"""
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        """\
+strikes:
+  s: |
+    # at      what              impulse
+    1|1       cell.C4           2mNs
+    1|2.5     cell.E4 cell.Ab4
+    B         string.F3.hammer  5mNs   # the hammer
+""",
+        """\
+strikes:
+  s:
+    - {at: 1|1, what: cell.C4, impulse: 2mNs}
+    - {at: 1|2.5, what: [cell.E4, cell.G#4]}
+    - {at: B, what: string.F3.hammer, impulse: 5mNs}
+""",
+        """\
+strikes:
+  s: {to: cell, impulse: 2mNs, entries: [{at: 1|1, what: C4}, {at: 1|2.5, what: E4 G#4}]}
+  t: {to: string.hammer, entries: "B F3 5mNs"}
+""",
+        """\
+phrases:
+  p: |
+    0   C4        2mNs
+    3/2 E4 G#4
+  q: {to: string.hammer, length: 1bar, entries: [{at: 0, what: F3, impulse: 5mNs}]}
+strikes:
+  s: {play: p, at: 1|1, to: cell}
+  t: {play: q, at: B}
+""",
+    ],
+)
+def test_a_melody_is_the_strikes_written_by_hand_to_the_byte(written):
+    assert sound(written).tobytes() == sound(BY_HAND).tobytes()
+
+
+def test_an_impulse_holds_until_another():
+    text = "strikes: {s: {to: cell, entries: [{at: 0, what: C3, impulse: 2mNs}, {at: 1, what: D3},"
+    text += " {at: 2, what: E3, impulse: 3mNs..4mNs}, {at: 3, what: F3}]}}\n"
+    both = (0.003, 0.004)
+    assert [impulse for *_, impulse in falls(text)] == [(0.002, 0.002)] * 2 + [both] * 2
+
+
+def test_every_instrument_of_to_is_struck():
+    text = "strikes: {s: {to: [cell, string.hammer], impulse: 1mNs, entries: '0  D3'}}\n"
+    assert falls(text) == [(0.0, ("cell.D3", "string.D3"), (0.001, 0.001))]
+
+
+# --- phrases ------------------------------------------------------------------------------------
+
+
+def test_a_phrase_is_repeated_after_its_own_length():
+    text = f"{CALL}strikes: {{s: {{play: call, at: 1|1, times: 2}}}}\n"
+    assert [beat for beat, *_ in falls(text)] == [0.0, 0.5, 3.0, 4.0, 4.5, 7.0]
+    text = f"{CALL}strikes: {{s: {{play: call, at: B, every: 2, until: 4|1}}}}\n"
+    assert [beat for beat, *_ in falls(text)] == [8.0, 8.5, 11.0, 10.0, 10.5, 13.0]
+
+
+def test_a_phrase_without_a_length_ends_on_the_beat_after_its_last_strike():
+    text = "phrases: {p: '5/2  lone 1mNs'}\nstrikes: {s: {play: p, at: 0, times: 3}}\n"
+    assert [beat for beat, *_ in falls(text)] == [2.5, 5.5, 8.5]
+
+
+def test_lengths_in_bars_and_seconds_follow_the_tempo():
+    text = "phrases: {p: {length: 1bar, entries: '250ms  lone 1mNs'}}\n"
+    text += "strikes: {s: {play: p, at: 1|1, times: 2}}\n"
+    assert [beat for beat, *_ in falls(text)] == [1.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ("transpose: 5st", "0 F3 1, 0.5 A3 C4 3, 3 F#3 1"),
+        ("transpose: -100cents, to: low", "0 B2 1, 0.5 D#3 F#3 3, 3 C3 1"),
+        ("do: stretch 2", "0 C3 1, 1 E3 G3 3, 6 C#3 1"),
+        ("do: scale 0.5", "0 C3 0.5, 0.5 E3 G3 1.5, 3 C#3 0.5"),
+        ("do: shift 1/4", "0.25 C3 1, 0.75 E3 G3 3, 3.25 C#3 1"),
+        ("do: reverse", "0 C#3 1, 2.5 E3 G3 3, 3 C3 1"),
+        ("do: quantise 1", "0 C3 1, 1 E3 G3 3, 3 C#3 1"),
+        ("do: 'mirror', transpose: 12st", "0 C4 1, 0.5 G#3 F3 3, 3 B3 1"),
+        ("do: [stretch 2, reverse]", "0 C#3 1, 5 E3 G3 3, 6 C3 1"),
+    ],
+)
+def test_a_phrase_is_transposed_and_transformed(options, expected):
+    low = "  low: {CEL: {M: 1g, f: A4, t60: 2s}, notes: C2..C4}\n"
+    text = f"{CALL}strikes: {{s: {{play: call, at: 0, {options}}}}}\n"
+    loaded = check(CELLS.replace("render:", f"{low}render:") + text)
+    assert loaded.piece is not None, loaded.diagnostics
+    made = loaded.piece
+    said = [
+        f"{beat:.9g} {' '.join(t.part.split('.')[1] for t in hit.to)} {hit.impulse[0] * 1e3:.9g}"
+        for beat, _, hit in made.strikes[0].falls(made.tempo_map)
+    ]
+    assert ", ".join(said) == expected
+
+
+def test_phrases_come_from_other_files():
+    text = "use: {lib: lib.yaml}\nstrikes: {s: {play: lib.call, at: 0}}\n"
+    loaded = check(CELLS + text, lib=f"ergon: 1\n{CALL}")
+    assert loaded.piece is not None, loaded.diagnostics
+    assert len(loaded.piece.strikes[0].hits) == 3
+
+
+# --- patterns -----------------------------------------------------------------------------------
+
+
+def test_a_pattern_of_notes_strikes_the_notes_of_an_instrument():
+    text = (
+        "strikes: {s: {to: cell, at: 0, impulse: 1mNs, notes: C4 E4 ~ Ab4, every: 1, times: 2}}\n"
+    )
+    by_hand = """\
+strikes:
+  s: |
+    0  cell.C4   1mNs
+    1  cell.E4
+    3  cell.G#4
+    4  cell.C4
+    5  cell.E4
+    7  cell.G#4
+"""
+    assert sound(text).tobytes() == sound(by_hand).tobytes()
+
+
+def test_scales_and_chances_of_patterns_choose_among_the_notes():
+    text = "strikes: {s: {to: string.hammer, at: 0, impulse: 1mNs, notes: D3.min, every: 1}}\n"
+    made = piece(text.replace("D3.min", "choose D3 F3"))
+    assert {t.part for t in made.strikes[0].to} == {"string.D3", "string.F3"}
+    (said,) = check(CELLS + text).diagnostics
+    assert (said.code, said.message) == ("E301", "strikes 's': 'string.hammer' has no note 'A3'")
+    (said,) = check(CELLS + text.replace("D3.min", "D3 220Hz")).diagnostics
+    assert said.message == (
+        "strikes 's': '220Hz' is not a note such as A3, by which members are called"
+    )
+
+
+# --- what is refused ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "report"),
+    [
+        (
+            "strikes: {s: {play: nope, at: 0}}",
+            ("E301", "strikes 's': no phrase or MIDI take is called 'nope'"),
+        ),
+        (
+            "phrases: {p: '1s  lone 1mNs'}\nstrikes: {s: {play: p, at: 0}}",
+            ("E103", "phrase 'p' has no 'length': not all its entries are in beats"),
+        ),
+        (
+            "strikes: {s: '0  lone'}",
+            (
+                "E103",
+                "strikes 's': the first strike has no impulse; write it beside its notes, such as "
+                "2mNs, or write `impulse`",
+            ),
+        ),
+        (
+            "strikes: {s: '0  C3  1mNs'}",
+            ("E103", "strikes 's': 'C3' is a note; write `to`, whose notes are struck"),
+        ),
+        (
+            "strikes: {s: {to: lone, entries: '0  C3  1mNs'}}",
+            ("E304", "strikes 's': 'lone' has no notes; write `notes` in the instrument"),
+        ),
+        (
+            "strikes: {s: {to: string, entries: '0  E3  1mNs'}}",
+            ("E301", "strikes 's': 'string' has no note 'E3'"),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, transpose: 24st}}}}",
+            ("E301", "strikes 's': 'cell' has no note 'E5', to which 'E3' is moved"),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, transpose: 50cents}}}}",
+            ("E306", "transpose of strikes 's': notes move by whole semitones, such as 7st"),
+        ),
+        (
+            "phrases: {p: '0  lone 1mNs'}\nstrikes: {s: {play: p, at: 0, transpose: 1st}}",
+            ("E306", "transpose of strikes 's': 'lone' has no note that could be transposed"),
+        ),
+        (
+            "phrases: {p: '0  lone 1mNs'}\nstrikes: {s: {play: p, at: 0, do: mirror}}",
+            ("E306", "do of strikes 's': 'lone' has no note to mirror about"),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, do: jitter 1ms 1mm}}}}",
+            (
+                "E306",
+                "do of strikes 's': 'jitter' moves the points of a gesture; a phrase has scale, "
+                "stretch, reverse, shift, quantise, mirror",
+            ),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, rate: 3Hz, for: 4}}}}",
+            ("E111", "rate of strikes 's': strikes with `play` have no such field; remove it"),
+        ),
+        (
+            "strikes: {s: {to: lone, at: 0, impulse: 1mNs, transpose: 3st}}",
+            (
+                "E111",
+                "transpose of strikes 's': only strikes that `play` have this field; remove it",
+            ),
+        ),
+        ("strikes: {s: 'Q  lone  1mNs'}", ("E301", "no mark is called 'Q'")),
+        (
+            "strikes: {s: '0  1mNs'}",
+            (
+                "E204",
+                "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs",
+            ),
+        ),
+        (
+            "strikes: {s: []}",
+            ("E106", "strikes 's': the number of items is 0, but must be at least 1"),
+        ),
+        ("strikes: {s: '# nothing'}", ("E106", "strikes 's': the table has no row")),
+        (
+            "strikes: {s: {at: 0, impulse: 1mNs}}",
+            ("E103", "strikes 's' has no 'to': a list, each modules, such as sky.all"),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, times: 900000}}}}",
+            ("E105", "strikes 's': the piece has more than 2,000,000 strikes"),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, times: 9, every: 0}}}}",
+            ("E305", "strikes 's': 'every' must be above 0"),
+        ),
+        (
+            "phrases: {p: {length: 0, entries: '0  lone 1mNs'}}\n"
+            "strikes: {s: {play: p, at: 0, times: 2}}",
+            (
+                "E305",
+                "strikes 's': the gesture has no duration; write the time between repetitions, "
+                "such as every: 1",
+            ),
+        ),
+    ],
+)
+def test_what_is_no_melody_is_refused(text, report):
+    code, _, message = found(f"{CELLS}{text}\n")[0]
+    assert (code, message) == report
+
+
+def test_a_mistake_in_a_table_has_its_place():
+    text = f"{CELLS}strikes:\n  s: |\n    0  lone  1mNs\n    1  lne  1mNs\n    2  lone  1mNx\n"
+    said = [(d.code, d.place.line, d.place.column, d.suggestion) for d in check(text).diagnostics]
+    first = text.count("\n") - 1
+    assert said == [("E203", first + 1, 15, "mNs")]
+    said = [
+        (d.code, d.place.line, d.place.column, d.suggestion)
+        for d in check(text.replace("mNx", "mNs")).diagnostics
+    ]
+    assert said == [("E301", first, 8, "lone")]
+
+
+# --- in a session -------------------------------------------------------------------------------
+
+TABLE = (
+    "strikes: {s: {to: cell, impulse: 1mNs, entries: [{at: 0, what: C3}, {at: 9, what: D3 E3}]}}\n"
+)
+
+
+def texts(more: str) -> tuple[Texts, Piece]:
+    own = Texts("s.yaml", CELLS + more)
+    made = own.load().piece
+    assert made is not None
+    return own, made
+
+
+def falling(own: Texts) -> list[tuple[float, int]]:
+    made = own.load().piece
+    assert made is not None, own.load().diagnostics
+    found = [hit for s in made.strikes for hit in s.falls(made.tempo_map)]
+    return sorted((round(beat, 9), len(hit.to)) for beat, _, hit in found)
+
+
+def test_hush_ends_melodies():
+    assert falling(parts.hush(*texts(TABLE), 4.0)) == [(0.0, 1)]
+    phrase = f"{CALL}strikes: {{s: {{play: call, at: 0, times: 4}}}}\n"
+    assert falling(parts.hush(*texts(phrase), 8.0)) == [
+        *((0.0, 1), (0.5, 2), (3.0, 1), (4.0, 1), (4.5, 2), (7.0, 1)),
+    ]
+
+
+def test_kept_bars_keep_their_part_of_a_melody():
+    assert falling(keep(*texts(TABLE), "kept", 8.0, 12.0)) == [(1.0, 2)]
+    phrase = f"{CALL}strikes: {{s: {{play: call, at: 0, times: 4}}}}\n"
+    assert falling(keep(*texts(phrase), "kept", 4.0, 12.0)) == [
+        *((0.0, 1), (0.5, 2), (3.0, 1), (4.0, 1), (4.5, 2), (7.0, 1)),
+    ]

@@ -1,0 +1,175 @@
+"""`let:` and arithmetic with units: scores that say the same, and mistakes in their places."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from ergon.notation.tables.expressions import MAX_LENGTH, Amount, evaluate
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.memory import Memory
+from ergon.scores.reading.load import load
+
+SCORE = """\
+ergon: 1
+{let}tempo: [{{at: 1|1, bpm: {bpm}}}]
+keys: {{k: {{M: {mass}, K: {stiffness}, Z: 1.2Ns/m, travel: {travel}}}}}
+instruments:
+  bell:
+    modules:
+      m: {{CEL: {{M: 2g, f: {pitch}, t60: {t60}}}}}
+      s: {{STRING: {{masses: {masses}, M: 1g, f: A2}}}}
+    out: {{SOX: m}}
+gestures: {{knock: 0mm@0 smooth 3mm@1/8}}
+players: {{ada: {{hand: virtual, key: k}}}}
+parts: {{ada: [{{at: 1|1, play: knock, every: {every}, times: {times}}}]}}
+mix: {{channels: 1, route: [{{from: bell, to: 1, gain: {gain}}}]}}
+"""
+PLAIN = {
+    "bpm": "90",
+    "mass": "800g",
+    "stiffness": "60N/m",
+    "travel": "-15mm..15mm",
+    "pitch": "A2",
+    "t60": "2.5s",
+    "masses": "20",
+    "every": "1/3bar",
+    "times": "6",
+    "gain": "-6dB",
+}
+NAMED = {
+    "bpm": "2*45",
+    "mass": "2*heavy",
+    "stiffness": "soft + 20N/m",
+    "travel": "-wide..wide",
+    "pitch": "low + 7st",
+    "t60": "(1s + 250ms)*2",
+    "masses": "4*few",
+    "every": "(1/3)*one",
+    "times": "few + 1",
+    "gain": "quiet / 2",
+}
+LET = (
+    "let: {heavy: 400g, low: D2, soft: 40N/m, wide: 1.5cm, few: 5, one: 1bar, deep: -6dB, "
+    "quiet: 2*deep}\n"
+)
+
+
+def read(let: str = "", **fields: str):
+    return load("s.yaml", text=SCORE.format(let=let, **{**PLAIN, **fields}))
+
+
+def test_named_values_say_what_plain_ones_say():
+    plain, named = read().piece, read(LET, **NAMED)
+    assert plain is not None
+    assert named.piece is not None, named.diagnostics
+    assert named.piece.digest() == plain.digest()
+
+
+def test_arithmetic_needs_no_names():
+    piece = read(mass="2*400g", every="1/6bar + 1/6bar").piece
+    assert piece is not None
+    assert piece.keys["k"].modules[0].fields["M"] == 0.8
+    assert piece.parts[0].every is not None
+    assert piece.parts[0].every.bars == 1 / 3
+
+
+@pytest.mark.parametrize(
+    ("text", "literal"),
+    [
+        ("3*100g", "0.3kg"),
+        ("3*0.1", "0.3"),
+        ("400g/2kg", "0.2"),
+        ("1/3bar", "0.3333333333333333bar"),
+        ("D2 + 7st", "A2"),
+        ("Bb3 - 12st", "A#2"),
+        ("C4 - A3", "3st"),
+        ("A3 + 50cents", "226.4464920615682Hz"),
+        ("2*A3", "440Hz"),
+        ("220Hz + 12st", "440Hz"),
+        ("A3 + 20Hz", "240Hz"),
+        ("-(3mm - 1cm)", "0.007m"),
+        ("60kN/m", "60000N/m"),
+        ("4e8N/m3*2", "800000000N/m3"),
+        ("2 * (3 + 4) - 1", "13"),
+        ("60%", "0.6"),
+    ],
+)
+def test_expressions_have_these_values(text, literal):
+    found = evaluate(text, {}).literal
+    if found != literal:  # transcendentals to the last bit or so
+        assert found[-2:] == literal[-2:] == "Hz"
+        assert float(found[:-2]) == pytest.approx(float(literal[:-2]), rel=1e-12)
+
+
+def test_a_note_is_the_note_that_is_written():
+    for octave in range(1, 8):
+        for name in ("C", "C#", "Eb", "F", "A", "B"):
+            here, there = f"{name}{octave}", evaluate(f"{name}{octave} + 12st - 12st", {}).literal
+            plain, named = read(pitch=here).piece, read(pitch=f"{here} + 0st").piece
+            assert plain is not None
+            assert named is not None, there
+            assert plain.digest() == named.digest()
+
+
+@pytest.mark.parametrize(
+    ("let", "fields", "code", "words", "column"),
+    [
+        (LET, {"mass": "2*hevy"}, "E201", "'hevy' is no name", 17),
+        (LET, {"mass": "heavy + 3N"}, "E201", "have no sum", 21),
+        (LET, {"mass": "2*soft"}, "E203", "does not measure mass", 15),
+        (LET, {"mass": "heavy*heavy"}, "E201", "not multiplied", 20),
+        (LET, {"mass": "heavy/0"}, "E201", "divides by zero", 20),
+        (LET, {"mass": "(heavy"}, "E201", "never closed", 15),
+        (LET, {"mass": "heavy heavy"}, "E201", "cannot stand here", 21),
+        (LET, {"mass": "-heavy"}, "E202", "not positive", 15),
+        (LET, {"mass": "hevy"}, "E201", "'hevy' is no name", 15),
+        (LET, {"masses": "few/2"}, "E201", "whole number", None),
+        ("let: {a: 2*b, b: 3g}\n", {}, "E201", "'b' is no name", 12),
+        ("let: {A3: 2g}\n", {}, "E107", "cannot be the name", 7),
+        ("let: {mm: 2g}\n", {}, "E107", "cannot be the name", 7),
+        ("let: {a: [1, 2]}\n", {}, "E104", "one value", 7),
+        ("let: [1, 2]\n", {}, "E106", "is a list", None),
+        ("let: {a: 1e99}\n", {}, "E201", "too large", 10),
+    ],
+)
+def test_mistakes_are_told_in_their_places(let, fields, code, words, column):
+    loaded = read(let, **fields)
+    assert loaded.piece is None
+    found = loaded.diagnostics[0]
+    assert (found.code, words in found.message) == (code, True), found
+    assert column in (None, found.place.column)
+
+
+def test_a_misspelt_name_has_a_suggestion():
+    assert read(LET, mass="2*hevy").diagnostics[0].suggestion == "heavy"
+
+
+def test_plain_mistakes_stay_what_they_were():
+    for text in ("400", "4,5", "heavy", "400N", "4e", "40g2", "1:30", "400 kg g"):
+        said = read(mass=text).diagnostics
+        assert all("let" not in one.message for one in said), (text, said)
+
+
+def test_what_is_remembered_knows_the_names_that_it_was_read_with():
+    memory = Memory()
+    for mass in ("400g", "500g", "400g"):
+        let = f"let: {{heavy: {mass}}}\n"
+        text = SCORE.format(let=let, **{**PLAIN, "mass": "heavy", "pitch": "A3"})
+        piece = load("s.yaml", text=text, memory=memory).piece
+        assert piece is not None
+        assert piece.keys["k"].modules[0].fields["M"] == float(mass[:-1]) / 1000
+
+
+def test_expressions_are_bounded():
+    deep = "(" * 50_000 + "1" + ")" * 50_000
+    grows = "*".join(["9" * 39] * 5)
+    names = {"x": Amount(evaluate("9" * 30, {}).number, "")}
+    for text in (deep, "-" * 100 + "1", grows, "1+" * 60_000 + "1", "x" + "*x" * 90):
+        began = time.process_time()
+        with pytest.raises(TextError) as caught:
+            evaluate(text, names)
+        assert time.process_time() - began < 0.1
+        assert caught.value.offset <= max(len(text), MAX_LENGTH)
+    assert evaluate("(" * 15 + "1" + ")" * 15, {}).number == 1

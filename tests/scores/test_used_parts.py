@@ -1,0 +1,45 @@
+"""What a used file says of its own time is left out, and the score is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ergon.scores.reading.load import load
+
+USED = """\
+ergon: 1
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+gestures: {knock: 0mm@0 smooth 3mm@1/8}
+"""
+PLAYED = {
+    "parts": "players: {leo: {key: k1}}\nparts: {leo: [{at: 1|1, play: knock}]}\n",
+    "strikes": "strikes: {s: {to: k1, at: 1|1, impulse: 1mNs}}\n",
+    "duet": "duet: [{couple: [k1, k1], REF: {K: 1N/m, Z: 0.1Ns/m}, at: 1|1}]\n",
+    "automation": "automation: [{set: k1.K, to: x2, over: 1, at: 1|1}]\n",
+}
+SCORE = """\
+ergon: 1
+use: [other.yaml]
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: knock}]}
+"""
+
+
+@pytest.mark.parametrize("section", PLAYED)
+def test_what_is_left_out_is_told_once_at_its_place(tmp_path: Path, section: str):
+    (tmp_path / "other.yaml").write_text(USED + PLAYED[section], encoding="utf-8")
+    path = tmp_path / "score.yaml"
+    path.write_text(SCORE, encoding="utf-8")
+    found = [one for one in load(path).diagnostics if one.code == "W330"]
+    (one,) = found
+    assert f"`{section}`" in one.message
+    assert (one.place.file, one.place.line) == (str(path), 2)
+
+
+def test_a_file_of_names_is_told_of_nothing(tmp_path: Path):
+    (tmp_path / "other.yaml").write_text(USED, encoding="utf-8")
+    path = tmp_path / "score.yaml"
+    path.write_text(SCORE, encoding="utf-8")
+    assert not [one for one in load(path).diagnostics if one.code == "W330"]

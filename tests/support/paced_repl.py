@@ -1,0 +1,112 @@
+"""`ergon repl` for tests, whose time, devices and MIDI port are a test's: PIPE SCORE [OPTION …].
+
+What is read from the pipe: `bar N` computes the piece up to a bar, `midi HEX` sends a message to
+the session's port, `lose` pulls zoe's device out, `find` puts it back. In
+between time stands nearly still.
+"""
+
+import queue
+import sys
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from paced_board import Paced, paced
+
+from ergon.api import local_session
+from ergon.cli.app import main
+from ergon.live import midi_ports
+from ergon.live.perform import PlaybackConfig
+from ergon.repl.session import commits, computing
+from ergon.repl.session.session import Session
+
+_PERIODS = 10  # of 1 ms, between two looks of the session at its engine
+# [s] between two periods while nothing is to pass: a board that is silent for a second is given up.
+_BEAT = 0.2
+
+
+class Driver:
+    """Lets time pass, and does what the pipe says."""
+
+    def __init__(self, boards: list[Paced], port: midi_ports.ProcessPort, pipe: Path) -> None:
+        self.boards, self.port, self.pipe = boards, port, pipe
+        self.paces = list(boards)  # that answer only as time passes
+        self.session: Session | None = None
+
+    def begins(self, session: Session) -> None:
+        """In place of the thread that attends to the engine."""
+        self.session = session
+        threading.Thread(target=self.follow, daemon=True).start()
+
+    def follow(self) -> None:
+        lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._read, args=(lines.put,), daemon=True).start()
+        while True:
+            try:
+                word, *rest = lines.get(timeout=_BEAT).split()
+            except queue.Empty:
+                self.passes(1)
+            else:
+                getattr(self, word)(*rest)
+
+    def _read(self, put) -> None:
+        with self.pipe.open(encoding="ascii") as pipe:
+            for line in pipe:
+                put(line)
+
+    def bar(self, number: str) -> None:
+        while self.session.state().bar < int(number):
+            self.passes()
+
+    def midi(self, data: str) -> None:
+        self.port.send(bytes.fromhex(data))
+        self.passes()
+
+    def lose(self) -> None:
+        lost = self.boards[1]
+        self.paces.remove(lost)
+        lost.ways.silent = True
+        lost.free()
+        self._until(lambda: "zoe" in self.session.commits.engine.status().away)
+
+    def find(self) -> None:
+        self.boards[1].ways.silent = False
+        self._until(lambda: not self.session.commits.engine.status().away)
+
+    def _until(self, true) -> None:
+        while not true():
+            self.passes()
+            time.sleep(0.001)  # a device is given up, and found again, by the wall's clock
+
+    def passes(self, periods: int = _PERIODS) -> None:
+        """A few periods of every board, and a look of the session at its engine."""
+        for board in self.paces:
+            board.may(periods)
+        for board in self.paces:
+            board.wait()
+        self.session.pump()
+        if (path := self.session.guidance.due()) is not None:
+            with self.session.lock:
+                self.session.guidance.hand(*path)
+
+
+def by_frames(config: PlaybackConfig) -> PlaybackConfig:
+    """A file that takes frames as they come, and not by the wall's clock."""
+    return replace(config, audio=config.audio.replace("clock:", "file:", 1))
+
+
+if __name__ == "__main__":
+    computing.LINE = computing.FILES = 1e3
+    commits._AGAIN = 0.0  # time stands still while a line is computed
+    hand = {"stiffness": 900.0, "sine": 5e-3}
+    with paced(hertz=2.0, **hand) as one, paced(hertz=3.0, **hand) as two:
+        port = midi_ports.ProcessPort()
+        midi_ports.SystemInput = lambda name: port
+        config = local_session._config
+        local_session._config = lambda *given: by_frames(config(*given))
+        driver = Driver([one, two], port, Path(sys.argv[1]))
+        Session.run = lambda session: driver.begins(session)
+        live = [f"remi={one.url}", f"zoe={two.url}"]
+        sys.argv = ["ergon", "repl", *sys.argv[2:], *(w for url in live for w in ("--live", url))]
+        main()
