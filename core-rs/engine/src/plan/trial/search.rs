@@ -177,8 +177,10 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     fn better(&self, best: &Standing) -> Result<Option<Standing>, Halt> {
-        // Where links of order 1 hold a body's ports its modes gain nothing.
-        if best.island.has_modes() && best.oversampling == 1 {
+        // Where links of order 1 hold a body's ports its modes gain nothing. What is led keeps its method: by CA its
+        // amplitude goes another way, and the pilot may end before that is heard.
+        let is_led = !best.island.island_plan.timeline.leads.is_empty();
+        if best.island.has_modes() && best.oversampling == 1 && !is_led {
             let stand = self.stand(1, Ways::Stepped, None, None)?;
             if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0)) {
                 return Ok(Some(stand));
