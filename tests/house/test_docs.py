@@ -1,8 +1,9 @@
 """Everything a reader can copy from the pages works: snippets are checked, commands are run.
 
 What a block of a page is stands in `docs/generators/pages.py`. Every yaml block has to check
-without error or warning, as part of its file. Console blocks are run in one folder in the order of the page; what a
-command prints (errors and all) must match what is shown, where `…` stands for anything.
+without error or warning, as part of its file. Console blocks are run in one folder in the order of
+the page; what a command prints (errors and all) must match what is shown, where `…` stands for
+anything.
 """
 
 import os
