@@ -57,6 +57,7 @@ docs: $(VENV)/dev
 	$(BIN)/python -m docs.generators.error_pages docs/errors
 	$(BIN)/python -m docs.generators.reference docs/reference.md
 	$(BIN)/python -m docs.generators.faults docs/faults.md
+	$(BIN)/python -m docs.generators.howto_pictures
 	$(BIN)/python -m ergon.repl.language.help docs/cheat-sheet.md
 	$(BIN)/python core-rs/third_party.py LICENSE-THIRD-PARTY
 

@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 os.environ["ERGON_CACHE"] = "off"
-# What a shell starts in the background ignores Ctrl-C, and hands that on to all that it starts.
+# What a shell starts in the background ignores Ctrl-C, what nohup starts SIGHUP, and both hand that
+# on to all that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(autouse=True)

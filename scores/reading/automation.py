@@ -11,6 +11,7 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables.expressions import literal
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.document import Scalar
@@ -145,7 +146,9 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
         if v.written("set") and is_curve(v["to"]):
             points = parse_curve(v["to"], reader(module, parameter))
         elif v["over"] is not None:
-            points = (CurvePoint(Time(), one_amount(v["to"], module, parameter), v["curve"]),)
+            node = v.nodes["to"]
+            value = (literal(node) if isinstance(node, Scalar) else None) or v["to"]
+            points = (CurvePoint(Time(), one_amount(value, module, parameter), v["curve"]),)
             if not max(v["over"].bars, v["over"].beats, v["over"].seconds) > 0.0:
                 v.error("E202", "automation: a glide takes a time above 0", "over")
                 return None

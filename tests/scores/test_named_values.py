@@ -67,6 +67,19 @@ def test_named_values_say_what_plain_ones_say():
     assert named.piece.digest() == plain.digest()
 
 
+def test_a_glide_ends_at_a_named_value():
+    def glide(to: str):
+        more = f"automation: [{{at: 1|1, set: bell.m.f, to: {to}, over: 1bar}}]\n"
+        return load("s.yaml", text=SCORE.format(let=LET, **PLAIN) + more)
+
+    plain, named = glide("A2").piece, glide("low + 7st").piece
+    assert plain is not None
+    assert named is not None
+    assert named.digest() == plain.digest()
+    [wrong] = glide("loww + 7st").diagnostics
+    assert wrong.suggestion == "low"
+
+
 def test_arithmetic_needs_no_names():
     piece = read(mass="2*400g", every="1/6bar + 1/6bar").piece
     assert piece is not None

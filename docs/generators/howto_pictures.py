@@ -1,0 +1,37 @@
+"""The pictures of `docs/howto`: what the commands of its pages draw."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from docs.generators.pages import blocks, put
+
+HOWTO = Path(__file__).parents[1] / "howto"
+
+
+def main() -> None:
+    """Do in an empty folder what each page says, and keep the pictures."""
+    for page in sorted(HOWTO.glob("*.md")):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            for block in blocks(page):
+                if block.language == "yaml":
+                    put(block, folder)
+                elif block.language == "console":
+                    _run(block.text, folder)
+            for picture in folder.glob("*.svg"):
+                (HOWTO / picture.name).write_bytes(picture.read_bytes())
+
+
+def _run(text: str, folder: Path) -> None:
+    for line in text.splitlines():
+        if line.startswith("$ ergon "):
+            command = [sys.executable, "-m", "ergon.cli", *line.split(" #")[0].split()[2:]]
+            subprocess.run(command, cwd=folder, check=True, capture_output=True)
+
+
+if __name__ == "__main__":
+    main()
