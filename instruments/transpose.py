@@ -70,7 +70,8 @@ def parse_interval(text: str) -> Interval:
         return Interval(ratio)
     match = _INTERVAL.fullmatch(word)
     if match is None:
-        message = f"{quote(word)} is not an interval such as {_EXAMPLE}"
+        wrong = f"{quote(word)} is not an interval" if word else "an interval is missing,"
+        message = f"{wrong} such as {_EXAMPLE}"
         is_number = re.fullmatch(r"[+-]?\d+(\.\d+)?", word)
         suggestion = f"{word}st" if is_number else None
         code = "E203" if is_number else "E201"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -85,29 +84,27 @@ def value_sets(stage: Stage, paths: Mapping[Where, Points], since: float) -> Ite
     rows = list(paths.values())
     instants = sorted({since, *(p[0] for points in rows for p in points if p[0] > since)})
     known: set[object] = set()
-    last = [_value(points, instants[0]) for points in rows]
-    pending = [(last, True)]
-    for begin, end in itertools.pairwise(instants):
-        now = [_value(points, end) for points in rows]
-        if end - begin > _SHORT and now != last:
-            n = max(1, math.ceil(math.log(_widest(last, now)) / math.log(_RATIO)))
-            for place in range(1, n):
-                pending.append((_between(last, now, place / n), False))
-        pending.append((now, end - begin <= _SHORT or now == last))
-        last = now
-        yield from (_applied(stage, modules, one) for one in _new(pending, known))
-        pending = []
-    yield from (_applied(stage, modules, one) for one in _new(pending, known))
-
-
-def _new(
-    pending: Sequence[tuple[list[tuple[float, ...]], bool]], known: set[object]
-) -> Iterator[list[tuple[float, ...]]]:
-    for values, stays in pending:
+    for values, stays in _values(rows, instants):
         key = tuple(values) if stays else tuple(_place(x) for one in values for x in one)
         if key not in known:
             known.add(key)
-            yield values
+            yield _applied(stage, modules, values)
+
+
+def _values(
+    rows: Sequence[Points], instants: Sequence[float]
+) -> Iterator[tuple[list[tuple[float, ...]], bool]]:
+    """Values at instants and on the way between them, and whether they stay for a while."""
+    begin, last = instants[0], [_value(points, instants[0]) for points in rows]
+    for end in instants[1:]:
+        now = [_value(points, end) for points in rows]
+        yield last, now == last
+        if end - begin > _SHORT and now != last:
+            n = max(1, math.ceil(math.log(_widest(last, now)) / math.log(_RATIO)))
+            for place in range(1, n):
+                yield _between(last, now, place / n), False
+        begin, last = end, now
+    yield last, True
 
 
 def _place(x: float) -> int | None:

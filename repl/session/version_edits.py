@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
     from ergon.repl.session.running import Running
 
+# A glide that is shorter [s] is no movement of its own, and is not written into the score. A
+# controller sends hundreds of them.
+_HEARD = 0.1
+
 
 def unchanged(version: Version, beat: float) -> Version:
     """The same version."""
@@ -141,19 +145,18 @@ def _set_gliding(command: c.Set) -> VersionEdit:
     """Set a parameter, which glides `over` a length: in the score's time, where that goes."""
 
     def edit(version: Version, beat: float) -> Version:
-        own, words = version, command.words
-        if command.over is not None and version.goes:
+        own, words, tempo = version, command.words, version.piece.tempo_map
+        seconds = 0.0
+        if command.over is not None:
+            seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
+        if command.over is not None and version.goes and seconds >= _HEARD:
             value, over = words["change"].text, words["over"].text
             args = command.target, beat, value, {"over": over}, value_on
             return with_texts(own, automation.glide(own.texts, own.piece, *args))
         if command.over is not None:
             automation.check(own.piece, command.target)
         made = with_texts(version, _set(command, version, beat))
-        if command.over is None:
-            return made
-        tempo = version.piece.tempo_map
-        seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
-        return replace(made, glide=max(GLIDE, seconds))
+        return made if command.over is None else replace(made, glide=max(GLIDE, seconds))
 
     return edit
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 from ergon import _core
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.clock.shifted import NEVER
+from ergon.notation.clock.shifted import NEVER, Shifted, Standing
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.reading.automation import Automation, Shape, Swing
 from ergon.scores.reading.piece import Piece
@@ -260,6 +260,13 @@ def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float
 def _glide(piece: Piece, one: Automation, curve: _Curve, begin: float, stop: float) -> None:
     """Add a glide or a written curve, as far as the beat `stop`; the value stays at its end."""
     tempo, here = piece.tempo_map, piece.tempo_map.seconds(begin)
+    if isinstance(tempo, Standing):
+        if here < NEVER:  # where it is on the beat at which the piece stands
+            goes = Shifted(tempo, 0.0)
+            moving = _Curve(curve.own, [goes.seconds(begin)], [curve.at(here)])
+            _glide(replace(piece, tempo_map=goes), one, moving, begin, stop)
+            curve.to(here, moving.at(goes.seconds(tempo.at)))
+        return
     to_path, of_path = _SCALES.get(one.parameter, (_same, _same))
     values = [to_path(point.amount.of(curve.own)) for point in one.points]
     if one.over is not None:

@@ -148,7 +148,7 @@ def test_a_diverging_part_exits_4_without_a_file(
 
     def diverge(*arguments: object) -> np.ndarray:
         error = _core.DivergedError("'bell.m' is not finite at 0.5 s")
-        error.frame = 22_050
+        error.frame, error.module = 22_050, "bell.m"
         raise error
 
     monkeypatch.setattr(rendering, "_fold", diverge)
