@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ergon.scores.staging.automating import value_at
+
 if TYPE_CHECKING:
-    from ergon.scores.staging.leading import Point, Points, Where
+    from ergon.scores.staging.leading import Points, Where
     from ergon.scores.staging.stage import Stage
 
 
@@ -23,9 +24,9 @@ class Values:
 
 MAX_SETS = 64  # of values: each is played once, against each key
 # In a change shorter than this [s] no oscillation grows that is stable at both ends.
-_SHORT = 0.05
+SHORT = 0.05
 # A longer change is checked wherever a value has changed by this ratio.
-_RATIO = 1.2
+RATIO = 1.2
 _OTHER = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
 
 
@@ -95,12 +96,12 @@ def _values(
     rows: Sequence[Points], instants: Sequence[float]
 ) -> Iterator[tuple[list[tuple[float, ...]], bool]]:
     """Values at instants and on the way between them, and whether they stay for a while."""
-    begin, last = instants[0], [_value(points, instants[0]) for points in rows]
+    begin, last = instants[0], [value_at(points, instants[0]) for points in rows]
     for end in instants[1:]:
-        now = [_value(points, end) for points in rows]
+        now = [value_at(points, end) for points in rows]
         yield last, now == last
-        if end - begin > _SHORT and now != last:
-            n = max(1, math.ceil(math.log(_widest(last, now)) / math.log(_RATIO)))
+        if end - begin > SHORT and now != last:
+            n = max(1, math.ceil(math.log(_widest(last, now)) / math.log(RATIO)))
             for place in range(1, n):
                 yield _between(last, now, place / n), False
         begin, last = end, now
@@ -108,7 +109,7 @@ def _values(
 
 
 def _place(x: float) -> int | None:
-    return None if x <= 0.0 else round(math.log(x) / math.log(_RATIO))
+    return None if x <= 0.0 else round(math.log(x) / math.log(RATIO))
 
 
 def _widest(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float:
@@ -128,17 +129,3 @@ def _between(
         tuple(x + (y - x) * share for x, y in zip(one, other, strict=True))
         for one, other in zip(a, b, strict=True)
     ]
-
-
-def _value(points: Points, instant: float) -> tuple[float, ...]:
-    """K, Z and M at an instant, as the engine goes between two points."""
-    after = bisect_right(points, instant, key=_instant)
-    if after in (0, len(points)):
-        return points[0 if after == 0 else -1][1:]
-    first, last = points[after - 1], points[after]
-    share = (instant - first[0]) / (last[0] - first[0])
-    return tuple(x + (y - x) * share for x, y in zip(first[1:], last[1:], strict=True))
-
-
-def _instant(point: Point) -> float:
-    return point[0]

@@ -9,7 +9,7 @@ from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.live.automated import MAX_SETS, Values, felt, value_sets
+from ergon.live.automated import MAX_SETS, RATIO, SHORT, Values, felt, value_sets
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.scene import OVER, acting
 
@@ -26,10 +26,7 @@ _TICKS = (400, 4096)
 _ENDLESS = 1e12  # [N/m]
 # Couplings fade in this time [s] (FADE in core-rs/engine/src/timeline/gate.rs).
 _FADE = 0.02
-# In a glide shorter than this [s] no oscillation grows that is stable at both ends.
-_SHORT = 0.05
-# A longer glide is checked wherever a value has changed by this ratio, at this many places at most.
-_RATIO, _PLACES = 1.2, 20
+_PLACES = 20  # of a glide that are checked, at most
 _KEPT = 256  # answers
 
 # The force limit of a hand for a response of the scene; None: the hand has no key.
@@ -153,7 +150,7 @@ class Guard:
         bounds: list[tuple[int, float]] = []
         every: list[ForceScale] = []
         for at, (frame, first, last) in enumerate(moments):
-            is_short = len(moments) == 2 and moments[1][0] - start <= _SHORT * stage.rate
+            is_short = len(moments) == 2 and moments[1][0] - start <= SHORT * stage.rate
             end = self._least(stage, hand, hands, last)
             # A short glide begins where the stage before was.
             from_old = old if at == 0 and is_short else None
@@ -254,7 +251,7 @@ def _moments(
     for glide in moving:
         frames |= set(_places(stage, glide, start))
     rising = sorted(frames)
-    if rising[-1] - start <= _SHORT * stage.rate:
+    if rising[-1] - start <= SHORT * stage.rate:
         rising = sorted({start, rising[-1]})
 
     def moment(frame: int, since: int) -> _Moment:
@@ -281,11 +278,11 @@ def _on_grid(stage: Stage, instant: float) -> int:
 def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
     """Frames between the ends of a long glide at which its numbers have changed by a ratio."""
     first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
-    if last - max(first, start) <= _SHORT * stage.rate:
+    if last - max(first, start) <= SHORT * stage.rate:
         return
     pairs = [(a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0]
     a, b = max(pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0))
-    n = min(_PLACES, math.ceil(abs(math.log(b / a)) / math.log(_RATIO)))
+    n = min(_PLACES, math.ceil(abs(math.log(b / a)) / math.log(RATIO)))
     for place in range(1, n):
         share = ((b / a) ** (place / n) - 1.0) / (b / a - 1.0)
         frame = first + round(share * (last - first))

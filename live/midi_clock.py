@@ -1,4 +1,7 @@
-"""MIDI clock: where another program's beat is, from its messages and the instants of these."""
+"""Where the beat of another program's MIDI clock is, from its messages and their instants.
+
+`repl/session/midi_clock.py` is what a session does with it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MIDI clock of a session: told to other programs, or followed."""
+"""MIDI clock of a session: sent to other programs, or followed (`live/midi_clock.py` finds it)."""
 
 from __future__ import annotations
 

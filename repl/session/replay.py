@@ -1,4 +1,7 @@
-"""Replaying a journal: the same versions at the same frames, for `render` and `--resume`."""
+"""Replaying a journal: the same versions at the same frames.
+
+For `render`, and for a session that is resumed (`--resume`).
+"""
 
 from __future__ import annotations
 

@@ -145,18 +145,17 @@ def _set_gliding(command: c.Set) -> VersionEdit:
     """Set a parameter, which glides `over` a length: in the score's time, where that goes."""
 
     def edit(version: Version, beat: float) -> Version:
-        own, words, tempo = version, command.words, version.piece.tempo_map
-        seconds = 0.0
-        if command.over is not None:
-            seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
-        if command.over is not None and version.goes and seconds >= _HEARD:
+        if command.over is None:
+            return with_texts(version, _set(command, version, beat))
+        tempo, words = version.piece.tempo_map, command.words
+        seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
+        if version.goes and seconds >= _HEARD:
             value, over = words["change"].text, words["over"].text
             args = command.target, beat, value, {"over": over}, value_on
-            return with_texts(own, automation.glide(own.texts, own.piece, *args))
-        if command.over is not None:
-            automation.check(own.piece, command.target)
+            return with_texts(version, automation.glide(version.texts, version.piece, *args))
+        automation.check(version.piece, command.target)
         made = with_texts(version, _set(command, version, beat))
-        return made if command.over is None else replace(made, glide=max(GLIDE, seconds))
+        return replace(made, glide=max(GLIDE, seconds))
 
     return edit
 

@@ -264,7 +264,7 @@ def _melody(
 
 
 def _free(texts: Texts, name: str, section: str = "strikes") -> str:
-    """A name of strikes that is free: `rain`, `rain-2`, …"""
+    """A name that a section has not: `rain`, `rain-2`, …"""
     said = edit.tree(texts.section(section))
     taken = said if isinstance(said, dict) else {}
     count = 1

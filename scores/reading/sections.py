@@ -1,4 +1,7 @@
-"""The tables of a score: every section, every field, in the order of the reference."""
+"""The tables of a score: every section (`keys`, `parts`, `mix` …), every field.
+
+The checker, the JSON Schema, the reference and the language server are made from them.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 //! How fit this machine and a device are: when a thread like the physics thread wakes, and how long replies take.
 //!
-//! What is measured is kept as it came; what it means, and what to do about it, is said elsewhere.
+//! What is measured is kept as it came; `live/fitness.py` says what it means, and what to do about it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

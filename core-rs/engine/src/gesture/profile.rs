@@ -1,4 +1,4 @@
-//! A path in time: a piecewise quintic.
+//! A path in time, as quintic pieces; `Curve`: the ways from one written point to the next.
 
 use thiserror::Error;
 

@@ -1,5 +1,5 @@
-//! Forces of links: each run in three passes (forces, ends a, ends b), so that each pass vectorises although the runs
-//! of a mesh overlap themselves.
+//! Forces of links of every kind (springs, dampers, contacts, laws), a run of equal ones at a time: each in three
+//! passes (forces, ends a, ends b), so that each pass vectorises although the runs of a mesh overlap themselves.
 
 use super::Laws;
 use super::springs;

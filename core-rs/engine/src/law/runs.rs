@@ -1,4 +1,4 @@
-//! Forces of a run of links: the whole force, or the elastic part and the damping apart, as methods of higher order
+//! Forces of a run of links that follow a law (LNL): the whole force, or the elastic part and the damping apart, as methods of higher order
 //! need them.
 
 use super::program::{LANES, Program, Register};

@@ -1,6 +1,7 @@
-//! A simulation takes over from another: what both have goes on as if nothing had happened.
+//! Finds what passes from one simulation to another that takes over from it, from their two plans: what both have goes
+//! on as if nothing had happened.
 //!
-//! What passes from which to which is found beforehand, from the two plans; then it is passed on without allocating.
+//! It is found beforehand; then `take_over` passes it on without allocating.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;

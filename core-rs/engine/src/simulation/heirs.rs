@@ -1,4 +1,4 @@
-//! What passes singly from one island to another: voices with their gestures' reports, gates, hands, silence.
+//! What passes from one island to another piece by piece, and not as a whole island: voices with their gestures' reports, gates, hands, silence.
 
 use std::collections::HashMap;
 

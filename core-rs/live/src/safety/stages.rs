@@ -1,4 +1,4 @@
-//! What one stage does each; [`Pipeline`](super::pipeline::Pipeline) has their order.
+//! What one stage does each; [`Pipeline`](super::pipeline::Pipeline) has their order, and the clamp to the greatest force.
 
 pub(super) mod fade;
 pub(super) mod heat;

@@ -1,0 +1,264 @@
+use super::*;
+use crate::maths;
+use crate::mix::curve::{Point, Way};
+
+/// Three outputs: noise, a hand that leans, one broken sample.
+fn frames(n: usize) -> Vec<f64> {
+    let frame = |i: usize| {
+        let noise = maths::sin((i * i % 7919) as f64);
+        [
+            noise,
+            5e-3 + 1e-3 * noise,
+            if i == 17 { f64::NAN } else { 0.1 },
+        ]
+    };
+    (0..n).flat_map(frame).collect()
+}
+
+fn mixer() -> Mixer {
+    let mut mixer = Mixer::new(44_100.0, 3, 2);
+    mixer.route(0, 0, 0.5, None).unwrap();
+    mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
+    mixer.route(0, 1, -0.25, None).unwrap();
+    mixer.route(2, 1, 0.1, Some(8.0)).unwrap();
+    mixer
+}
+
+#[test]
+fn sums_routes() {
+    let frames = frames(1000);
+    let mut mixed = vec![f64::NAN; 2000];
+    let mut mixer = Mixer::new(48_000.0, 3, 2);
+    mixer.route(0, 0, 0.5, None).unwrap();
+    mixer.route(1, 0, 2.0, None).unwrap();
+    mixer.process(&frames, &mut mixed);
+    for (i, out) in mixed.chunks(2).enumerate() {
+        assert_eq!(out, [0.5 * frames[3 * i] + 2.0 * frames[3 * i + 1], 0.0]);
+    }
+}
+
+#[test]
+fn blocks_change_nothing() {
+    let n = 5000;
+    let frames = frames(n);
+    let mut whole = vec![0.0; 2 * n];
+    mixer().process(&frames, &mut whole);
+    let mut pieces = vec![0.0; 2 * n];
+    let (mut mixer, mut at) = (mixer(), 0);
+    for size in [1, 64, 7, 0, 4096, 333].into_iter().cycle() {
+        let stop = (at + size).min(n);
+        mixer.process(&frames[3 * at..3 * stop], &mut pieces[2 * at..2 * stop]);
+        at = stop;
+        if at == n {
+            break;
+        }
+    }
+    assert_eq!(whole, pieces);
+    assert!(
+        whole.iter().all(|x| x.is_finite()),
+        "one bad sample does not stay"
+    );
+}
+
+/// Two groups, one of which is moved at frame 1000 of the piece: the other keeps its bits.
+#[test]
+fn a_group_glides_and_blocks_change_nothing() {
+    let n = 4000;
+    let frames = frames(n);
+    let mixed = |block: usize| {
+        let mut mixer = Mixer::new(44_100.0, 3, 2);
+        mixer.route_of(0, 0, 0, 0.5, None).unwrap();
+        mixer.route_of(2, 0, 1, 0.5, None).unwrap();
+        mixer.route_of(2, 1, 1, 1.0, Some(8.0)).unwrap();
+        assert_eq!(mixer.n_groups(), 3);
+        mixer.seek(500);
+        let mut mixed = vec![0.0; 2 * n];
+        let mut at = 0;
+        while at < n {
+            if at == 500 {
+                mixer.set_gain(2, 0.5);
+                mixer.set_gain(7, 9.0);
+            }
+            let stop = (at + block).min(if at < 500 { 500 } else { n });
+            mixer.process(&frames[3 * at..3 * stop], &mut mixed[2 * at..2 * stop]);
+            at = stop;
+        }
+        mixed
+    };
+    let whole = mixed(n);
+    for block in [1, 44, 64, 333] {
+        assert_eq!(mixed(block), whole);
+    }
+    let mut plain = vec![0.0; 2 * n];
+    let mut mixer = Mixer::new(44_100.0, 3, 2);
+    mixer.route(0, 0, 0.5, None).unwrap();
+    mixer.route(0, 1, 0.5, None).unwrap();
+    mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
+    mixer.process(&frames, &mut plain);
+    for (i, (now, was)) in whole.chunks(2).zip(plain.chunks(2)).enumerate() {
+        assert_eq!(now[0], was[0]);
+        // Frame 1024 of the piece is the first multiple of 64 after 1000; 896 are 20 ms and a bit.
+        let u = (i as f64 + 500.0 - 1024.0) / 896.0;
+        let u = u.clamp(0.0, 1.0);
+        let gain = 1.0 - 0.5 * (3.0 - 2.0 * u) * u * u;
+        assert!((now[1] - gain * was[1]).abs() < 1e-15, "frame {i}");
+    }
+}
+
+#[test]
+fn highpass_lets_go_of_a_lean() {
+    let n = 88_200;
+    let mut mixer = Mixer::new(44_100.0, 1, 1);
+    mixer.route(0, 0, 1.0, Some(8.0)).unwrap();
+    let mut mixed = vec![0.0; n];
+    mixer.process(&vec![0.02; n], &mut mixed);
+    assert!(mixed[0] > 0.019 && mixed[n - 1].abs() < 1e-15);
+}
+
+#[test]
+fn refuses_what_is_not_there() {
+    let mut mixer = Mixer::new(44_100.0, 3, 2);
+    assert_eq!(
+        mixer.route(3, 0, 1.0, None),
+        Err(RouteError::Out { out: 3, n_out: 3 })
+    );
+    let channel = RouteError::Channel {
+        channel: 2,
+        n_channels: 2,
+    };
+    assert_eq!(mixer.route(0, 2, 1.0, None), Err(channel));
+    assert!(mixer.route(0, 0, f64::NAN, None).is_err());
+    for cutoff in [0.0, -1.0, 22_050.0, f64::NAN] {
+        assert!(mixer.route(0, 0, 1.0, Some(cutoff)).is_err());
+    }
+}
+
+/// Two rooms, a delay, curves and a fade.
+fn hall() -> Mixer {
+    let mut mixer = Mixer::new(44_100.0, 3, 2);
+    for (name, t60) in [("hall", 1.0), ("cellar", 0.4)] {
+        let spec = RoomSpec {
+            name: name.to_owned(),
+            size: 5.0,
+            t60: [(200.0, t60), (6_000.0, 0.5 * t60)],
+            channels: vec![1, 0],
+            gain: 0.5,
+        };
+        mixer.room(spec).unwrap();
+    }
+    let point = |frame: u64, gain: f64| Point {
+        frame,
+        gain,
+        way: Way::Smooth,
+    };
+    let curve = Curve::new(vec![point(100, 0.1), point(3000, 1.0)]);
+    let treatment = Treatment {
+        highpass: Some(8.0),
+        delay: 37,
+        curve: Some(curve),
+    };
+    mixer
+        .treated(0, 1, To::Channel(0), 0.5, treatment.clone())
+        .unwrap();
+    mixer.treated(1, 1, To::Room(0), 0.3, treatment).unwrap();
+    let plain = Treatment::default();
+    mixer
+        .treated(0, 0, To::Room(1), 0.7, plain.clone())
+        .unwrap();
+    mixer.treated(0, 0, To::Channel(1), 1.0, plain).unwrap();
+    mixer.fade(Curve::new(vec![point(4000, 1.0), point(4900, 0.0)]));
+    mixer
+}
+
+#[test]
+fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
+    let n = 5000;
+    let frames = frames(n);
+    let mut whole = vec![0.0; 2 * n];
+    hall().process(&frames, &mut whole);
+    assert!(whole[2 * 4900..].iter().all(|x| *x == 0.0));
+    assert!(whole[2 * 2000] != 0.0);
+    for block in [1, 44, 333] {
+        let mut mixer = hall();
+        let mut pieces = vec![0.0; 2 * n];
+        for (i, (x, y)) in frames
+            .chunks(3 * block)
+            .zip(pieces.chunks_mut(2 * block))
+            .enumerate()
+        {
+            // Another version of the mix goes on as this one stands.
+            if i == 7 {
+                let mut next = hall();
+                next.take_over(&mixer, None);
+                mixer = next;
+            }
+            mixer.process(x, y);
+        }
+        assert_eq!(pieces, whole);
+    }
+}
+
+#[test]
+fn refuses_rooms_and_delays_that_are_not_there() {
+    let mut mixer = hall();
+    let late = Treatment {
+        delay: DELAY_MAX + 1,
+        ..Treatment::default()
+    };
+    assert!(mixer.treated(0, 0, To::Channel(0), 1.0, late).is_err());
+    let plain = Treatment::default();
+    let room = RouteError::Room {
+        room: 2,
+        n_rooms: 2,
+    };
+    assert_eq!(mixer.treated(0, 0, To::Room(2), 1.0, plain), Err(room));
+}
+
+/// What a mixer gives of a constant 1 from frame 1000 on, where it has taken over from another.
+fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> Vec<f64> {
+    let mixer = |routes: &[(usize, f64)]| {
+        let mut mixer = Mixer::new(44_100.0, 1, 2);
+        for &(channel, gain) in routes {
+            mixer.route(0, channel, gain, None).unwrap();
+        }
+        mixer
+    };
+    let (mut old, mut new) = (mixer(before), mixer(after));
+    old.process(&[1.0; 1000], &mut [0.0; 2000]);
+    new.take_over(&old, None);
+    let mut mixed = vec![0.0; 4000];
+    for part in mixed.chunks_mut(2 * block) {
+        new.process(&vec![1.0; part.len() / 2], part);
+    }
+    mixed
+}
+
+#[test]
+fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
+    let mixed = taken_over(&[(0, 0.5)], &[(1, 0.25)], 2000);
+    let gained = taken_over(&[(0, 0.5)], &[(0, 1.0)], 2000);
+    for block in [1, 64, 333] {
+        assert_eq!(taken_over(&[(0, 0.5)], &[(1, 0.25)], block), mixed);
+    }
+    let pairs = mixed.chunks(2).zip(gained.chunks(2)).enumerate();
+    for (i, (mixed, gained)) in pairs {
+        // Frame 1024 is the first multiple of 64 after 1000; 896 are 20 ms and a bit.
+        let u = ((i as f64 - 24.0) / 896.0).clamp(0.0, 1.0);
+        let share = (3.0 - 2.0 * u) * u * u;
+        for (is, wanted) in [
+            (mixed[0], 0.5 * (1.0 - share)),
+            (mixed[1], 0.25 * share),
+            (gained[0], 0.5 + 0.5 * share),
+        ] {
+            assert!((is - wanted).abs() < 1e-15, "frame {i}: {is}, {wanted}");
+        }
+    }
+    let same = taken_over(&[(0, 0.5), (1, 2.0)], &[(1, 2.0), (0, 0.5)], 2000);
+    assert!(same.chunks(2).all(|frame| frame == [0.5, 2.0]));
+}
+
+#[test]
+fn nothing_in_or_out() {
+    Mixer::new(44_100.0, 0, 2).process(&[], &mut [1.0; 8]);
+    Mixer::new(44_100.0, 0, 0).process(&[], &mut []);
+}
