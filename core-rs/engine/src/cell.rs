@@ -170,6 +170,34 @@ impl Cell {
         }
     }
 
+    /// The cell of mass `m` [kg] whose ratios at `rate` are these, `None` where no motion between samples is like that.
+    pub(crate) fn of_ratios(m: f64, Ratios { kappa, zeta }: Ratios, rate: Rate) -> Option<Self> {
+        let (hertz, r) = (rate.hertz(), sqrt(1.0 - zeta));
+        let loss = zeta / (1.0 + r);
+        let half = (kappa - loss * loss) / (4.0 * r);
+        let sigma = -0.5 * log1p(-zeta) * hertz;
+        let poles = if half >= 0.0 {
+            let omega = 2.0 * asin(sqrt(half)) * hertz;
+            Poles::Oscillating { omega }
+        } else {
+            // λ = r·e^±d, and 1 − λ₁ of the slower, without cancellation.
+            let spread = sqrt(-half * (1.0 - half));
+            let slow = loss + 2.0 * r * half - 2.0 * r * spread;
+            let fast = loss + 2.0 * r * half + 2.0 * r * spread;
+            let [slow, fast] = [slow, fast].map(|gone| -log1p(-gone) * hertz);
+            Poles::Creeping { slow, fast }
+        };
+        let is_sound = match poles {
+            Poles::Oscillating { omega } => sigma.is_finite() && omega.is_finite(),
+            Poles::Creeping { slow, fast } => slow.is_finite() && fast.is_finite() && slow < fast,
+        };
+        is_sound.then_some(Self {
+            mass: m,
+            sigma,
+            poles,
+        })
+    }
+
     /// x(0) - x(-T) [m] of the free motion that is at `x` [m] with velocity `v` [m/s] at t = 0, its
     /// ground at `rest` [m].
     ///

@@ -20,7 +20,7 @@ use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
-use basis::{At, Basis};
+use basis::{At, Basis, dot};
 use joint::{Joint, joint, moves, reach};
 use laws::{LawScript, LawState};
 
@@ -43,6 +43,8 @@ struct Script {
     /// What an impulse at one joint makes of another's way   (n_joints², n·n), and of its velocity   (n_joints²)
     moves: Vec<Vec<f64>>,
     jumps: Vec<f64>,
+    /// What an impulse at the start of a frame on one joint makes of another at its instants; empty but between ports   (n_joints²)
+    begun: Vec<Vec<f64>>,
     /// Products that tell in each frame where all joints go.
     ways: u64,
 }
@@ -54,14 +56,16 @@ pub(crate) struct Fine {
     law_script: Arc<LawScript>,
     /// Each law   (n_laws)
     laws: Vec<LawState>,
+    /// Where each joint goes in this frame if no link pushes it, at the instants of the frame   (n_joints · n)
+    values: Vec<f64>,
+    /// Impulses on each joint in this frame, as impulses at its instants   (n_joints · n)
+    pushed: Vec<f64>,
     /// Where each joint goes in this frame, by coefficients   (n_joints · n)
     way: Vec<f64>,
     /// Impulses on each joint in this frame, each times the polynomials at its instant   (n_joints · n)
     given: Vec<f64>,
     /// The same before a step that may be taken again.
     saved: [Vec<f64>; 2],
-    /// Values at the instants of a frame   (n)
-    at_instants: Vec<f64>,
     /// Force that each stepped joint still feels in the next frame   (n_joints)
     later: Vec<f64>,
     /// Force on each joint that goes on over the whole frame [N]   (n_joints)
@@ -77,6 +81,8 @@ pub(crate) struct Fine {
     forces: Vec<f64>,
     /// K and Z of each link at the start of this frame, and at its end   (n_links)
     numbers: Vec<[[f64; 2]; 2]>,
+    /// Whether a joint is no longer what the tables of laws were made for.
+    has_glided: bool,
     /// Whether one has been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
@@ -106,7 +112,7 @@ impl Fine {
         let mut mats: Vec<usize> = links.iter().flat_map(|run| [run.a, run.b]).collect();
         mats.sort_unstable();
         mats.dedup();
-        let basis = Basis::new(reach(&mats, network, scheme, bodies, rate));
+        let basis = Basis::new(reach(&mats, network, scheme, bodies, timeline));
         let n = basis.n();
         let is_held = |mat: usize| {
             let mut drives = timeline.drives.iter();
@@ -145,7 +151,8 @@ impl Fine {
             let ends = (&joints[pair / n_joints], &joints[pair % n_joints]);
             moves(ends, bodies, (&basis, rate))
         };
-        let (moves, jumps) = (0..n_joints * n_joints).map(pair).unzip();
+        let (moves, jumps): (Vec<_>, _) = (0..n_joints * n_joints).map(pair).unzip();
+        let begun = begun(&moves, &joints, &basis);
         let script = Script {
             steps,
             rate,
@@ -155,6 +162,7 @@ impl Fine {
             joints,
             moves,
             jumps,
+            begun,
             ways,
         };
         let law_script = LawScript::new(&script);
@@ -163,7 +171,8 @@ impl Fine {
             way: vec![0.0; n_joints * n],
             given: vec![0.0; n_joints * n],
             saved: [vec![0.0; n_joints * n], vec![0.0; n_joints * n]],
-            at_instants: vec![0.0; n],
+            values: vec![0.0; n_joints * n],
+            pushed: vec![0.0; n_joints * n],
             later: vec![0.0; n_joints],
             steady: vec![0.0; n_joints],
             near: vec![false; n_links],
@@ -172,12 +181,13 @@ impl Fine {
             located: vec![false; n_links],
             forces: vec![0.0; n_links],
             numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
+            has_glided: false,
             has_touched: false,
             work: FineWork {
                 instants: 0,
                 products: RESPONSE * responses,
             },
-            laws: vec![LawState::default(); law_script.links.len()],
+            laws: law_script.states(&script),
             law_script: Arc::new(law_script),
             script: Arc::new(script),
         }
@@ -192,7 +202,9 @@ impl Fine {
     pub(super) fn go_on(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.later, &mut old.later);
         if self.laws.len() == old.laws.len() {
-            std::mem::swap(&mut self.laws, &mut old.laws);
+            for (law, old) in self.laws.iter_mut().zip(&old.laws) {
+                law.go_on(old);
+            }
         }
         self.has_touched = old.has_touched;
     }
@@ -238,6 +250,17 @@ impl Fine {
                 *numbers = factors.map(|[of_k, of_z]| [run.k * of_k, run.z * of_z]);
             }
         }
+    }
+
+    /// Take a joint whose MAT glides as it is in this frame: 1/M, κ and ζ at its start and at its end.
+    pub(super) fn glide(&mut self, mat: usize, numbers: [[f64; 3]; 2]) {
+        let has_changed =
+            |joint: &Joint| joint.mat == mat && joint.cell.is_some() && joint.numbers != numbers;
+        let Some(joint) = self.script.joints.iter().position(has_changed) else {
+            return;
+        };
+        // A copy is made where a version of this simulation was kept, once.
+        self.has_glided |= Arc::make_mut(&mut self.script).retune(joint, numbers);
     }
 
     /// K and Z of a link at an instant of this frame, 0 to 1.
@@ -333,11 +356,24 @@ impl Fine {
         }
         let (script, laws) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.ways;
-        self.given.fill(0.0);
+        self.pushed.fill(0.0);
         self.ways(&script, scheme, bodies, body, &next);
         self.tell_laws(&script, &laws, gates, body);
-        if any {
+        if any || self.has_glided {
+            self.given.fill(0.0);
+            let n = script.basis.n();
+            for (values, way) in self.values.chunks(n).zip(self.way.chunks_mut(n)) {
+                script.basis.fit(values, way);
+            }
             self.march(&script, &laws, gates, body);
+            // Impulses at the instants that do to any smooth function what those between them did.
+            for (given, pushed) in self.given.chunks(n).zip(self.pushed.chunks_mut(n)) {
+                for (own, row) in given.iter().zip(script.basis.fit.chunks(n)) {
+                    for (impulse, weight) in pushed.iter_mut().zip(row) {
+                        *impulse += own * weight;
+                    }
+                }
+            }
         } else {
             self.collocate(&script, &laws, gates);
         }
@@ -377,9 +413,9 @@ impl Fine {
         body: &Body,
         next: &dyn Fn(usize, &Body) -> f64,
     ) {
-        let n = script.basis.n();
+        let (n, n_joints) = (script.basis.n(), script.joints.len());
         for (at, joint) in script.joints.iter().enumerate() {
-            let values = &mut self.at_instants;
+            let values = &mut self.values[at * n..(at + 1) * n];
             // Forces that last act all through the frame: as impulses at its start they take it to the same end.
             let mut bend = 0.5 * self.steady[at] * scheme.w[joint.mat];
             match joint.port {
@@ -407,16 +443,18 @@ impl Fine {
                     *x_at -= bend * s * (1.0 - s);
                 }
             }
-            script
-                .basis
-                .fit(values, &mut self.way[at * n..(at + 1) * n]);
         }
         // What else pushes a port acts from the start of the frame.
-        let start = At::new(n, 0.0);
         for (at, joint) in script.joints.iter().enumerate() {
             let force = body.force[joint.mat];
-            if joint.port.is_some() && force != 0.0 {
-                script.bend(at, force * script.rate.step(), &start, &mut self.way);
+            if joint.port.is_none() || force == 0.0 {
+                continue;
+            }
+            let impulse = force * script.rate.step();
+            for (other, values) in self.values.chunks_mut(n).enumerate() {
+                for (x, by) in values.iter_mut().zip(&script.begun[at * n_joints + other]) {
+                    *x += impulse * by;
+                }
             }
         }
     }
@@ -436,31 +474,26 @@ impl Fine {
     fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
         let n = script.basis.n();
         for (at, joint) in script.joints.iter().enumerate() {
-            let given = &self.given[at * n..(at + 1) * n];
-            if given.iter().all(|impulse| *impulse == 0.0) {
+            let pushed = &self.pushed[at * n..(at + 1) * n];
+            if pushed.iter().all(|impulse| *impulse == 0.0) {
                 continue;
-            }
-            // Impulses at the instants that do to any smooth function what those between them did.
-            self.at_instants.fill(0.0);
-            for (own, row) in given.iter().zip(script.basis.fit.chunks(n)) {
-                for (impulse, weight) in self.at_instants.iter_mut().zip(row) {
-                    *impulse += own * weight;
-                }
             }
             match (joint.port, &joint.cell) {
                 (Some((owner, port)), _) => {
                     if let Some(modal) = bodies[owner].modal_mut() {
-                        modal.give(port, &self.at_instants, body);
+                        modal.give(port, pushed, body);
                     }
                 }
                 (None, Some(_)) => {
-                    for (impulse, [now, later]) in self.at_instants.iter().zip(&joint.split) {
+                    for (impulse, [now, later]) in pushed.iter().zip(&joint.split) {
                         body.push(joint.mat, impulse * now);
                         self.later[at] += impulse * later;
                     }
                 }
                 // It moves as it is told, and a hand that holds it feels what it is told by.
-                (None, None) => body.push(joint.mat, given[0] * script.rate.hertz()),
+                (None, None) => {
+                    body.push(joint.mat, pushed.iter().sum::<f64>() * script.rate.hertz());
+                }
             }
         }
     }
@@ -486,6 +519,23 @@ impl Script {
             }
         }
     }
+}
+
+/// What an impulse at the start of a frame on one joint makes of another at its instants, by `moves`   (n_joints²)
+fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
+    let (n, start) = (basis.n(), At::new(basis.n(), 0.0));
+    let found = |(pair, moves): (usize, &Vec<f64>)| {
+        if joints[pair / joints.len()].port.is_none() || moves.is_empty() {
+            return Vec::new();
+        }
+        let at = |&s: &f64| {
+            let end = At::new(n, s);
+            let rows = moves.chunks(n).zip(&start.value);
+            rows.map(|(row, share)| share * dot(row, &end.value)).sum()
+        };
+        basis.instants.iter().map(at).collect()
+    };
+    moves.iter().enumerate().map(found).collect()
 }
 
 /// Keep the entries of a list that stay.

@@ -144,6 +144,17 @@ pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
     }
 }
 
+/// The numbers of frame `n` and of the next for what goes on between them.
+pub(super) fn between(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u64) {
+    for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
+        let numbers = [n, n + 1].map(|n| glide.at(n));
+        fine.glide(
+            glide.mat,
+            numbers.map(|[w, kappa, zeta, _]| [w, kappa, zeta]),
+        );
+    }
+}
+
 /// Links whose K and Z are led.
 #[derive(Clone, Debug)]
 pub(super) struct Led {

@@ -61,12 +61,30 @@ pub(super) fn laws_cost(network: &Network, contact_substeps: usize) -> f64 {
         return 0.0;
     }
     let is_fine = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_)) && run.len == 1;
-    let n_laws = network.runs().iter().filter(is_fine).count();
-    if n_laws > Scheme::FINE_LAWS {
+    let laws: Vec<&Run> = network.runs().iter().filter(is_fine).collect();
+    if laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
-    (contact_substeps / Budget::STEPS_MIN * n_laws) as f64 * Costs::of("collocation")
+    let each = |run: &&Run| match &run.kind {
+        LinkKind::Lnl(law) => law.n_functions() as f64 * Costs::of("collocated_function"),
+        _ => 0.0,
+    };
+    let ns: f64 = laws
+        .iter()
+        .map(|run| Costs::of("collocation") + each(run))
+        .sum();
+    // Where a frame may be taken in parts, those with a kink are.
+    let most = contact_substeps / Budget::STEPS_MIN;
+    let parts = if most > 1 {
+        1.0 + PARTS * most as f64
+    } else {
+        1.0
+    };
+    parts * ns
 }
+
+/// Of the parts that a frame of laws may be taken in, so many are (a rope that is stretched 800 times a second).
+const PARTS: f64 = 0.25;
 
 /// What a body inside an island costs a frame [ns].
 pub(super) fn body_cost(inside: &BodyPlan) -> f64 {

@@ -53,21 +53,30 @@ impl Basis {
         }
     }
 
-    /// Weights that fit a function of two instants to its values   (n·n each)
-    pub(super) fn fit_both(&self, values: &[f64]) -> Vec<f64> {
+    /// What each value at the instants counts in a sum of so much of each polynomial   (n)
+    pub(super) fn weights(&self, polynomials: &[f64]) -> Vec<f64> {
         let n = self.n();
-        let mut half = vec![0.0; n * n];
-        for (values, own) in values.chunks(n).zip(half.chunks_mut(n)) {
-            self.fit(values, own);
+        let weight = |m: usize| (0..n).map(|k| polynomials[k] * self.fit[k * n + m]).sum();
+        (0..n).map(weight).collect()
+    }
+
+    /// Values of a function of two instants into the weights that fit it   (n·n)
+    pub(super) fn fit_both(&self, both: &mut [f64]) {
+        let n = self.n();
+        let (mut values, mut fitted) = ([0.0; MOST], [0.0; MOST]);
+        for row in both.chunks_mut(n) {
+            self.fit(row, &mut fitted[..n]);
+            row.copy_from_slice(&fitted[..n]);
         }
-        let mut both = vec![0.0; n * n];
         for l in 0..n {
-            let column: Vec<f64> = (0..n).map(|m| half[m * n + l]).collect();
-            for k in 0..n {
-                both[k * n + l] = dot(&self.fit[k * n..(k + 1) * n], &column);
+            for (m, value) in values[..n].iter_mut().enumerate() {
+                *value = both[m * n + l];
+            }
+            self.fit(&values[..n], &mut fitted[..n]);
+            for (k, value) in fitted[..n].iter().enumerate() {
+                both[k * n + l] = *value;
             }
         }
-        both
     }
 }
 

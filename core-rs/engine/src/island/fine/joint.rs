@@ -1,10 +1,12 @@
 //! Points that contacts touch: where each goes by itself in a frame, and what impulses move.
 
+use super::Script;
 use super::basis::Basis;
-use crate::cell::Cell;
+use crate::cell::{Cell, Ratios};
 use crate::island::inside::RunningBody;
 use crate::network::{MatKind, Network};
 use crate::scheme::Scheme;
+use crate::timeline::Timeline;
 use crate::units::Rate;
 
 /// A point that contacts touch.
@@ -16,6 +18,8 @@ pub(super) struct Joint {
     /// Of a MAT that is stepped: its own motion, and where it rests [m].
     pub(super) cell: Option<Cell>,
     pub(super) rest: f64,
+    /// 1/M, κ and ζ of its cell, in this frame and in the next.
+    pub(super) numbers: [[f64; 3]; 2],
     /// Weights of where it is, and of where it goes, at each instant   (n)
     pub(super) way: Vec<(f64, f64)>,
     /// Forces of this frame and of the next [N] that stand for an impulse at each instant [N·s]   (n)
@@ -28,8 +32,9 @@ pub(super) fn reach(
     network: &Network,
     scheme: &Scheme,
     bodies: &[RunningBody],
-    rate: Rate,
+    timeline: &Timeline,
 ) -> f64 {
+    let rate = timeline.rate;
     let own = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
         match body
@@ -40,8 +45,55 @@ pub(super) fn reach(
             None => cell(mat, network, scheme).map_or(0.0, |cell| cell.reach()),
         }
     };
-    let all = mats.iter().map(|&mat| own(mat) * rate.step());
-    all.fold(0.0, f64::max)
+    let glides = timeline.glides.iter();
+    let gliding = glides
+        .filter(|glide| mats.contains(&glide.mat))
+        .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
+        .map(|[k, z, m]| Cell::new(m, k, z).reach());
+    let all = mats.iter().map(|&mat| own(mat)).chain(gliding);
+    all.fold(0.0, f64::max) * rate.step()
+}
+
+impl Script {
+    /// Take a stepped joint as its MAT is halfway from 1/M, κ and ζ of this frame to those of the next; says whether
+    /// they have changed. Nothing is allocated.
+    pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> bool {
+        let n_joints = self.joints.len();
+        let own = &mut self.joints[joint];
+        own.numbers = numbers;
+        let [now, next] = numbers;
+        let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (now[i] + next[i]));
+        let (rate, step) = (self.rate, self.rate.step());
+        let Some(cell) = Cell::of_ratios(step * step / w, Ratios { kappa, zeta }, rate) else {
+            return false;
+        };
+        own.cell = Some(cell);
+        // The forces that stand for an impulse meet the masses of their own frames.
+        let masses = [w / now[0], w / next[0]];
+        for ((way, split), &at) in
+            (own.way.iter_mut().zip(&mut own.split)).zip(&self.basis.instants)
+        {
+            *way = cell.interpolation(at, rate);
+            let forces = cell.split(1.0, at, rate);
+            *split = [forces[0] * masses[0], forces[1] * masses[1]];
+        }
+        let pair = joint * n_joints + joint;
+        answers(&self.basis, &mut self.moves[pair], &|part| {
+            cell.answer_around(part * step)
+        });
+        self.jumps[pair] = step * cell.jump();
+        true
+    }
+}
+
+/// What an impulse at one instant of a frame makes of a way at another, by the time between them [frames], into weights   (n·n)
+fn answers(basis: &Basis, both: &mut [f64], answer: &dyn Fn(f64) -> f64) {
+    for (row, from) in both.chunks_mut(basis.n()).zip(&basis.instants) {
+        for (value, to) in row.iter_mut().zip(&basis.instants) {
+            *value = answer(to - from);
+        }
+    }
+    basis.fit_both(both);
 }
 
 fn cell(mat: usize, network: &Network, scheme: &Scheme) -> Option<Cell> {
@@ -82,6 +134,7 @@ pub(super) fn joint(
         mat,
         port,
         rest,
+        numbers: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
         way,
         split: cell.as_ref().map(split).unwrap_or_default(),
         cell,
@@ -97,12 +150,9 @@ pub(super) fn moves(
 ) -> (Vec<f64>, f64) {
     let step = rate.step();
     let table = |answer: &dyn Fn(f64) -> f64| {
-        let instants = &basis.instants;
-        let pairs = instants
-            .iter()
-            .flat_map(|from| instants.iter().map(move |to| to - from));
-        let values: Vec<f64> = pairs.map(|part| answer(part * step)).collect();
-        basis.fit_both(&values)
+        let mut both = vec![0.0; basis.n() * basis.n()];
+        answers(basis, &mut both, &|part| answer(part * step));
+        both
     };
     match (from.port, to.port) {
         (Some((owner, from)), Some((same, to))) if owner == same => {

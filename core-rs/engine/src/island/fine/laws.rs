@@ -4,6 +4,8 @@
 
 use super::basis::{At, dot};
 use super::{Fine, Script};
+use crate::law::Scratch;
+use crate::maths::pow;
 use crate::scheme::Kind;
 use crate::state::Body;
 
@@ -11,40 +13,76 @@ use crate::state::Body;
 const STAGES: usize = 3;
 const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
 const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
-/// Rounds until all forces agree, each to this part of the largest; their slopes are looked up again every few.
+/// Rounds until all forces agree, each to this part of the largest; rounds of a frame as a whole, where it may be taken
+/// in parts; slopes are looked up again every few rounds.
 const ROUNDS: usize = 60;
-const AGREE: f64 = 1e-11;
-const LOOK_AGAIN: usize = 4;
+const FEW_ROUNDS: usize = 8;
+const AGREE: f64 = 1e-10;
+const LOOK_AGAIN: usize = 3;
 /// Steps of the differences that tell a law's slopes, relative to what is looked at and at least [m, m/s].
 const NEAR: (f64, f64) = (1e-6, 1e-9);
+/// A frame that may be taken in parts is taken as a whole where its forces, by the polynomial through its Gauss points,
+/// miss their laws at both its ends by less than this part of the largest. Not by more: steps that follow the swing lose
+/// the balance of errors that even steps have (a cubic spring: -72 dB at 1e-3, -104 dB by whole frames alone).
+const SMOOTH: f64 = 1e-6;
+/// Of the largest force so much stays from frame to frame.
+const FADE: f64 = 0.999;
 
-type Square = [[f64; STAGES]; STAGES];
+type Stages = [f64; STAGES];
+type Square = [Stages; STAGES];
+
+/// A frame in so many parts, which are solved one after the other.
+#[derive(Clone, Debug)]
+struct Division {
+    parts: usize,
+    /// Instants of the Gauss points   (parts·3)
+    s: Vec<f64>,
+    /// What each value at the instants of a frame counts in the value, and in the slope, at each Gauss point   (parts·3, n)
+    value: Vec<f64>,
+    slope: Vec<f64>,
+    /// What the force of one law makes of another's elongation and rate at the Gauss points of its part   (n_laws²)
+    moves: Vec<[Square; 2]>,
+    /// What an impulse of one law at each Gauss point makes of another's elongation at the instants of a frame, for the
+    /// parts after it   (n_laws², parts·3, n)
+    later: Vec<f64>,
+}
 
 /// What does not change.
 #[derive(Clone, Debug)]
 pub(super) struct LawScript {
     /// Which of the script's links are laws.
     pub(super) links: Vec<usize>,
-    /// Parts of a frame that are solved one after the other.
-    parts: usize,
-    /// The polynomials at the Gauss points of each part   (parts, 3)
-    at: Vec<[At; STAGES]>,
-    /// What the force of one law makes of another's elongation and rate at the Gauss points   (n_laws², 3, 3)
-    moves: Vec<[Square; 2]>,
-    /// The force at the next part's Gauss points by those of this one.
+    /// Parts of a frame: 1, 2, 4, and so on.
+    divisions: Vec<Division>,
+    /// What each value at the instants of a frame counts in the value, and in the slope, at its ends   (n each)
+    ends: [[Vec<f64>; 2]; 2],
+    /// What the force of one law makes of another's elongation and rate at the end of a frame that is taken as a
+    /// whole   (n_laws²)
+    moves_end: Vec<[[f64; STAGES]; 2]>,
+    /// Of the polynomial of a part's forces: what each counts at the next part's Gauss points.
     ahead: Square,
+    /// The same, at both ends of the part.
+    at_ends: [[f64; STAGES]; 2],
 }
 
 /// A law that plays.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct LawState {
     /// At the Gauss points of the last part [N], and what is known of this one's.
     force: [f64; STAGES],
     elongation: [f64; STAGES],
     rate: [f64; STAGES],
-    /// The inverse of what a change of the forces leaves unmet.
+    /// At the start of the frame [N].
+    begin: f64,
+    /// The largest of the last frames [N].
+    largest: f64,
+    /// Elongation at the instants of the frame if the forces of the parts to come are zero [m]   (n)
+    path: Vec<f64>,
+    /// The inverse of what a change of the forces leaves unmet, and for which division it was found.
     inverse: Square,
-    is_known: bool,
+    known: Option<usize>,
+    scratch: Scratch,
+    room: Vec<f64>,
 }
 
 /// A law at one instant.
@@ -62,19 +100,95 @@ impl LawScript {
     pub(super) fn new(script: &Script) -> Self {
         let is_law = |index: &usize| !matches!(script.links[*index].kind, Kind::But(_));
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
-        let parts = (script.steps / 2).max(1);
-        let (n, h) = (script.basis.n(), 1.0 / parts as f64);
-        let at = |part: usize| POINTS.map(|c| At::new(n, (part as f64 + c) * h));
-        let pair = |pair: usize| {
-            let ends = [pair / links.len(), pair % links.len()].map(|law| script.ends[links[law]]);
-            script.coupled(ends, h)
+        let most = if links.is_empty() {
+            1
+        } else {
+            (script.steps / 2).max(1)
+        };
+        let parts = std::iter::successors(Some(1), |parts| Some(2 * parts));
+        let pairs: Vec<_> = (0..links.len() * links.len())
+            .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.ends[links[law]]))
+            .collect();
+        let divide = |parts: usize| Division::new(script, &pairs, parts);
+        let end = At::new(script.basis.n(), 1.0);
+        let at_end = |ends: &[(usize, usize); 2]| {
+            let mut found = [[0.0; STAGES]; 2];
+            for stage in 0..STAGES {
+                let start = At::new(script.basis.n(), POINTS[stage]);
+                let weight = WEIGHTS[stage] * script.rate.step();
+                let [x, v] = script.between(*ends, [&start, &end]);
+                (found[0][stage], found[1][stage]) = (weight * x, weight * v);
+            }
+            found
+        };
+        let rows = |s: f64| {
+            let at = At::new(script.basis.n(), s);
+            [&at.value, &at.slope].map(|values| script.basis.weights(values))
         };
         Self {
-            parts,
-            at: (0..parts).map(at).collect(),
-            moves: (0..links.len() * links.len()).map(pair).collect(),
+            divisions: parts
+                .take_while(|&parts| parts <= most)
+                .map(divide)
+                .collect(),
+            ends: [rows(0.0), rows(1.0)],
+            moves_end: pairs.iter().map(at_end).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
+            at_ends: [0.0, 1.0].map(shares),
             links,
+        }
+    }
+
+    pub(super) fn states(&self, script: &Script) -> Vec<LawState> {
+        let state = |&link: &usize| {
+            let mut state = LawState {
+                path: vec![0.0; script.basis.n()],
+                ..LawState::default()
+            };
+            if let Kind::Lnl { law, .. } = &script.links[link].kind {
+                state.scratch = law.scratch_alone();
+                state.room = vec![0.0; law.room()];
+            }
+            state
+        };
+        self.links.iter().map(state).collect()
+    }
+}
+
+impl Division {
+    fn new(script: &Script, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
+        let (n, h) = (script.basis.n(), 1.0 / parts as f64);
+        let s: Vec<f64> = (0..parts)
+            .flat_map(|part| POINTS.map(|c| (part as f64 + c) * h))
+            .collect();
+        let at: Vec<At> = s.iter().map(|&s| At::new(n, s)).collect();
+        let mut later = Vec::new();
+        if parts > 1 {
+            let instants: Vec<At> = (script.basis.instants.iter())
+                .map(|&s| At::new(n, s))
+                .collect();
+            for &ends in pairs {
+                for start in &at {
+                    later.extend(
+                        instants
+                            .iter()
+                            .map(|end| script.between(ends, [start, end])[0]),
+                    );
+                }
+            }
+        }
+        Self {
+            parts,
+            value: at
+                .iter()
+                .flat_map(|at| script.basis.weights(&at.value))
+                .collect(),
+            slope: at
+                .iter()
+                .flat_map(|at| script.basis.weights(&at.slope))
+                .collect(),
+            moves: pairs.iter().map(|&ends| script.coupled(ends, h)).collect(),
+            later,
+            s,
         }
     }
 }
@@ -104,17 +218,26 @@ impl Script {
                     let part = 0.5 * (half as f64 + point) * c;
                     let start = At::new(n, part * h);
                     let weight = 0.5 * weight * c * h * self.rate.step();
-                    for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
-                        for (sign_from, from) in [(1.0, from.0), (-1.0, from.1)] {
-                            let [x, v] = self.answer([from, to], [&start, &end]);
-                            for (column, share) in shares(part).into_iter().enumerate() {
-                                let by = sign_to * sign_from * weight * share;
-                                found[0][row][column] += by * x;
-                                found[1][row][column] += by * v;
-                            }
-                        }
+                    let [x, v] = self.between([to, from], [&start, &end]);
+                    for (column, share) in shares(part).into_iter().enumerate() {
+                        found[0][row][column] += weight * share * x;
+                        found[1][row][column] += weight * share * v;
                     }
                 }
+            }
+        }
+        found
+    }
+
+    /// What an impulse of a law between `from` makes of the elongation between `to` [m/N·s] and of its rate
+    /// [m/frame per N·s].
+    fn between(&self, [to, from]: [(usize, usize); 2], instants: [&At; 2]) -> [f64; 2] {
+        let mut found = [0.0; 2];
+        for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
+            for (sign_from, from) in [(1.0, from.0), (-1.0, from.1)] {
+                let [x, v] = self.answer([from, to], instants);
+                found[0] += sign_to * sign_from * x;
+                found[1] += sign_to * sign_from * v;
             }
         }
         found
@@ -136,107 +259,233 @@ impl Script {
 impl Fine {
     /// The laws of a frame in which no contact is near.
     pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
-        let (n, n_laws) = (script.basis.n(), laws.links.len());
-        let h = 1.0 / laws.parts as f64;
-        for at in &laws.at {
-            for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
-                let (a, b) = script.ends[link];
-                let [a, b] = [a, b].map(|end| &self.way[end * n..(end + 1) * n]);
-                for (stage, at) in at.iter().enumerate() {
-                    let rest = script.links[link].rest;
-                    state.elongation[stage] = dot(b, &at.value) - dot(a, &at.value) - rest;
-                    state.rate[stage] = dot(b, &at.slope) - dot(a, &at.slope);
-                }
-                state.force = laws.ahead.map(|row| dot(&row, &state.force));
+        let n = script.basis.n();
+        for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
+            let ((a, b), rest) = (script.ends[link], script.links[link].rest);
+            let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
+            for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
+                *x = b - a - rest;
             }
-            for round in 0..ROUNDS {
-                let mut is_met = true;
-                for own in 0..n_laws {
-                    is_met &= self.meet(script, laws, (gates, at), (own, round));
-                }
-                if is_met {
-                    break;
+            state.force = laws.ahead.map(|row| dot(&row, &state.force));
+        }
+        let most = laws.divisions.len() - 1;
+        let rounds = if most == 0 { ROUNDS } else { FEW_ROUNDS };
+        let is_met = self.solve(script, laws, (gates, 0), (0, rounds));
+        if most == 0 {
+            return self.give_laws(script, laws, (0, 0));
+        }
+        let missed = if is_met {
+            self.missed(script, laws, gates)
+        } else {
+            1.0
+        };
+        if missed <= SMOOTH {
+            return self.give_laws(script, laws, (0, 0));
+        }
+        // What it misses falls by the cube of the parts.
+        let wanted = pow(missed / SMOOTH, 1.0 / 3.0);
+        let finer = laws
+            .divisions
+            .partition_point(|own| (own.parts as f64) < wanted);
+        let own = finer.clamp(1, most);
+        let division = &laws.divisions[own];
+        for state in &mut self.laws {
+            let first = [0, 1, 2].map(|stage: usize| shares(division.s[stage]));
+            state.force = if is_met {
+                first.map(|row| dot(&row, &state.force))
+            } else {
+                [state.begin; STAGES]
+            };
+        }
+        for part in 0..division.parts {
+            if part > 0 {
+                for state in &mut self.laws {
+                    state.force = laws.ahead.map(|row| dot(&row, &state.force));
                 }
             }
-            for (own, &link) in laws.links.iter().enumerate() {
-                let (a, b) = script.ends[link];
-                for (stage, at) in at.iter().enumerate() {
-                    let force = self.laws[own].force[stage];
-                    let impulse = WEIGHTS[stage] * h * script.rate.step() * force;
-                    self.shove(script, a, impulse, at);
-                    self.shove(script, b, -impulse, at);
-                }
-            }
+            self.solve(script, laws, (gates, own), (part, ROUNDS));
+            self.give_laws(script, laws, (own, part));
+            self.bend_paths(script, division, part);
         }
     }
 
-    /// Bring the forces of one law nearer to it, those of all others given; says whether they met it.
+    /// Find the forces of all laws in a part of a frame; says whether they meet them.
+    fn solve(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        (gates, own): (&[f64], usize),
+        (part, rounds): (usize, usize),
+    ) -> bool {
+        let (n, division) = (script.basis.n(), &laws.divisions[own]);
+        let rows = 3 * part * n..3 * (part + 1) * n;
+        let (value, slope) = (&division.value[rows.clone()], &division.slope[rows]);
+        for state in &mut self.laws {
+            for (stage, (value, slope)) in value.chunks(n).zip(slope.chunks(n)).enumerate() {
+                state.elongation[stage] = dot(value, &state.path);
+                state.rate[stage] = dot(slope, &state.path);
+            }
+        }
+        let mut last = f64::INFINITY;
+        for round in 0..rounds {
+            let mut change = 0.0_f64;
+            for law in 0..laws.links.len() {
+                change = change.max(self.meet(script, laws, (gates, own, part), (law, round)));
+            }
+            // What is still to come, at the pace of the last two rounds.
+            let pace = change / last;
+            if change <= AGREE || (round > 0 && pace < 0.5 && change * pace <= AGREE) {
+                // Slopes that took so long to lead there are looked up again.
+                if round >= LOOK_AGAIN - 1 {
+                    self.laws.iter_mut().for_each(|state| state.known = None);
+                }
+                return true;
+            }
+            last = change;
+        }
+        false
+    }
+
+    /// Push by the forces that were found for a part of a frame.
+    fn give_laws(&mut self, script: &Script, laws: &LawScript, (own, part): (usize, usize)) {
+        let (n, division) = (script.basis.n(), &laws.divisions[own]);
+        let h = script.rate.step() / division.parts as f64;
+        for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
+            let (a, b) = script.ends[link];
+            let first = 3 * part;
+            for stage in 0..STAGES {
+                let impulse = WEIGHTS[stage] * h * state.force[stage];
+                let row = &division.value[(first + stage) * n..(first + stage + 1) * n];
+                for (at, share) in row.iter().enumerate() {
+                    self.pushed[a * n + at] += impulse * share;
+                    self.pushed[b * n + at] -= impulse * share;
+                }
+            }
+            let most = state
+                .force
+                .iter()
+                .fold(0.0_f64, |most, force| most.max(force.abs()));
+            state.largest = most.max(if part == 0 { FADE } else { 1.0 } * state.largest);
+        }
+    }
+
+    /// Where the laws take their points after a part of a frame.
+    fn bend_paths(&mut self, script: &Script, division: &Division, part: usize) {
+        let (n, n_laws) = (script.basis.n(), self.laws.len());
+        let h = script.rate.step() / division.parts as f64;
+        for to in 0..n_laws {
+            let mut path = std::mem::take(&mut self.laws[to].path);
+            for (from, other) in self.laws.iter().enumerate() {
+                let first = (to * n_laws + from) * division.parts + part;
+                let rows = &division.later[3 * first * n..3 * (first + 1) * n];
+                for (stage, row) in rows.chunks(n).enumerate() {
+                    let impulse = WEIGHTS[stage] * h * other.force[stage];
+                    for (x, by) in path.iter_mut().zip(row) {
+                        *x += impulse * by;
+                    }
+                }
+            }
+            self.laws[to].path = path;
+        }
+    }
+
+    /// How far the forces of a frame that was taken as a whole are from their laws at its two ends, relative to the
+    /// largest.
+    fn missed(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
+        let n_laws = laws.links.len();
+        let mut missed = 0.0_f64;
+        for (own, &link) in laws.links.iter().enumerate() {
+            let state = &self.laws[own];
+            let [mut e, mut v] = [0, 1].map(|which| dot(&laws.ends[1][which], &state.path));
+            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[own * n_laws..]) {
+                e += dot(by_x, &other.force);
+                v += dot(by_v, &other.force);
+            }
+            let law = self.law(script, gates, (link, 1.0));
+            let at_ends = [state.begin, law.at(e, v * law.rate())];
+            let largest = (state.force.iter().chain(&at_ends))
+                .fold(state.largest, |most, force| most.max(force.abs()));
+            for (row, force) in laws.at_ends.iter().zip(at_ends) {
+                let apart = (dot(row, &state.force) - force).abs();
+                missed = missed.max(apart / largest.max(f64::MIN_POSITIVE));
+            }
+        }
+        self.work.instants += n_laws as u64;
+        missed
+    }
+
+    /// Bring the forces of one law nearer to it, those of all others given; the change, relative to the largest.
     fn meet(
         &mut self,
         script: &Script,
         laws: &LawScript,
-        (gates, at): (&[f64], &[At; STAGES]),
-        (own, round): (usize, usize),
-    ) -> bool {
-        let link = laws.links[own];
-        let forces = at.map(|at| self.law(script, gates, (link, at.s)));
-        let rate = forces[0].rate();
-        let n_laws = laws.links.len();
-        let (mut e, mut v) = (self.laws[own].elongation, self.laws[own].rate);
-        for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves[own * n_laws..]) {
+        (gates, own, part): (&[f64], usize, usize),
+        (law, round): (usize, usize),
+    ) -> f64 {
+        let (link, n_laws) = (laws.links[law], laws.links.len());
+        let division = &laws.divisions[own];
+        let (mut e, mut v) = (self.laws[law].elongation, self.laws[law].rate);
+        for (other, [by_x, by_v]) in self.laws.iter().zip(&division.moves[law * n_laws..]) {
             for stage in 0..STAGES {
                 e[stage] += dot(&by_x[stage], &other.force);
                 v[stage] += dot(&by_v[stage], &other.force);
             }
         }
+        let now =
+            [0, 1, 2].map(|stage| self.law(script, gates, (link, division.s[3 * part + stage])));
         self.work.instants += 1;
-        let state = &mut self.laws[own];
-        let mut unmet = [0.0; STAGES];
-        let mut largest = f64::MIN_POSITIVE;
-        for stage in 0..STAGES {
-            let force = forces[stage].at(e[stage], v[stage] * rate);
-            unmet[stage] = force - state.force[stage];
-            largest = largest.max(force.abs());
-        }
-        if !state.is_known || round % LOOK_AGAIN == LOOK_AGAIN - 1 {
-            let [by_x, by_v] = &laws.moves[own * n_laws + own];
+        let rate = now[0].rate();
+        let v = v.map(|v| v * rate);
+        let state = &mut self.laws[law];
+        let force = state.forces(&now, &e, &v);
+        let largest = (force.iter()).fold(f64::MIN_POSITIVE, |most, force| most.max(force.abs()));
+        if state.known != Some(own) || round % LOOK_AGAIN == LOOK_AGAIN - 1 {
+            let (k, z) = state.slopes(&now, (&e, &v), &force);
+            let [by_x, by_v] = &division.moves[law * n_laws + law];
             let mut left = [[0.0; STAGES]; STAGES];
             for stage in 0..STAGES {
-                let force = |e: f64, v: f64| forces[stage].at(e, v);
-                let [k, z] = slopes(&force, e[stage], v[stage] * rate);
                 for column in 0..STAGES {
                     let one = if column == stage { 1.0 } else { 0.0 };
-                    left[stage][column] =
-                        one - k * by_x[stage][column] - z * rate * by_v[stage][column];
+                    left[stage][column] = one
+                        - k[stage] * by_x[stage][column]
+                        - z[stage] * rate * by_v[stage][column];
                 }
             }
             state.inverse = inverse(&left);
-            state.is_known = true;
+            state.known = Some(own);
             self.work.instants += 1;
         }
+        let unmet: [f64; STAGES] = std::array::from_fn(|stage| force[stage] - state.force[stage]);
         let mut change = 0.0_f64;
         for stage in 0..STAGES {
             let by = dot(&state.inverse[stage], &unmet);
             state.force[stage] += by;
             change = change.max(by.abs());
         }
-        change <= AGREE * largest
+        change / largest
     }
 
     /// Forces of all laws at the start of the frame, for those who listen.
     pub(super) fn tell_laws(
-        &self,
+        &mut self,
         script: &Script,
         laws: &LawScript,
         gates: &[f64],
         body: &mut Body,
     ) {
-        let at = At::new(script.basis.n(), 0.0);
-        for &link in &laws.links {
-            let [e, v] = self.elongation(script, link, &at);
+        let n = script.basis.n();
+        for (own, &link) in laws.links.iter().enumerate() {
+            let (a, b) = script.ends[link];
             let run = &script.links[link];
+            let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
+            let [e, v] = [0, 1].map(|which| {
+                let row = &laws.ends[0][which];
+                dot(row, b) - dot(row, a)
+            });
             let law = self.law(script, gates, (link, 0.0));
-            body.link[run.first] = law.at(e, v * law.rate());
+            let force = law.at(e - run.rest, v * law.rate());
+            body.link[run.first] = force;
+            self.laws[own].begin = force;
         }
     }
 
@@ -306,13 +555,57 @@ impl LawNow<'_> {
     }
 }
 
-/// Slopes of a force in the elongation and in its rate [N/m, N·s/m].
-fn slopes(force: &impl Fn(f64, f64) -> f64, e: f64, v: f64) -> [f64; 2] {
-    let [by_e, by_v] = [e, v].map(|at| NEAR.0 * at.abs() + NEAR.1);
-    [
-        (force(e + by_e, v) - force(e - by_e, v)) / (2.0 * by_e),
-        (force(e, v + by_v) - force(e, v - by_v)) / (2.0 * by_v),
-    ]
+impl LawState {
+    /// Go on as the same law of another version stands.
+    pub(super) fn go_on(&mut self, old: &Self) {
+        (self.force, self.largest) = (old.force, old.largest);
+    }
+
+    /// Forces of the law at three instants, at their elongations and rates [N].
+    fn forces(&mut self, now: &[LawNow<'_>; STAGES], e: &Stages, v: &Stages) -> Stages {
+        match now[0].kind {
+            Kind::Lnl { law, .. } if law.is_native() => {
+                let mut forces = [0.0; STAGES];
+                law.eval_in(e, v, &mut forces, &mut self.scratch, &mut self.room);
+                forces.map(|force| now[0].open * force)
+            }
+            _ => std::array::from_fn(|stage| now[stage].at(e[stage], v[stage])),
+        }
+    }
+
+    /// Slopes of the law at three instants, in the elongation and in its rate [N/m, N·s/m].
+    fn slopes(
+        &mut self,
+        now: &[LawNow<'_>; STAGES],
+        (e, v): (&Stages, &Stages),
+        force: &Stages,
+    ) -> (Stages, Stages) {
+        if let Kind::Hardening(q) = now[0].kind {
+            let k = |stage: usize| {
+                let own = &now[stage];
+                own.open * (own.k + 3.0 * q * e[stage] * e[stage])
+            };
+            return ([0, 1, 2].map(k), now.each_ref().map(|own| own.open * own.z));
+        }
+        let (has_spring, has_drag) = match now[0].kind {
+            Kind::Lnl { law, .. } => (!law.is_damping_alone(), law.is_damped()),
+            _ => (true, true),
+        };
+        let mut found = [[0.0; STAGES]; 2];
+        for (which, is_there) in [has_spring, has_drag].into_iter().enumerate() {
+            if !is_there {
+                continue;
+            }
+            let mut places = [*e, *v];
+            let by = places[which].map(|at| NEAR.0 * at.abs() + NEAR.1);
+            for stage in 0..STAGES {
+                places[which][stage] += by[stage];
+            }
+            let ahead = self.forces(now, &places[0], &places[1]);
+            found[which] = std::array::from_fn(|stage| (ahead[stage] - force[stage]) / by[stage]);
+        }
+        (found[0], found[1])
+    }
 }
 
 fn inverse(m: &Square) -> Square {

@@ -8,6 +8,7 @@ use std::cell::OnceCell;
 
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::assemble::Assembled;
@@ -18,7 +19,7 @@ use crate::plan::trial::allowance::{Allowance, Halt, unless_spent};
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::search::{Search, Standing, TIMES_MAX};
-use crate::plan::trial::take::{Take, length, play};
+use crate::plan::trial::take::{Take, is_worth, length, play};
 use crate::plan::trial::waveform_error::{Spans, difference, errors};
 
 /// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
@@ -85,6 +86,25 @@ pub(in crate::plan) fn pilot(
             island,
             error: None,
         });
+    };
+    let cheaper = cheaper(
+        assemble,
+        (&island, &found),
+        budget,
+        (&spans, n_frames),
+        allowance,
+    );
+    let (island, found) = match unless_spent(cheaper)?.flatten() {
+        Some((other, take, error)) => {
+            let plain = Contacts {
+                contact_substeps: 1,
+                error: Some(error),
+                take,
+                parting: None,
+            };
+            (other, plain)
+        }
+        None => (island, found),
     };
     let search = Search {
         assemble,
@@ -228,6 +248,44 @@ impl Contacts {
             parting: None,
         }
     }
+}
+
+/// An island of laws alone that is stepped more often, where that is right enough too and costs less than its laws
+/// between frames do, how it plays, and its error beside them [dB].
+fn cheaper(
+    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    (island, found): (&Assembled, &Contacts),
+    budget: &Budget,
+    (spans, n_frames): (&Spans, usize),
+    allowance: &Allowance,
+) -> Result<Option<(Assembled, Take, f64)>, Halt> {
+    let own = &island.island_plan;
+    let is_between = own.contact_substeps == 1 && found.contact_substeps > 1;
+    let is_right = found.error.is_some_and(|error| error <= budget.contact());
+    if !is_between || !is_right || found.take.is_lost || found.parting.is_some() {
+        return Ok(None);
+    }
+    let most = IslandPlan {
+        contact_substeps: found.contact_substeps,
+        ..own.clone()
+    }
+    .cost();
+    let mut times = 2 * own.oversampling;
+    while times <= TIMES_MAX {
+        let Ok(other) = assemble((times, Ways::Budget)) else {
+            break;
+        };
+        if other.island_plan.cost() >= most || !is_worth(&other.island_plan, n_frames) {
+            break;
+        }
+        let take = play(&other.island_plan, 1, n_frames, allowance)?;
+        let error = difference(&take.sound, &found.take.sound, spans);
+        if !take.is_lost && error <= budget.contact() {
+            return Ok(Some((other, take, error)));
+        }
+        times *= 2;
+    }
+    Ok(None)
 }
 
 fn contacts(
