@@ -14,7 +14,7 @@ mod trial;
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
 pub use passes::audible::ModeKind;
-pub(crate) use passes::mode_shapes::{ModeShapes, Sight};
+pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
 pub use report::cache::{CachedReport, key};
 pub use report::row::{Computed, Measured, Reason, Row};
 

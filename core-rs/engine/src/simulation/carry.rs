@@ -12,7 +12,7 @@ use super::side::{At, MatLocation, Side, others, spots};
 use crate::bank::are_same;
 use crate::island::Through;
 use crate::network::Network;
-use crate::plan::{IslandPlan, Plan, Sight};
+use crate::plan::{IslandPlan, ModalTransform, Plan};
 use crate::timeline::DriveKind;
 
 /// What a simulation takes over from another, piece by piece.
@@ -196,7 +196,7 @@ impl Carry {
             after,
             &come,
             |name| known.contains(name),
-            Sight::Amplitudes,
+            ModalTransform::ToAmplitudes,
             &mut self.room,
         );
         here_spots.extend(more);
@@ -207,7 +207,7 @@ impl Carry {
             before,
             &gone,
             is_wanted,
-            Sight::Positions,
+            ModalTransform::ToPositions,
             &mut self.room,
         );
         let by_name: HashMap<String, MatLocation> = singles.into_iter().chain(more).collect();

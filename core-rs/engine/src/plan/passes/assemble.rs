@@ -8,7 +8,7 @@ use crate::network::{Error, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::linear::NoModes;
-use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, Cut, PortedBody};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
@@ -33,7 +33,7 @@ impl Assembled {
         subset: &Subset,
         own: &OwnTimeline,
         budget: &Budget,
-        (oversampling, ways): (u32, Ways<'_>),
+        (oversampling, choice): (u32, MethodChoice<'_>),
         pin: Option<&Choice>,
         memo: &Memo<'_>,
     ) -> Result<Self, Error> {
@@ -50,7 +50,7 @@ impl Assembled {
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);
-        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways, memo);
+        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
         let mut found = None;
         if let Some(cut) = cut {
             match hub(&cut.hub.network, &cut.own.timeline, budget, Refusal::Bare) {
@@ -97,7 +97,7 @@ impl Assembled {
     }
 
     /// How its bodies go that are meshes, in order.
-    pub(in crate::plan) fn ways(&self) -> Vec<Option<(MeshMethod, u32)>> {
+    pub(in crate::plan) fn mesh_methods(&self) -> Vec<Option<(MeshMethod, u32)>> {
         let bodies = self.island_plan.bodies.iter();
         let way = |body: &BodyPlan| match body {
             BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),

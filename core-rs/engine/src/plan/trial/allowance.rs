@@ -14,25 +14,25 @@ const MOST: f64 = 10.0;
 
 /// Why a trial gives no result.
 #[derive(Debug)]
-pub(in crate::plan) enum Halt {
+pub(in crate::plan) enum TrialError {
     /// The island cannot be played.
-    Error(Error),
+    Engine(Error),
     /// The allowance is spent.
-    Spent,
+    AllowanceSpent,
 }
 
-impl From<Error> for Halt {
+impl From<Error> for TrialError {
     fn from(error: Error) -> Self {
-        Self::Error(error)
+        Self::Engine(error)
     }
 }
 
 /// The result of a trial; `None` where the allowance ended first.
-pub(in crate::plan) fn unless_spent<T>(result: Result<T, Halt>) -> Result<Option<T>, Error> {
+pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<Option<T>, Error> {
     match result {
         Ok(found) => Ok(Some(found)),
-        Err(Halt::Spent) => Ok(None),
-        Err(Halt::Error(error)) => Err(error),
+        Err(TrialError::AllowanceSpent) => Ok(None),
+        Err(TrialError::Engine(error)) => Err(error),
     }
 }
 
@@ -62,22 +62,22 @@ impl Allowance {
         }
     }
 
-    /// Take so much work [s] before it is done.
+    /// PilotRun so much work [s] before it is done.
     ///
     /// # Errors
     ///
-    /// [`Halt::Spent`] where less is left: then all of it is spent, whatever smaller trials would still fit.
-    pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), Halt> {
+    /// [`TrialError::AllowanceSpent`] where less is left: then all of it is spent, whatever smaller trials would still fit.
+    pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
         let drawn = self.drawn.get() + seconds;
         if self.n_refused.get() > 0 || drawn > self.total {
             self.n_refused.set(self.n_refused.get() + 1);
-            return Err(Halt::Spent);
+            return Err(TrialError::AllowanceSpent);
         }
         self.drawn.set(drawn);
         Ok(())
     }
 
-    /// Take work [s] that is done whatever is left: what remains for trials is less by it.
+    /// PilotRun work [s] that is done whatever is left: what remains for trials is less by it.
     pub(in crate::plan) fn spend(&self, seconds: f64) {
         self.drawn.set((self.drawn.get() + seconds).min(self.total));
     }
@@ -86,8 +86,8 @@ impl Allowance {
     ///
     /// # Errors
     ///
-    /// [`Halt::Spent`] where less is left.
-    pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), Halt> {
+    /// [`TrialError::AllowanceSpent`] where less is left.
+    pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), TrialError> {
         if self.drawn.get() + seconds > self.total {
             return self.draw(f64::INFINITY);
         }
@@ -123,8 +123,14 @@ mod tests {
     fn is_spent_from_the_first_trial_that_does_not_fit() {
         let allowance = Allowance::new(1, 1.0);
         assert!(allowance.draw(0.75).is_ok());
-        assert!(matches!(allowance.draw(0.5), Err(Halt::Spent)));
-        assert!(matches!(allowance.draw(0.1), Err(Halt::Spent)));
+        assert!(matches!(
+            allowance.draw(0.5),
+            Err(TrialError::AllowanceSpent)
+        ));
+        assert!(matches!(
+            allowance.draw(0.1),
+            Err(TrialError::AllowanceSpent)
+        ));
         assert_eq!((allowance.n_refused(), allowance.spent()), (2, (0.75, 1.0)));
     }
 
@@ -132,7 +138,10 @@ mod tests {
     fn what_has_to_be_done_leaves_less_for_trials() {
         let allowance = Allowance::new(1, 1.0);
         allowance.spend(0.75);
-        assert!(matches!(allowance.draw(0.5), Err(Halt::Spent)));
+        assert!(matches!(
+            allowance.draw(0.5),
+            Err(TrialError::AllowanceSpent)
+        ));
         allowance.spend(9.0);
         assert_eq!(allowance.spent(), (1.0, 1.0));
     }

@@ -12,14 +12,14 @@ use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::assemble::Assembled;
-use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
-use crate::plan::trial::allowance::{Allowance, Halt, unless_spent};
+use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::pilot_run::{PilotRun, length, play};
 use crate::plan::trial::prune_modes::fewer;
-use crate::plan::trial::search::{Search, Standing, TIMES_MAX};
-use crate::plan::trial::take::{Take, length, play};
+use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 
 /// The search for how finely contacts are computed begins here.
@@ -50,12 +50,12 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
 
 /// The cheapest island within the budget; `assemble` puts it together at some times the rate.
 pub(in crate::plan) fn pilot(
-    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
 ) -> Result<Piloted, Error> {
     if let Budget::Method(_) = budget {
-        let island = assemble((1, Ways::Budget))?;
+        let island = assemble((1, MethodChoice::ByBudget))?;
         return Ok(Piloted {
             island,
             error: None,
@@ -118,18 +118,19 @@ pub(in crate::plan) fn pilot(
     };
     let start = match search.finer(&island) {
         Some(finer) => {
-            let held = search.hold(island.clone(), found.take.clone(), &finer, None, None);
+            let held =
+                search.compare_with_finer(island.clone(), found.run.clone(), &finer, None, None);
             unless_spent(held)?
         }
         None => None,
     };
     let how = (search.once, n_frames);
     let Some(start) = start else {
-        if found.take.is_lost
-            && let Some((island, take)) = safe(assemble, how, allowance)?
+        if found.run.is_lost
+            && let Some((island, run)) = safe(assemble, how, allowance)?
         {
-            let island = match take {
-                Some(take) => fewer(&island, (search.once, &take), n_frames, budget, allowance)?,
+            let island = match run {
+                Some(run) => fewer(&island, (search.once, &run), n_frames, budget, allowance)?,
                 None => island,
             };
             return Ok(Piloted {
@@ -140,34 +141,34 @@ pub(in crate::plan) fn pilot(
         let error = told(found.error, found.parting.as_ref());
         let island = fewer(
             &island,
-            (found.contact_substeps, &found.take),
+            (found.contact_substeps, &found.run),
             n_frames,
             budget,
             allowance,
         )?;
         return Ok(Piloted { island, error });
     };
-    let mut best = search.climb(start, budget)?;
-    if best.take.is_lost
-        && let Some((island, take)) = safe(assemble, how, allowance)?
+    let mut best = search.improve(start, budget)?;
+    if best.run.is_lost
+        && let Some((island, run)) = safe(assemble, how, allowance)?
     {
-        let Some(take) = take else {
+        let Some(run) = run else {
             return Ok(Piloted {
                 island,
                 error: None,
             });
         };
-        best = Standing {
+        best = Candidate {
             island,
             contact_substeps: search.once,
-            take,
-            own: f64::NAN,
+            run,
+            error: f64::NAN,
             parting: None,
             ..best
         };
     }
     // What is lost, or by what cannot be lost, was held against nothing.
-    let own = Some(best.own).filter(|own| own.is_finite());
+    let own = Some(best.error).filter(|own| own.is_finite());
     let parting = best
         .parting
         .map(|parting| parting.with(found.parting.as_ref()));
@@ -175,7 +176,7 @@ pub(in crate::plan) fn pilot(
     Ok(Piloted {
         island: fewer(
             &best.island,
-            (best.contact_substeps, &best.take),
+            (best.contact_substeps, &best.run),
             n_frames,
             budget,
             allowance,
@@ -186,29 +187,29 @@ pub(in crate::plan) fn pilot(
 
 /// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.
 fn safe(
-    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     (contact_substeps, n_frames): (usize, usize),
     allowance: &Allowance,
-) -> Result<Option<(Assembled, Option<Take>)>, Error> {
-    let Ok(island) = assemble((1, Ways::Safe)) else {
+) -> Result<Option<(Assembled, Option<PilotRun>)>, Error> {
+    let Ok(island) = assemble((1, MethodChoice::Unconditional)) else {
         return Ok(None);
     };
-    let take = play(&island.island_plan, contact_substeps, n_frames, allowance);
-    let take = unless_spent(take)?;
-    let is_lost = take.as_ref().is_some_and(|take| take.is_lost);
-    Ok((!is_lost).then_some((island, take)))
+    let run = play(&island.island_plan, contact_substeps, n_frames, allowance);
+    let run = unless_spent(run)?;
+    let is_lost = run.as_ref().is_some_and(|run| run.is_lost);
+    Ok((!is_lost).then_some((island, run)))
 }
 
 /// An island at the lowest rate at which it is stable.
 fn first(
-    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
 ) -> Result<Assembled, Error> {
-    match assemble((1, Ways::Budget)) {
+    match assemble((1, MethodChoice::ByBudget)) {
         // Where it diverges at this rate it may not at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let mut stable =
-                higher.filter_map(|oversampling| assemble((oversampling, Ways::Budget)).ok());
+            let mut stable = higher
+                .filter_map(|oversampling| assemble((oversampling, MethodChoice::ByBudget)).ok());
             stable.next().ok_or(error)
         }
         other => other,
@@ -219,18 +220,18 @@ fn first(
 struct Contacts {
     contact_substeps: usize,
     error: Option<f64>,
-    take: Take,
-    /// Where it is chaotic: then the error is that of the time until takes part.
+    run: PilotRun,
+    /// Where it is chaotic: then the error is that of the time until runs part.
     parting: Option<Parting>,
 }
 
 impl Contacts {
     /// Nothing is known but that a part of the island goes beyond all bounds.
-    fn lost(contact_substeps: usize, take: Take) -> Self {
+    fn lost(contact_substeps: usize, run: PilotRun) -> Self {
         Self {
             contact_substeps,
             error: None,
-            take,
+            run,
             parting: None,
         }
     }
@@ -242,12 +243,12 @@ fn contacts(
     n_frames: usize,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),
     allowance: &Allowance,
-) -> Result<Contacts, Halt> {
+) -> Result<Contacts, TrialError> {
     if island_plan.contact_substeps == 1 {
         return Ok(Contacts {
             contact_substeps: 1,
             error: None,
-            take: play(island_plan, 1, n_frames, allowance)?,
+            run: play(island_plan, 1, n_frames, allowance)?,
             parting: None,
         });
     }
@@ -260,46 +261,48 @@ fn contacts(
         ORDERS.1
     };
     let mut contact_substeps = LEAST;
-    let mut take = play(island_plan, contact_substeps, n_frames, allowance)?;
+    let mut run = play(island_plan, contact_substeps, n_frames, allowance)?;
     // Once a frame tells how fast the error falls; it is no choice, for it may diverge.
     let once = match play(island_plan, 1, n_frames, allowance) {
-        Err(Halt::Spent) if take.is_lost => return Ok(Contacts::lost(contact_substeps, take)),
+        Err(TrialError::AllowanceSpent) if run.is_lost => {
+            return Ok(Contacts::lost(contact_substeps, run));
+        }
         once => once?,
     };
-    let once = difference(&once.sound, &take.sound, spans);
+    let once = difference(&once.sound, &run.sound, spans);
     let mut last = Some(once).filter(|change| change.is_finite());
     let (mut parting, mut until) = (None, n_frames);
-    // What is known of the take: its error, and where it parts from others.
+    // What is known of the run: its error, and where it parts from others.
     let mut known: Option<(f64, Option<Parting>)> = None;
     loop {
         let finer = play(island_plan, 2 * contact_substeps, n_frames, allowance);
         let finer = match (finer, known.take()) {
             (Ok(finer), _) => finer,
-            (Err(Halt::Spent), Some((error, parting))) => {
+            (Err(TrialError::AllowanceSpent), Some((error, parting))) => {
                 return Ok(Contacts {
                     contact_substeps,
                     error: Some(error),
-                    take,
+                    run,
                     parting,
                 });
             }
-            (Err(Halt::Spent), None) if take.is_lost => {
-                return Ok(Contacts::lost(contact_substeps, take));
+            (Err(TrialError::AllowanceSpent), None) if run.is_lost => {
+                return Ok(Contacts::lost(contact_substeps, run));
             }
             (Err(halt), _) => return Err(halt),
         };
-        let pair = (!take.is_lost).then(|| Pair {
-            take: &take,
+        let pair = (!run.is_lost).then(|| Pair {
+            run: &run,
             finer: &finer,
             spans,
-            stretches: stretches.get_or_init(|| Stretches::of(&take.sound, spans)),
+            stretches: stretches.get_or_init(|| Stretches::of(&run.sound, spans)),
         });
         if let Some(pair) = pair
             && parting.is_none()
         {
             parting = pair.parting(island_plan, contact_substeps, allowance)?;
             if parting.is_some() {
-                // Of contacts only the time until takes part tells.
+                // Of contacts only the time until runs part tells.
                 (until, last) = (pair.together().unwrap_or(n_frames), None);
             }
         }
@@ -309,7 +312,7 @@ fn contacts(
                 .zip(pair)
                 .map(|(own, pair)| own.again(&pair, is_finer))
         };
-        let change = difference(&take.sound, &finer.sound, &spans.within(until));
+        let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let (own, left) = errors(change, last, order);
         last = Some(change);
         if own <= aim {
@@ -317,7 +320,7 @@ fn contacts(
             return Ok(Contacts {
                 contact_substeps,
                 error: Some(own),
-                take,
+                run,
                 parting,
             });
         }
@@ -327,10 +330,10 @@ fn contacts(
                 contact_substeps,
                 error: Some(left),
                 parting: told(true),
-                take: finer,
+                run: finer,
             });
         }
         known = Some((left, told(true)));
-        take = finer;
+        run = finer;
     }
 }

@@ -9,7 +9,7 @@ const CENTRE: f64 = 1_000.0;
 const LOWEST: i32 = -16;
 const HIGHEST: f64 = 20_000.0;
 const CARRIED: f64 = 0.45;
-/// A level is the mean of as many numbers as width × duration says; with fewer it is chance (two takes that
+/// A level is the mean of as many numbers as width × duration says; with fewer it is chance (two runs that
 /// differ by rounding alone are then 2 to 4 dB apart).
 const FEWEST: f64 = 8.0;
 /// Bands so far below the strongest are not compared, and one that is missing is as far off as this [power].

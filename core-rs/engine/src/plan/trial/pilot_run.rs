@@ -5,7 +5,7 @@ use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::plan::cost::Costs;
-use crate::plan::trial::allowance::{Allowance, Halt};
+use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::{IslandPlan, cost};
 
 /// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
@@ -19,9 +19,9 @@ const HEARD: f64 = 2e-8;
 /// Frames between two looks at the modes.
 pub(in crate::plan) const LOOK: usize = 64;
 
-/// One way through the beginning.
+/// The beginning of an island, played once.
 #[derive(Clone)]
-pub(in crate::plan) struct Take {
+pub(in crate::plan) struct PilotRun {
     /// (n_frames · n_out)
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
@@ -41,15 +41,15 @@ pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bo
     work(island_plan) * n_frames as f64 <= WORTH
 }
 
-/// How many frames a pilot takes; 0 where it would take long.
+/// How many frames a pilot plays; 0 where it would take long.
 ///
 /// # Errors
 ///
-/// [`Halt::Error`] where the island cannot be played, [`Halt::Spent`] where the allowance ends first.
+/// [`TrialError::Engine`] where the island cannot be played, [`TrialError::AllowanceSpent`] where the allowance ends first.
 pub(in crate::plan) fn length(
     island_plan: &IslandPlan,
     allowance: &Allowance,
-) -> Result<usize, Halt> {
+) -> Result<usize, TrialError> {
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
     let most = ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize);
     let after = (AFTER * rate) as usize;
@@ -112,7 +112,7 @@ impl<'a> Meter<'a> {
         }
     }
 
-    fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), Halt> {
+    fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
         let fine = island.fine_work();
         let added = 1e-9
             * (Costs::of("single") * fine.instants as f64
@@ -145,13 +145,13 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
 ///
 /// # Errors
 ///
-/// [`Halt::Error`] where the island cannot be played, [`Halt::Spent`] where the allowance ends first.
+/// [`TrialError::Engine`] where the island cannot be played, [`TrialError::AllowanceSpent`] where the allowance ends first.
 pub(in crate::plan) fn play(
     island_plan: &IslandPlan,
     contact_substeps: usize,
     n_frames: usize,
     allowance: &Allowance,
-) -> Result<Take, Halt> {
+) -> Result<PilotRun, TrialError> {
     nudged(
         (island_plan, contact_substeps),
         n_frames,
@@ -170,7 +170,7 @@ pub(in crate::plan) fn nudged(
     n_frames: usize,
     (block, by): (usize, f64),
     allowance: &Allowance,
-) -> Result<Take, Halt> {
+) -> Result<PilotRun, TrialError> {
     let mut meter = Meter::new(island_plan, allowance);
     // What cannot be paid for is not begun.
     meter
@@ -198,7 +198,7 @@ pub(in crate::plan) fn nudged(
         derivatives.process(sound, n_out);
         island.squares(&mut squares);
     }
-    Ok(Take {
+    Ok(PilotRun {
         sound,
         squares,
         is_lost: !island.muted().is_empty(),
