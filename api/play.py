@@ -130,7 +130,8 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
             report.warn(
                 f"{live.player} on {live.key}: the scene is {limit.stiffness:,.0f} N/m stiff "
                 f"there, and the device bears {limit.limit:,.0f} N/m at "
-                f"{stage.rate / live.every:.0f} Hz; its forces are scaled to {limit.scale:.0%}"
+                f"{stage.rate / live.tick_frames:.0f} Hz; "
+                f"its forces are scaled to {limit.scale:.0%}"
             )
 
 
@@ -169,7 +170,7 @@ def _config(
     frozen: Sequence[VerifiedStem],
     report: Report,
 ) -> PlaybackConfig:
-    from ergon.live.perform import PlaybackConfig, every
+    from ergon.live.perform import PlaybackConfig, tick_frames
 
     start = 0
     if options.from_ is not None:
@@ -188,7 +189,7 @@ def _config(
         gain=gain_of(piece, stage, options.gain, report, frozen),
         limit=limit,
         highpass=HIGHPASS,
-        start=start // every(stage) * every(stage),
+        start=start // tick_frames(stage) * tick_frames(stage),
         boards=boards,
         guides=guides(piece, boards, options.guide),
         force_max=options.force_max,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ergon import _core
-from ergon.instruments.kinds import HOLDERS, LINKS, Start
 from ergon.instruments.members import members
 from ergon.instruments.model import Module, Target
+from ergon.instruments.module_kinds import HOLDERS, LINKS, Start
 
 _Fields = Mapping[str, Any]
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ergon.instruments.kinds import HOLDERS, LINKS, member_count
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
+from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.instruments.kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.model import Instrument, Module, Output
+from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.notes import Notes, read_note
 from ergon.notation.tables.shapes import (

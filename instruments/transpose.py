@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import Any
 
 from ergon import _core
-from ergon.instruments.kinds import Start
+from ergon.instruments.module_kinds import Start
 from ergon.instruments.stiff import Stretched
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Values

@@ -46,9 +46,9 @@ class PlaybackConfig:
     loose: bool = False  # every hand has a guide, which begins let go
 
 
-def every(stage: Stage) -> int:
+def tick_frames(stage: Stage) -> int:
     """Frames of a tick."""
-    return stage.live[0].every if stage.live else EVERY
+    return stage.live[0].tick_frames if stage.live else EVERY
 
 
 def perform(
@@ -60,7 +60,7 @@ def perform(
     """
     import numpy as np
 
-    tick = every(stage)
+    tick = tick_frames(stage)
     simulation = stage.simulation
     start = simulation.snapshot()
     mixer = stage.mixer(highpass=config.highpass)

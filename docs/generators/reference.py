@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ergon.instruments.kinds import KINDS
+from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import INSTRUMENT
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s

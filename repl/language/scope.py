@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
-from ergon.notation.tables import kinds as k
+from ergon.instruments.module_kinds import KINDS
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.reading.piece import Gesture, Piece
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ergon.instruments.kinds import KINDS, LINKS
+from ergon.instruments.module_kinds import KINDS, LINKS
 from ergon.instruments.transpose import parse_interval
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote

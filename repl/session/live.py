@@ -9,7 +9,7 @@ from ergon._core import has_let_go, let_go
 from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
-from ergon.live.perform import PlaybackConfig, bars, every, perform
+from ergon.live.perform import PlaybackConfig, bars, perform, tick_frames
 from ergon.live.trouble import troubles
 from ergon.repl.session.engine import (
     Change,
@@ -38,7 +38,7 @@ class LiveEngine:
 
     def __init__(self, stage: Stage, config: PlaybackConfig) -> None:
         """Begin to play a stage. Raises EngineError."""
-        self.tick_frames = every(stage)
+        self.tick_frames = tick_frames(stage)
         self._highpass = config.highpass
         self.n_channels = stage.n_channels
         self._performance: _core.Performance = perform(

@@ -9,8 +9,8 @@ from typing import Literal
 from ergon.instruments.model import Module, Target
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables import kinds as k
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.expressions import literal
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Reference, Text, choice
@@ -59,8 +59,8 @@ class Automation:
     place: Place
     at_place: Place
     struck: str = ""  # whose strikes sound with each value, which is there when they fall
-    points: tuple[CurvePoint, ...] = field(default=(), metadata={"untold": True})
-    over: Length | None = field(default=None, metadata={"untold": True})
+    points: tuple[CurvePoint, ...] = field(default=(), metadata={"hash_omits_empty": True})
+    over: Length | None = field(default=None, metadata={"hash_omits_empty": True})
 
     @property
     def name(self) -> str:

@@ -10,7 +10,7 @@ from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
 from ergon.notation.text.document import Scalar

@@ -8,9 +8,9 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ergon.instruments import rules
-from ergon.instruments.kinds import KINDS, member_count
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
+from ergon.instruments.module_kinds import KINDS, member_count
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
 from ergon.instruments.transpose import named_pitch

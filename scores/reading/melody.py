@@ -11,8 +11,8 @@ from typing import Any
 from ergon.instruments.model import Target
 from ergon.instruments.names import Scene
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import kinds as k
 from ergon.notation.tables import notes
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ergon.notation.clock.occurrences import MAX_OCCURRENCES
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Text
 from ergon.scores.pattern.order import Group

@@ -9,8 +9,8 @@ from typing import Any
 
 from ergon.instruments.transpose import sounding_at
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.kinds import PATH
 from ergon.notation.tables.shapes import MISSING, Context, Name
+from ergon.notation.tables.value_kinds import PATH
 from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files

@@ -345,7 +345,7 @@ def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> St
 
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
     """When the last of what real hands are to do ends [s]."""
-    return max((hand.every * hand.ticks / piece.rate for hand in live), default=0.0)
+    return max((hand.tick_frames * hand.ticks / piece.rate for hand in live), default=0.0)
 
 
 def _play(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ergon import _core
 from ergon.cli.demo import about, bundled
-from ergon.notation.tables import kinds
+from ergon.notation.tables import value_kinds
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import Stage, stage
@@ -282,7 +282,7 @@ def test_banks_members_have_their_pitches() -> None:
     )
     x = play(staged, 3.0)[int(0.8 * staged.rate) :].sum(axis=1)
     for note in members.values():
-        f = kinds.PITCH.parse(note)
+        f = value_kinds.PITCH.parse(note)
         assert abs(cents(pitch(x, staged.rate, f, 0.02), f)) < 1.0, note
 
 
@@ -295,7 +295,7 @@ def law(name: str, **constants: float) -> _core.Law:
     )["laws"][name]
     words = {key: written.pop(key, None) for key in ("doc", "law", "damping")}
     assert words["doc"]
-    values = {key: kinds.CONSTANT.parse(text) for key, text in written.items()}
+    values = {key: value_kinds.CONSTANT.parse(text) for key, text in written.items()}
     assert constants.keys() <= values.keys()
     return _core.Law(words["law"], words["damping"], {**values, **constants})
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from ergon.instruments.bodies import DECAY, Bending
 from ergon.instruments.stiff import INHARMONICITY, STRETCHING
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
@@ -280,7 +280,7 @@ HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
 
 # Fields of generators that scores of earlier versions could not write, and their defaults: the hash
 # of a score leaves them out there, so that it stays what it was.
-LATER_FIELDS: dict[str, Any] = {
+HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "inharmonicity": None,
     "stretching": 0.0,
     "sides": None,
