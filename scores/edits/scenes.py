@@ -18,6 +18,7 @@ from ergon.scores.edits import entries, matter, parts, rounds, times
 from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
+from ergon.scores.edits.names import free_name
 from ergon.scores.edits.positions import end, written
 from ergon.scores.edits.strikes import row
 from ergon.scores.edits.texts import Texts
@@ -267,7 +268,4 @@ def _free(texts: Texts, name: str, section: str = "strikes") -> str:
     """A name that a section has not: `rain`, `rain-2`, …"""
     said = edit.tree(texts.section(section))
     taken = said if isinstance(said, dict) else {}
-    count = 1
-    while (free := name if count == 1 else f"{name}-{count}") in taken:
-        count += 1
-    return free
+    return free_name(name, taken)

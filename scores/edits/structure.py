@@ -10,6 +10,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
 from ergon.scores.edits.lists import dropped, items, place
+from ergon.scores.edits.names import free_name
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
 from ergon.scores.reading.piece import Piece
@@ -53,9 +54,7 @@ def link(texts: Texts, kind: str, ends: Sequence[str], fields: Fields) -> tuple[
     own = said.get(LINKS) if isinstance(said, dict) else None
     known = own.get("modules") if isinstance(own, dict) else None
     taken = known if isinstance(known, dict) else {}
-    count = 1
-    while (name := f"{kind.lower()}-{count}") in taken:
-        count += 1
+    name = free_name(kind.lower(), taken, is_numbered=True)
     body: dict[str, edit.Tree] = {kind: {"between": [*ends], **fields}}
     path = ("instruments", LINKS, "modules", name)
     return texts.put(path, edit.flow(body)), f"{LINKS}.{name}"
