@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use ergon_engine::mix::limiter::Limiter;
-use ergon_engine::simulation::Carry;
+use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{
@@ -289,8 +289,8 @@ impl Performance {
         py.detach(|| {
             change.simulation = new.map(|new| {
                 // Without a simulation to take over, the new one begins in its own state.
-                let carry = old.map_or_else(Carry::default, |old| Carry::new(old, new));
-                (new.fork(), carry)
+                let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
+                (new.fork(), takeover)
             });
             self.with(|own| own.change(at, change).map_err(said))?
         })

@@ -161,9 +161,9 @@ impl Simulation {
     /// of its outputs has become.
     fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<Vec<Option<usize>>> {
         let done = py.detach(|| {
-            let mut carry = simulation::Carry::new(&old.0, &self.0);
-            let done = self.0.take_over(&mut old.0, &mut carry);
-            done.then(|| carry.outputs().to_vec())
+            let mut takeover = simulation::Takeover::new(&old.0, &self.0);
+            let done = self.0.take_over(&mut old.0, &mut takeover);
+            done.then(|| takeover.outputs().to_vec())
         });
         if let Some(outputs) = done {
             return Ok(outputs);

@@ -4,12 +4,10 @@
 //! on the number of threads nor on the size of blocks.
 
 mod bodies;
-mod carry;
 mod group;
-mod heirs;
 mod response;
 mod side;
-mod take_over;
+mod takeover;
 
 use std::sync::Arc;
 
@@ -23,7 +21,7 @@ use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
-pub use carry::Carry;
+pub use takeover::Takeover;
 
 use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};
 

@@ -21,6 +21,10 @@ FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer scen
 FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played with (0 to 1)
 
 _Floats = NDArray[np.float64]
+_LinkFactor = tuple[int, float]  # (LIA, factor of its force)
+_NativeLaw = tuple[int, int]  # (index in Network.laws(), address of its machine code)
+# What a row of a plan says of an island: (error_db, error_s, spectral_db, left_out_db, because, cut_short)
+_IslandErrors = tuple[float | None, float | None, float | None, float | None, str | None, bool]
 
 class Range(NamedTuple):
     """The lowest and the highest of some positions, [m] or [rad]."""
@@ -258,14 +262,14 @@ class Network:
         held: Sequence[int] = ...,
         without: Sequence[int] = ...,
         ties: Sequence[MatValues | tuple[int, float, float, float]] = ...,
-        factors: Sequence[tuple[int, float]] = ...,
+        factors: Sequence[_LinkFactor] = ...,
         depth: float = ...,
     ) -> ReachableScene:
         """The part of the network that a hand on a MAT can move, at `rate` [Hz].
 
         Every contact is closed, and every law is the stiffest spring that it is within `depth` [m].
-        `held`: MATs that other hands hold; `without`: LIAs that do not act. `ties` and `factors` (LIA,
-        factor of its force) replace the network's own values during a glide.
+        `held`: MATs that other hands hold; `without`: LIAs that do not act. `ties` and `factors`
+        replace the network's own values during a glide.
         Raises EngineError.
         """
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int:
@@ -388,8 +392,8 @@ class Network:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
     def laws(self) -> list[LawUse]:
         """Every different law that has rows, and how many links have it."""
-    def native(self, entries: Sequence[tuple[int, int]]) -> None:
-        """Compute `laws()[index]` by native code, for each (index, address). Raises IndexError."""
+    def native(self, entries: Sequence[_NativeLaw]) -> None:
+        """Compute laws by native code. Raises IndexError."""
     def impose(self, index: int) -> None:
         """Impose the MAT's position (ENX): Timeline.drive says where it goes."""
     def listen(
@@ -770,16 +774,12 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[IslandChoice | tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
-        told: Sequence[
-            tuple[float | None, float | None, float | None, float | None, str | None, bool]
-        ]
-        | None = None,
+        told: Sequence[_IslandErrors] | None = None,
         like: Plan | None = None,
         share: float = 1.0,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, which are used again;
-        `told`: error_db, error_s, spectral_db, left_out_db, because and cut_short of each of that
-        plan's rows; `like`: a plan of another version, whose modes of unchanged bodies are used
+        `told`: what each of that plan's rows says; `like`: a plan of another version, whose modes of unchanged bodies are used
         again; `share` (0 to 1): the part of the allowance of work that the trials may take."""
 
     @staticmethod

@@ -2,10 +2,10 @@
 //!
 //! A step does not allocate (but for a recorded stream of ergons), lock or panic.
 
-use super::{Fault, Island, Record, Script, State, gain, glide, hands, live_strikes};
+use super::{Fault, Island, Record, Script, State, gain, glide, live_strikes, real_hands};
 use crate::guard;
 use crate::interrupt;
-use crate::island::hand::voice::{Scene, Voice, VoiceScript};
+use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
@@ -109,7 +109,7 @@ impl Island {
                 body.place(&mut state.body); // they fade by themselves
             }
         }
-        hands::arrive(
+        real_hands::arrive(
             &script.hand_bindings,
             &mut state.hand_states,
             n,
@@ -147,7 +147,7 @@ impl Island {
             fine.step(scheme, gates, targets, bodies, body);
         }
         voices(script, scheme, state, n, Voice::settle);
-        hands::feel(
+        real_hands::feel(
             &script.hand_bindings,
             &mut state.hand_states,
             n,

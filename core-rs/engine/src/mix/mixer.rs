@@ -346,7 +346,7 @@ impl Mixer {
         self.is_fading = true;
     }
 
-    /// Let routes of `old` fade out that have no heir here; their outputs here are `out`.
+    /// Let routes of `old` fade out that have no successor here; their outputs here are `out`.
     fn leave(&mut self, old: &Self, out: impl Fn(&Route) -> Option<usize>) {
         let (mut next, n) = (0, self.routes.len());
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
@@ -356,10 +356,10 @@ impl Mixer {
             let (Some(own), true) = (here, before.group < self.groups.len()) else {
                 continue;
             };
-            let heir = (next..n)
+            let successor = (next..n)
                 .chain(0..next)
                 .find(|&at| self.routes[at].is_as(before, here));
-            if let Some(at) = heir {
+            if let Some(at) = successor {
                 next = at + 1;
                 continue;
             }

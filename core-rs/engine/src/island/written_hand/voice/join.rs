@@ -2,7 +2,7 @@
 
 use super::{Running, Scene, Voice, VoiceScript};
 use crate::gesture::quintic::{Knot, Quintic};
-use crate::island::hand::framed::{FramedGesture, Leg};
+use crate::island::written_hand::framed::{FramedGesture, Leg};
 
 /// Closer than this a key is where the gesture begins, and needs no joining curve [m].
 const AGREES: f64 = 1e-9;

@@ -3,6 +3,9 @@
 //!
 //! It is found beforehand; then `take_over` passes it on without allocating.
 
+mod apply;
+mod pieces;
+
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
@@ -10,14 +13,14 @@ use super::Simulation;
 use super::bodies::{Body, Room, bodies, names};
 use super::side::{At, MatLocation, Side, others, spots};
 use crate::bank::are_same;
-use crate::island::Through;
+use crate::island::ItemTakeover;
 use crate::network::Network;
 use crate::plan::{IslandPlan, ModalTransform, Plan};
 use crate::timeline::DriveKind;
 
 /// What a simulation takes over from another, piece by piece.
 #[derive(Clone, Debug, Default)]
-pub struct Carry {
+pub struct Takeover {
     /// The plans that it was made for.
     pub(super) plans: Option<[Arc<Plan>; 2]>,
     /// Whole units that are the same, there and here.
@@ -32,31 +35,34 @@ pub struct Carry {
     pub(super) room: Room,
     /// Islands whose bodies came from elsewhere: their ports are to be placed.
     pub(super) placed: Vec<At>,
-    pub(super) through: Vec<(At, At, Through)>,
+    pub(super) items: Vec<(At, At, ItemTakeover)>,
     /// Here, an output of there.
     pub(super) outputs: Vec<Option<usize>>,
 }
 
-impl Carry {
+impl Takeover {
     /// What `new` takes over from `old`, by the names of modules; both at any moment.
     pub fn new(old: &Simulation, new: &Simulation) -> Self {
         let (there, here) = (Side::new(old), Side::new(new));
-        let mut carry = Self {
+        let mut takeover = Self {
             plans: Some([old.plan.clone(), new.plan.clone()]),
             ..Self::default()
         };
         let names = new.plan.network.outputs().iter().map(|output| &output.name);
         let by_name: HashMap<&String, usize> = names.zip(0..).collect();
         let outputs = old.plan.network.outputs().iter();
-        carry.outputs = outputs
+        takeover.outputs = outputs
             .map(|output| by_name.get(&output.name).copied())
             .collect();
-        let (islands, banks) = (carry.islands(&there, &here), carry.banks(&there, &here));
-        carry.bodies(&there, &here, &islands);
-        carry.mats(&there, &here, &islands, &banks);
-        carry.voices(&there, &here, new.frame);
-        carry.holds(&there, &here);
-        carry
+        let (islands, banks) = (
+            takeover.islands(&there, &here),
+            takeover.banks(&there, &here),
+        );
+        takeover.bodies(&there, &here, &islands);
+        takeover.mats(&there, &here, &islands, &banks);
+        takeover.voices(&there, &here, new.frame);
+        takeover.holds(&there, &here);
+        takeover
     }
 
     /// Which output here an output of there has become.
@@ -151,7 +157,7 @@ impl Carry {
                     Some((from, other.bodies.iter().position(same)?))
                 });
                 if let Some((from, their)) = before {
-                    self.through.push((from, to, Through::Body(their, own)));
+                    self.items.push((from, to, ItemTakeover::Body(their, own)));
                     found = true;
                 }
             }
@@ -170,14 +176,11 @@ impl Carry {
         banks: &[Vec<bool>; 2],
     ) {
         let taken = |here: bool| -> HashSet<(At, usize)> {
-            let bodies = self
-                .through
-                .iter()
-                .filter_map(|(from, to, through)| match through {
-                    Through::Body(_, own) if here => Some((*to, *own)),
-                    Through::Body(there, _) => Some((*from, *there)),
-                    _ => None,
-                });
+            let bodies = self.items.iter().filter_map(|(from, to, item)| match item {
+                ItemTakeover::Body(_, own) if here => Some((*to, *own)),
+                ItemTakeover::Body(there, _) => Some((*from, *there)),
+                _ => None,
+            });
             bodies.collect()
         };
         let (gone, come) = (taken(false), taken(true));

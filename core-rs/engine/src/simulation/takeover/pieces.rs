@@ -2,16 +2,16 @@
 
 use std::collections::HashMap;
 
-use super::carry::Carry;
-use super::side::{At, Side};
-use crate::island::hand::voice::{VoiceCarry, shared};
-use crate::island::{Island, Through};
+use super::Takeover;
+use crate::island::written_hand::voice::{VoiceTakeover, shared};
+use crate::island::{Island, ItemTakeover};
 use crate::plan::IslandPlan;
+use crate::simulation::side::{At, Side};
 
 /// A voice of an island that is known.
 type Known<'a> = (At, &'a Island, &'a IslandPlan, usize);
 
-impl Carry {
+impl Takeover {
     /// Voices by the MATs that they strike, with their gestures' reports.
     pub(super) fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
         let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
@@ -33,17 +33,17 @@ impl Carry {
                     continue;
                 };
                 // A layer is its one gesture; a key has one voice for the others.
-                let mut heir = None;
+                let mut same = None;
                 for (at, &(from, old, other, there)) in candidates.iter().enumerate() {
                     let their = &old.script().voices[there];
                     let gestures = shared((own, &script.gestures), (their, &old.script().gestures));
                     if own.layer && gestures.is_empty() {
                         continue;
                     }
-                    heir = Some((at, from, other, there, gestures));
+                    same = Some((at, from, other, there, gestures));
                     break;
                 }
-                let Some((at, from, other, there, gestures)) = heir else {
+                let Some((at, from, other, there, gestures)) = same else {
                     continue;
                 };
                 let old = candidates.remove(at).1.script();
@@ -73,16 +73,16 @@ impl Carry {
                     .filter(|pair| old.gestures[pair.0].join_from <= limit);
                 for &(there, here) in begun {
                     let is_same = self.units.contains(&(from, to));
-                    self.through
-                        .push((from, to, Through::Report(there, here, is_same)));
+                    self.items
+                        .push((from, to, ItemTakeover::Report(there, here, is_same)));
                 }
-                let heir = VoiceCarry {
+                let voice = VoiceTakeover {
                     from: there,
                     to: voice,
                     mats,
                     gestures,
                 };
-                self.through.push((from, to, Through::Voice(heir)));
+                self.items.push((from, to, ItemTakeover::Voice(voice)));
             }
         }
     }
@@ -119,10 +119,10 @@ impl Carry {
             for (gate, own) in script.gates.iter().enumerate() {
                 let name = island_plan.network.link_name(own.link);
                 if let Some(&(from, before)) = gates.get(&name) {
-                    let through = Through::Gate(Some(before), gate);
-                    self.through.push((from, to, through));
+                    let item = ItemTakeover::Gate(Some(before), gate);
+                    self.items.push((from, to, item));
                 } else if let Some(from) = has_link(&name) {
-                    self.through.push((from, to, Through::Gate(None, gate)));
+                    self.items.push((from, to, ItemTakeover::Gate(None, gate)));
                 }
             }
             for (hand, own) in script.hand_bindings.iter().enumerate() {
@@ -131,7 +131,8 @@ impl Carry {
                 };
                 let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));
                 if let Some(&(from, before)) = ours.or(known.first()) {
-                    self.through.push((from, to, Through::Hand(before, hand)));
+                    self.items
+                        .push((from, to, ItemTakeover::Hand(before, hand)));
                 }
             }
         }
@@ -151,8 +152,8 @@ impl Carry {
             parts.sort_unstable();
             parts.dedup();
             for (there, own) in parts {
-                let through = Through::Part(there as usize, own as usize);
-                self.through.push((from, to, through));
+                let item = ItemTakeover::Part(there as usize, own as usize);
+                self.items.push((from, to, item));
             }
         }
     }

@@ -7,9 +7,9 @@ use crate::units::frame;
 
 /// What passes from a voice, a gate or a hand of one island to one of another.
 #[derive(Clone, Debug)]
-pub(crate) enum Through {
+pub(crate) enum ItemTakeover {
     /// From a voice to a voice.
-    Voice(crate::island::hand::voice::VoiceCarry),
+    Voice(crate::island::written_hand::voice::VoiceTakeover),
     /// From a gate, or from a link that is always there, to a gate.
     Gate(Option<usize>, usize),
     /// From a hand to a hand.
@@ -45,7 +45,7 @@ impl Island {
                 state.body.d[drive.mat] = x - drive.value(n - 1, rate);
             }
         }
-        super::hands::seek(&script.hand_bindings, &mut state.hand_states, n);
+        super::real_hands::seek(&script.hand_bindings, &mut state.hand_states, n);
     }
 
     /// Go on as an island of the same network and bodies, stepped as often, to the last bit.
@@ -81,19 +81,19 @@ impl Island {
     }
 
     /// Take something single over from an island of another version.
-    pub(crate) fn receive(&mut self, what: &Through, old: &mut Self) {
+    pub(crate) fn receive(&mut self, what: &ItemTakeover, old: &mut Self) {
         let is_whole = old.n_muted() == 0;
         match *what {
-            Through::Voice(ref heir) if is_whole => {
+            ItemTakeover::Voice(ref takeover) if is_whole => {
                 let script = &self.script;
-                let voice = &mut self.state.voices[heir.to];
+                let voice = &mut self.state.voices[takeover.to];
                 let (from, then) = (
-                    &mut old.state.voices[heir.from],
-                    &old.script.voices[heir.from],
+                    &mut old.state.voices[takeover.from],
+                    &old.script.voices[takeover.from],
                 );
-                voice.go_on(&script.voices[heir.to], from, then, heir);
+                voice.go_on(&script.voices[takeover.to], from, then, takeover);
             }
-            Through::Gate(from, to) => {
+            ItemTakeover::Gate(from, to) => {
                 let n = self.state.frame;
                 let gate = &self.script.gates[to];
                 let then = old.state.frame;
@@ -116,7 +116,7 @@ impl Island {
                     }
                 };
             }
-            Through::Hand(from, to) => {
+            ItemTakeover::Hand(from, to) => {
                 self.state.hand_states[to] = old.state.hand_states[from].clone();
                 let (own, their) = (
                     self.script.hand_bindings[to].mat(),
@@ -125,15 +125,15 @@ impl Island {
                 self.state.body.x[own] = old.state.body.x[their];
                 self.state.body.d[own] = old.state.body.d[their];
             }
-            Through::Report(from, to, is_same) => {
+            ItemTakeover::Report(from, to, is_same) => {
                 let report = &mut self.state.reports[to];
                 *report = old.state.reports[from];
                 report.pushed_by = report.pushed_by.filter(|_| is_same);
             }
-            Through::Body(from, to) if is_whole => {
+            ItemTakeover::Body(from, to) if is_whole => {
                 self.state.bodies[to].go_on(&mut old.state.bodies[from]);
             }
-            Through::Part(from, to) => {
+            ItemTakeover::Part(from, to) => {
                 let is_mute =
                     |island: &Self, part| island.state.mutes.list().any(|(own, _)| own == part);
                 if is_mute(old, from) && !is_mute(self, to) {
@@ -141,7 +141,7 @@ impl Island {
                     self.mute(to, self.state.frame);
                 }
             }
-            Through::Voice(_) | Through::Body(..) => {}
+            ItemTakeover::Voice(_) | ItemTakeover::Body(..) => {}
         }
     }
 

@@ -140,7 +140,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::island::hand::free::Room;
+    use crate::island::written_hand::free::Room;
     use crate::network::{Network, Tie};
     use crate::scheme::Scheme;
     use crate::state::Body;

@@ -2,58 +2,59 @@
 
 use std::sync::Arc;
 
-use super::bodies::Room;
-use super::carry::Carry;
-use super::side::{At, MatLocation};
-use super::{RunningUnit, Simulation};
+use super::Takeover;
 use crate::plan::Plan;
+use crate::simulation::bodies::Room;
+use crate::simulation::side::{At, MatLocation};
+use crate::simulation::{RunningUnit, Simulation};
 
 impl Simulation {
     /// Transfer the state of `old`, consuming it. Returns false, and transfers nothing, if the two are at different
-    /// frames or have other plans than those that `carry` was made for. Allocates nothing.
-    pub fn take_over(&mut self, old: &mut Self, carry: &mut Carry) -> bool {
+    /// frames or have other plans than those that `takeover` was made for. Allocates nothing.
+    pub fn take_over(&mut self, old: &mut Self, takeover: &mut Takeover) -> bool {
         let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
             Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
         };
         // One that was made for none takes nothing over: a simulation that begins anew.
-        if self.frame != old.frame || !carry.plans.as_ref().is_none_or(is_made_for) {
+        if self.frame != old.frame || !takeover.plans.as_ref().is_none_or(is_made_for) {
             return false;
         }
-        self.derivatives.take_over(&old.derivatives, &carry.outputs);
-        for &(from, to) in &carry.units {
+        self.derivatives
+            .take_over(&old.derivatives, &takeover.outputs);
+        for &(from, to) in &takeover.units {
             match (self.playing(to), old.playing(from)) {
                 (RunningUnit::Island(own), RunningUnit::Island(old)) => own.go_on(old),
                 (RunningUnit::Bank(own), RunningUnit::Bank(old)) => own.go_on(old),
                 _ => {}
             }
         }
-        for &(from, to, n) in &carry.modes {
+        for &(from, to, n) in &takeover.modes {
             if let (RunningUnit::Bank(own), RunningUnit::Bank(old)) =
                 (self.playing(to), old.playing(from))
             {
                 (0..n).for_each(|mode| own.copy_motion(mode, old, mode));
             }
         }
-        let Carry {
+        let Takeover {
             mats,
             from,
             to,
             room,
             ..
-        } = carry;
+        } = takeover;
         from.iter().for_each(|body| body.look(old, room));
         for &(from, to) in &*mats {
             self.pass(old, room, from, to);
         }
         to.iter_mut().for_each(|body| body.put(self, room));
-        for (from, to, through) in &carry.through {
+        for (from, to, item) in &takeover.items {
             if let (RunningUnit::Island(own), RunningUnit::Island(old)) =
                 (self.playing(*to), old.playing(*from))
             {
-                own.receive(through, old);
+                own.receive(item, old);
             }
         }
-        for &at in &carry.placed {
+        for &at in &takeover.placed {
             if let RunningUnit::Island(island) = self.playing(at) {
                 island.place();
             }
@@ -61,7 +62,7 @@ impl Simulation {
         true
     }
 
-    pub(super) fn playing(&mut self, (group, unit): At) -> &mut RunningUnit {
+    pub(in crate::simulation) fn playing(&mut self, (group, unit): At) -> &mut RunningUnit {
         &mut self.groups[group].units[unit]
     }
 

@@ -8,7 +8,7 @@ use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
 
@@ -252,8 +252,8 @@ fn versions(
     for (plan, from) in &plans[1..] {
         play(&mut now, *from, block, &mut sound);
         let mut next = Simulation::planned_from(plan.clone(), options, *from).unwrap();
-        let mut carry = Carry::new(&now, &next);
-        assert!(next.take_over(&mut now, &mut carry));
+        let mut takeover = Takeover::new(&now, &next);
+        assert!(next.take_over(&mut now, &mut takeover));
         now = next;
     }
     play(&mut now, until, block, &mut sound);
@@ -499,8 +499,8 @@ fn masses_go_on_by_name() {
             old.skip(at).unwrap();
             let (x, d) = (old.positions(), old.steps());
             let mut new = Simulation::planned_from(pair[1].clone(), plain(), at).unwrap();
-            let mut carry = Carry::new(&old, &new);
-            assert!(new.take_over(&mut old, &mut carry));
+            let mut takeover = Takeover::new(&old, &new);
+            assert!(new.take_over(&mut old, &mut takeover));
             let (now, steps) = (new.positions(), new.steps());
             let n = x.len().min(now.len());
             for i in 1..=2.min(n) {
@@ -596,8 +596,8 @@ fn a_muted_part_stays_mute() {
     assert_eq!(old.n_muted(), 1);
     let mut alone = old.fork();
     let mut new = Simulation::planned_from(version(&[0.2]), mute, 6_000).unwrap();
-    let mut carry = Carry::new(&old, &new);
-    assert!(new.take_over(&mut old, &mut carry));
+    let mut takeover = Takeover::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut takeover));
     let (mut after, mut unchanged) = (vec![0.0; 2 * 2_000], vec![0.0; 2 * 2_000]);
     new.process(&mut after).unwrap();
     alone.process(&mut unchanged).unwrap();

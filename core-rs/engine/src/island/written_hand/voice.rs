@@ -1,10 +1,10 @@
 //! One voice of a key: its gestures in order, its free copy, and what it asks at each frame.
 
 mod answer;
-mod carry;
 mod join;
+mod takeover;
 
-pub(crate) use carry::{VoiceCarry, shared};
+pub(crate) use takeover::{VoiceTakeover, shared};
 
 use super::framed::{FramedGesture, Leg};
 use super::free::leap::Leap;

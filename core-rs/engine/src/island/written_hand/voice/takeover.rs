@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 
 use super::{Running, Voice, VoiceScript};
-use crate::island::hand::framed::FramedGesture;
+use crate::island::written_hand::framed::FramedGesture;
 
 /// What one voice passes on to another.
 #[derive(Clone, Debug)]
-pub(crate) struct VoiceCarry {
+pub(crate) struct VoiceTakeover {
     /// Which voice of the island before, and of this one.
     pub(crate) from: usize,
     pub(crate) to: usize,
@@ -17,7 +17,7 @@ pub(crate) struct VoiceCarry {
     pub(crate) gestures: Vec<(usize, usize)>,
 }
 
-impl VoiceCarry {
+impl VoiceTakeover {
     /// Here, a gesture of there.
     fn gesture(&self, there: usize) -> Option<usize> {
         let at = self.gestures.binary_search_by_key(&there, |pair| pair.0);
@@ -66,9 +66,9 @@ impl Voice {
         script: &VoiceScript,
         old: &mut Self,
         then: &VoiceScript,
-        heir: &VoiceCarry,
+        takeover: &VoiceTakeover,
     ) {
-        match &heir.mats {
+        match &takeover.mats {
             None => std::mem::swap(&mut self.free, &mut old.free),
             Some(pairs) => {
                 let (own, their) = (&mut self.free.body, &old.free.body);
@@ -82,11 +82,11 @@ impl Voice {
             let now = voice.now.as_ref().map(|now| now.gesture);
             now.or_else(|| voice.begun.checked_sub(1).map(|last| script.gestures[last]))
         };
-        let before = latest(old, then).map(|there| heir.gesture(there));
+        let before = latest(old, then).map(|there| takeover.gesture(there));
         self.flight = std::mem::take(&mut old.flight);
         self.is_led = old.is_led;
         self.now = old.now.take().and_then(|now| {
-            let gesture = heir.gesture(now.gesture)?;
+            let gesture = takeover.gesture(now.gesture)?;
             Some(Running { gesture, ..now })
         });
         // What is due at this very frame is held against what comes of it in the same gesture's report.
