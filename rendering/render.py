@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
+from ergon import _core
 from ergon.exchange import sound
 from ergon.exchange.safe import check_target, writing
 from ergon.exchange.wave_header import Stamp, WaveFormat
@@ -23,6 +24,7 @@ from .ahead import ahead
 from .balance import MOST, Balance, InstrumentLevel
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
 from .quiet import FadeFinder
+from .resumed import ResumedSimulation, Store
 from .silence import Silence
 
 if TYPE_CHECKING:
@@ -94,6 +96,7 @@ class RenderJob:
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
     # The file ends where the sound has faded after this frame, at `stop` at the latest.
     fades_from: int | None = None
+    stretches: Store | None = None  # of earlier renders, which need not be computed again
 
     def __post_init__(self) -> None:
         """Raise FileRefusedError when the target cannot hold the samples."""
@@ -277,7 +280,11 @@ def _simulate(
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     last = min(stage.n_frames, job.stop + max(latencies, default=0))
     fade = None if job.fades_from is None else FadeFinder(stage.rate, job.fades_from)
-    blocks = frames_of(stage.simulation, last, job.block)
+    simulation = stage.simulation
+    # Frozen parts fill the frames of a simulation from files, and have nothing to be stored.
+    if job.stretches is not None and isinstance(simulation, _core.Simulation):
+        simulation = ResumedSimulation(simulation, job.stretches, last)
+    blocks = frames_of(simulation, last, job.block)
     with contextlib.closing(ahead(blocks) if job.threads > 1 else blocks) as coming:
         for frames in coming:
             end = None

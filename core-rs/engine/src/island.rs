@@ -17,6 +17,7 @@ pub(crate) mod modal;
 pub(crate) mod record;
 pub(crate) mod slow;
 mod step;
+mod stored;
 
 pub use build::Options;
 pub(crate) use build::at_rest;

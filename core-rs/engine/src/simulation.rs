@@ -9,6 +9,7 @@ mod group;
 mod heirs;
 mod response;
 mod side;
+mod stored;
 mod take_over;
 
 use std::sync::Arc;
@@ -23,7 +24,9 @@ use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
+pub use crate::archive::Damaged;
 pub use carry::Carry;
+pub use stored::StorableIsland;
 
 use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};
 
