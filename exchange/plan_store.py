@@ -21,7 +21,8 @@ Told = Sequence[_Row]
 Kept = tuple[Choices, str, Told]  # and a hash of what was decided
 
 _FILES_MAX = 256
-_BYTES_MAX = 32_000_000  # of all files; one alone may take a quarter
+_BYTES_MAX = 32_000_000  # of all files
+_BYTES_MAX_ONE = 8_000_000
 _WORDS_MAX = 200  # of a sentence in a row
 
 
@@ -30,7 +31,7 @@ class PlanStore:
 
     def __init__(self, folder: Path) -> None:
         """Use a folder, which need not exist."""
-        self._folder = CacheFolder(folder, ".json", _FILES_MAX, _BYTES_MAX, _BYTES_MAX // 4)
+        self._folder = CacheFolder(folder, ".json", _FILES_MAX, _BYTES_MAX, _BYTES_MAX_ONE)
 
     def get(self, key: str) -> Kept | None:
         """The plan that was kept under a key."""

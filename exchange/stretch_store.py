@@ -1,7 +1,7 @@
 """Stretches of islands in the user's cache folder: their sound, and their state at the end.
 
-A file is a head (magic, a checksum of the rest, the number of samples), the samples as f64 and the
-state; one that is cut, changed or foreign counts as none.
+A file is a head (magic, a checksum of all after it), the number of samples, the samples as f64 and
+the state; one that is cut, changed or foreign counts as none.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_HEAD = struct.Struct("<8sQQ")  # 24 bytes: the samples after it are aligned
+_HEAD = struct.Struct("<8sQ")
+_LENGTH = struct.Struct("<Q")
 _MAGIC = b"ERGONST1"
 _FILES_MAX = 20_000
 _BYTES_MAX = 4_000_000_000  # of all files: eleven minutes of 100 outputs at 44.1 kHz
@@ -58,19 +59,24 @@ class StretchStore:
         import numpy as np
 
         data = self._folder.read(of_this_version(key))
-        if data is None or len(data) < _HEAD.size:
+        if data is None or len(data) < _HEAD.size + _LENGTH.size:
             return None
-        magic, checksum, n_samples = _HEAD.unpack_from(data)
+        magic, checksum = _HEAD.unpack_from(data)
         rest = memoryview(data)[_HEAD.size :]
-        if magic != _MAGIC or checksum != zlib.crc32(rest) or 8 * n_samples > len(rest):
+        if magic != _MAGIC or checksum != zlib.crc32(rest):
             return None
-        sound = np.frombuffer(rest[: 8 * n_samples], dtype="<f8")
-        return Stretch(sound.astype(np.float64, copy=False), bytes(rest[8 * n_samples :]))
+        (n_samples,) = _LENGTH.unpack_from(rest)
+        stop = _LENGTH.size + 8 * n_samples
+        if stop > len(rest):
+            return None
+        sound = np.frombuffer(rest[_LENGTH.size : stop], dtype="<f8")
+        return Stretch(sound.astype(np.float64, copy=False), bytes(rest[stop:]))
 
     def put(self, key: str, stretch: Computed) -> bool:
         """Keep a stretch, if that can be; whether it was."""
-        rest = stretch.sound.astype("<f8", copy=False).tobytes() + stretch.state
-        head = _HEAD.pack(_MAGIC, zlib.crc32(rest), len(stretch.sound))
+        samples = stretch.sound.astype("<f8", copy=False).tobytes()
+        rest = _LENGTH.pack(len(stretch.sound)) + samples + stretch.state
+        head = _HEAD.pack(_MAGIC, zlib.crc32(rest))
         return self._folder.write(of_this_version(key), head + rest)
 
     def forget(self) -> None:
