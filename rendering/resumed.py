@@ -84,6 +84,11 @@ class ResumedSimulation:
         """How many outputs a frame has."""
         return self._simulation.n_out
 
+    @property
+    def recalled(self) -> float:
+        """The part of the frames of islands that was recalled (0 to 1)."""
+        return self.n_recalled / max(1, self.n_recalled + self.n_computed)
+
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_out) with the next frames. Raises DivergedError."""
         while len(out):

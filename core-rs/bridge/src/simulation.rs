@@ -273,8 +273,14 @@ impl Simulation {
     }
 
     /// Take the sound of an island (n_frames · its n_out,) from here on instead of computing it.
-    fn recall(&mut self, island: &StorableIsland, sound: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
-        let sound = sound.as_slice().map_err(|error| refused("recall", error.to_string()))?;
+    fn recall(
+        &mut self,
+        island: &StorableIsland,
+        sound: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<()> {
+        let sound = sound
+            .as_slice()
+            .map_err(|error| refused("recall", error.to_string()))?;
         self.0.recall(&island.0, sound.to_vec());
         Ok(())
     }

@@ -132,8 +132,22 @@ impl State for Guard {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         archive.list(&mut self.imposed)?;
         state_of!(
-            self, archive, margin, steps, previous_steps, calm_frames, finer_frames, lead, x, d, outside, travel,
-            link_steps, sums, rises, ties
+            self,
+            archive,
+            margin,
+            steps,
+            previous_steps,
+            calm_frames,
+            finer_frames,
+            lead,
+            x,
+            d,
+            outside,
+            travel,
+            link_steps,
+            sums,
+            rises,
+            ties
         )
     }
 }

@@ -23,8 +23,8 @@ use crate::network::{Error, Network};
 use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
-pub use crate::island::{Energy, Fault, OnFault, Options, Record};
 pub use crate::archive::Damaged;
+pub use crate::island::{Energy, Fault, OnFault, Options, Record};
 pub use carry::Carry;
 pub use stored::StorableIsland;
 

@@ -21,7 +21,15 @@ pub(crate) struct Body {
     pub(crate) previous: Option<Box<PreviousState>>,
 }
 
-crate::archive::state!(Body { x, d, force, link, inner, outside, previous });
+crate::archive::state!(Body {
+    x,
+    d,
+    force,
+    link,
+    inner,
+    outside,
+    previous
+});
 
 /// Positions and last steps a frame ago [m]   (n_mat each).
 #[derive(Clone, Debug)]

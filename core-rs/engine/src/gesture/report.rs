@@ -34,7 +34,19 @@ pub struct Report {
 }
 
 crate::archive::state!(Report {
-    n_ergons, start, stop, worst, worst_at, pushed_by, square, compared, low, high, strongest, force_max, missed,
+    n_ergons,
+    start,
+    stop,
+    worst,
+    worst_at,
+    pushed_by,
+    square,
+    compared,
+    low,
+    high,
+    strongest,
+    force_max,
+    missed,
     first_point_missed
 });
 

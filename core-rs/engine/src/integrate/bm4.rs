@@ -45,7 +45,13 @@ pub(super) struct Bm4 {
     room: Room,
 }
 
-crate::archive::state!(Bm4 { x, v, force, viscous, midway });
+crate::archive::state!(Bm4 {
+    x,
+    v,
+    force,
+    viscous,
+    midway
+});
 
 impl Bm4 {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Self {

@@ -76,7 +76,16 @@ pub(crate) struct Fine {
 
 crate::archive::option!(Fine, fixed);
 
-crate::archive::state!(Fine { way, given, before, later, near, numbers, has_touched, work });
+crate::archive::state!(Fine {
+    way,
+    given,
+    before,
+    later,
+    near,
+    numbers,
+    has_touched,
+    work
+});
 
 /// Work of contacts that are computed finely, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -137,7 +137,11 @@ struct Taken {
     account: Account,
 }
 
-crate::archive::state!(Taken { stretch, force, account });
+crate::archive::state!(Taken {
+    stretch,
+    force,
+    account
+});
 
 /// A link whose account is looked at.
 #[derive(Clone, Debug)]
@@ -151,7 +155,11 @@ struct Watched {
     worst: Option<Gain>,
 }
 
-crate::archive::state!(Watched { from, is_whole, worst });
+crate::archive::state!(Watched {
+    from,
+    is_whole,
+    worst
+});
 
 /// All links that may make energy.
 #[derive(Clone, Debug)]
@@ -164,7 +172,11 @@ pub(super) struct Gains {
 
 crate::archive::option!(Box<Gains>, fixed);
 
-crate::archive::state!(Gains { taken, links, is_fresh });
+crate::archive::state!(Gains {
+    taken,
+    links,
+    is_fresh
+});
 
 impl Gains {
     /// `None` where nothing can make energy.

@@ -26,7 +26,13 @@ pub(super) struct HandState {
 
 crate::archive::option!((f64, Option<f64>), maybe);
 
-crate::archive::state!(HandState { sent, from, to, sum, mean_force });
+crate::archive::state!(HandState {
+    sent,
+    from,
+    to,
+    sum,
+    mean_force
+});
 
 impl HandBinding {
     /// The MAT that it moves.

@@ -1,10 +1,10 @@
 //! Bodies inside an island, each computed by a method of its own.
 
-use crate::archive::{Archive, Damaged, State};
 use super::gain::Gain;
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
+use crate::archive::{Archive, Damaged, State};
 use crate::guard::FinerFrames;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
@@ -63,10 +63,12 @@ impl BodyPlan {
     /// Its strikes: the frame of each, the point that is struck, and its numbers.
     pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
         match self {
-            Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(|(at, own)| {
-                let blows = own.blows.iter();
-                blows.map(move |&(frame, part, impulse)| (frame, at, [part, impulse]))
-            })),
+            Self::Modal(modal) => {
+                Box::new(modal.struck.iter().enumerate().flat_map(|(at, own)| {
+                    let blows = own.blows.iter();
+                    blows.map(move |&(frame, part, impulse)| (frame, at, [part, impulse]))
+                }))
+            }
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
                 Box::new(strikes.map(|&(frame, mat, impulse)| (frame, mat, [0.0, impulse])))

@@ -50,7 +50,9 @@ pub(crate) struct RunningMesh {
 impl State for RunningMesh {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         archive.list(&mut self.impulses)?;
-        state_of!(self, archive, integrator, previous, own, next, damped, account, worst)
+        state_of!(
+            self, archive, integrator, previous, own, next, damped, account, worst
+        )
     }
 }
 

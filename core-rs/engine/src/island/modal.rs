@@ -54,7 +54,20 @@ pub(crate) struct RunningModal {
 }
 
 crate::archive::state!(RunningModal {
-    motions, saved, seen, at, until, was, kicks, pending, has_pending, forces, quiet, next, damped, is_damped
+    motions,
+    saved,
+    seen,
+    at,
+    until,
+    was,
+    kicks,
+    pending,
+    has_pending,
+    forces,
+    quiet,
+    next,
+    damped,
+    is_damped
 });
 
 /// Frames in `seen`: the present, and what follows.

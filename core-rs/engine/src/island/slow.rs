@@ -70,7 +70,17 @@ pub(crate) struct RunningSlow {
 }
 
 crate::archive::state!(RunningSlow {
-    x, v, kick, was, since, first, bent, undone, is_struck, given, damped
+    x,
+    v,
+    kick,
+    was,
+    since,
+    first,
+    bent,
+    undone,
+    is_struck,
+    given,
+    damped
 });
 
 impl Slow {

@@ -37,13 +37,32 @@ impl Archived for State {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         // Later gestures may be others: what is known of those that have not begun is nothing.
         let begun = |report: &crate::gesture::report::Report| !report.start.is_nan();
-        let mut n_reports = self.reports.iter().rposition(begun).map_or(0, |last| last + 1);
+        let mut n_reports = self
+            .reports
+            .iter()
+            .rposition(begun)
+            .map_or(0, |last| last + 1);
         n_reports.archive(archive)?;
         let reports = self.reports.get_mut(..n_reports).ok_or(Damaged)?;
         reports.archive(archive)?;
         state_of!(
-            self, archive, frame, body, voices, pushed, ergons, gates, layers, unheard, bodies, fine, hand_states, mutes,
-            guard, gains, damped
+            self,
+            archive,
+            frame,
+            body,
+            voices,
+            pushed,
+            ergons,
+            gates,
+            layers,
+            unheard,
+            bodies,
+            fine,
+            hand_states,
+            mutes,
+            guard,
+            gains,
+            damped
         )
     }
 }

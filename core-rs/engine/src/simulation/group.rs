@@ -139,7 +139,13 @@ impl Group {
                 (0..n_frames).step_by(STRETCH).find_map(|from| {
                     let n_frames = STRETCH.min(n_frames - from);
                     let out = &mut sum[n_out * from..n_out * (from + n_frames)];
-                    running.go_on((unit, source), &mut self.sound, out, (n_out, n_frames), team)
+                    running.go_on(
+                        (unit, source),
+                        &mut self.sound,
+                        out,
+                        (n_out, n_frames),
+                        team,
+                    )
                 })
             });
             let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);

@@ -26,7 +26,9 @@ impl Simulation {
     pub fn storable(&self) -> Vec<StorableIsland> {
         let units = self.units().enumerate();
         let islands = units.filter_map(|(unit, pair)| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) if island.is_storable() => {
+            (RunningUnit::Island(island), Unit::IslandPlan(island_plan))
+                if island.is_storable() =>
+            {
                 Some(StorableIsland {
                     unit,
                     content: Content::of(island_plan),

@@ -6,11 +6,11 @@ mod join;
 
 pub(crate) use carry::{VoiceCarry, shared};
 
-use crate::archive::{Archive, Damaged, State, state_of};
 use super::framed::{FramedGesture, Leg};
 use super::free::leap::Leap;
 use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
+use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
@@ -82,7 +82,15 @@ struct Running {
 }
 
 crate::archive::option!(Running, maybe);
-crate::archive::state!(Running { gesture, leg, cursor, source, joining, struck_until, aim });
+crate::archive::state!(Running {
+    gesture,
+    leg,
+    cursor,
+    source,
+    joining,
+    struck_until,
+    aim
+});
 
 /// A frame of a tracked key.
 #[derive(Clone, Copy, Debug, Default)]

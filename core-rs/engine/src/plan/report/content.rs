@@ -43,8 +43,14 @@ impl Content {
         let bodies: Vec<BodyPlan> = bodies.iter().map(BodyPlan::without_strikes).collect();
         let numbers = (contact_substeps, oversampling);
         Self {
-            fixed: digest(format_args!("{network:?}\n{rest:?}\n{bodies:?}\n{numbers:?}")),
-            gestures: timeline.gestures.iter().map(|own| of_gesture(own)).collect(),
+            fixed: digest(format_args!(
+                "{network:?}\n{rest:?}\n{bodies:?}\n{numbers:?}"
+            )),
+            gestures: timeline
+                .gestures
+                .iter()
+                .map(|own| of_gesture(own))
+                .collect(),
         }
     }
 
@@ -63,7 +69,10 @@ impl Content {
         }
         let timeline = &island.timeline;
         // Where in the score a strike stands does not sound.
-        for &Strike { at, mat, impulse, .. } in &timeline.strikes {
+        for &Strike {
+            at, mat, impulse, ..
+        } in &timeline.strikes
+        {
             if at <= seconds {
                 sink.0.update(mat.to_le_bytes());
                 sink.0.update(at.to_le_bytes());
@@ -71,7 +80,14 @@ impl Content {
             }
         }
         sink.0.update(b"ergons");
-        for &Ergon { at, mat, mass, speed, .. } in &timeline.ergons {
+        for &Ergon {
+            at,
+            mat,
+            mass,
+            speed,
+            ..
+        } in &timeline.ergons
+        {
             if at <= seconds {
                 sink.0.update(mat.to_le_bytes());
                 for number in [at, mass, speed] {
