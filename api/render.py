@@ -182,6 +182,7 @@ def write(prepared: Prepared, report: Report) -> Completed:
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
     """What is written, from the options and the score. Raises OptionError."""
+    from ergon.exchange.stretch_store import of_user
     from ergon.rendering.render import RenderJob
 
     bits: Bits = options.bits or piece.render.bits
@@ -206,6 +207,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         threads=options.threads,
         force=file.force,
         fades_from=stage.fades_from if options.to is None else None,
+        stretches=of_user(),
     )
 
 

@@ -40,6 +40,7 @@ def rendered(console: Console, completed: Completed) -> None:
             sha256=mix.sha256,
             modules=network.n_mat + network.n_lia,
             threads=job.threads,
+            recalled=done.recalled,
         )
         for one in done.instruments:
             peak, loudness = decibels(one.peak), one.loudness
@@ -53,9 +54,10 @@ def rendered(console: Console, completed: Completed) -> None:
     name = "stdout" if mix.path == "-" else mix.path
     normalised = job.level.normalise is not None
     gain = f" (normalised by {decibels(mix.gain):+.1f} dB)" if normalised else ""
+    recalled = f" ({done.recalled:.0%} recalled)" if done.recalled > 0 else ""
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
-        f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time, "
+        f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time{recalled}, "
         f"peak {level(peak, 'dBFS')}{gain}, loudness {level(mix.loudness, 'LUFS')}, "
         f"no late blocks, sha256 {digits}"
     )

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
+from ergon import _core
 from ergon.exchange import sound
 from ergon.exchange.safe import check_target, writing
 from ergon.exchange.wave_header import Stamp, WaveFormat
@@ -23,6 +24,7 @@ from .ahead import ahead
 from .balance import MOST, Balance, InstrumentLevel
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
 from .quiet import FadeFinder
+from .resumed import ResumedSimulation, Store
 from .silence import Silence
 
 if TYPE_CHECKING:
@@ -94,6 +96,7 @@ class RenderJob:
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
     # The file ends where the sound has faded after this frame, at `stop` at the latest.
     fades_from: int | None = None
+    stretches: Store | None = None  # of earlier renders, which need not be computed again
 
     def __post_init__(self) -> None:
         """Raise FileRefusedError when the target cannot hold the samples."""
@@ -120,7 +123,8 @@ class RenderedFile:
 class RenderedFiles:
     """The files that a render wrote, their length, and how long it took: `wall` [s].
 
-    `instruments` are those that are heard, where there are several.
+    `instruments` are those that are heard, where there are several. `recalled` is the part of the
+    work that an earlier render had done (0 to 1).
     """
 
     mix: RenderedFile
@@ -128,6 +132,7 @@ class RenderedFiles:
     wall: float
     n_frames: int
     instruments: tuple[InstrumentLevel, ...] = ()
+    recalled: float = 0.0
 
 
 @dataclass(slots=True)
@@ -183,10 +188,21 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
 
             tracks.append(_track(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
-        job, written = _fill(stage, job, tracks, progress, balances)
+        resumed = _resumed(stage, job)
+        job, written = _fill(stage, job, tracks, progress, balances, resumed)
     wall = time.perf_counter() - start
     levels = tuple(balance.level(written[0].gain) for balance in balances)
-    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels)
+    recalled = 0.0 if resumed is None else resumed.recalled
+    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels, recalled)
+
+
+def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | None:
+    """The simulation with what earlier renders computed of it, where that is kept."""
+    simulation = stage.simulation
+    # Frozen parts fill the frames of a simulation from files, and have nothing to be stored.
+    if job.stretches is None or not isinstance(simulation, _core.Simulation):
+        return None
+    return ResumedSimulation(simulation, job.stretches, stage.n_frames)
 
 
 def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
@@ -218,7 +234,7 @@ def render_array(
     mixer = stage.mixer(highpass=job.level.highpass)
     with contextlib.ExitStack() as stack:
         track = _track(stack, job, "-", mixer, written_to)
-        _, (done,) = _fill(stage, job, [track], progress)
+        _, (done,) = _fill(stage, job, [track], progress, (), _resumed(stage, job))
     return made[0], done
 
 
@@ -227,13 +243,15 @@ def _fill(
     job: RenderJob,
     tracks: Sequence[_Track],
     progress: Callable[[int], None],
-    balances: Sequence[Balance] = (),
+    balances: Sequence[Balance],
+    resumed: ResumedSimulation | None,
 ) -> tuple[RenderJob, list[RenderedFile]]:
     """Compute the files; also the job, whose end is known then."""
     if job.fades_from is None:
         for track in tracks:
             track.finish = track.begin(job)
-    stop = _simulate(stage, job, tracks, progress, balances)
+    simulation = resumed or stage.simulation
+    stop = _simulate(stage, simulation, job, tracks, progress, balances)
     job = replace(job, stop=stop)
     for track in tracks:
         track.finish = track.finish or track.begin(job)
@@ -264,6 +282,7 @@ def _track(
 
 def _simulate(
     stage: Staged,
+    simulation: Simulation,
     job: RenderJob,
     tracks: Sequence[_Track],
     progress: Callable[[int], None],
@@ -277,7 +296,7 @@ def _simulate(
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     last = min(stage.n_frames, job.stop + max(latencies, default=0))
     fade = None if job.fades_from is None else FadeFinder(stage.rate, job.fades_from)
-    blocks = frames_of(stage.simulation, last, job.block)
+    blocks = frames_of(simulation, last, job.block)
     with contextlib.closing(ahead(blocks) if job.threads > 1 else blocks) as coming:
         for frames in coming:
             end = None

@@ -7,7 +7,7 @@ import pytest
 from commands import records
 
 from ergon.cli import app
-from ergon.exchange import plan_store
+from ergon.exchange import cache_folder, plan_store
 from ergon.exchange.plan_store import PlanStore, of_user
 from ergon.exchange.wave import hash_samples
 
@@ -91,7 +91,7 @@ def test_whatever_a_plan_depends_on_makes_another(capsys: Capture):
 
 def test_another_version_plans_anew(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     assert not told(capsys)[1]
-    monkeypatch.setattr(plan_store, "_version", lambda: "another")
+    monkeypatch.setattr(cache_folder, "_version", lambda: "another")
     assert not told(capsys)[1]
 
 
@@ -145,7 +145,7 @@ def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
     choices, digest, rows = store.get("d") or ([], "", [])
     assert (list(map(tuple, choices)), digest, list(rows)) == (one[0], one[1], one[2])
     monkeypatch.setattr(plan_store, "_BYTES_MAX", 10)
-    store.put("e", one)
+    PlanStore(plans).put("e", one)
     assert list(plans.iterdir()) == [stranger]
 
 
@@ -154,4 +154,4 @@ def test_where_plans_are_kept(tmp_path: Path):
     for environment in ({}, {"XDG_CACHE_HOME": ""}, {"XDG_CACHE_HOME": "not/absolute"}):
         store = of_user(environment)
         assert store is not None
-        assert store._folder == Path.home() / ".cache" / "ergon" / "plans"
+        assert store._folder.path == Path.home() / ".cache" / "ergon" / "plans"

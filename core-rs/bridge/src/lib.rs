@@ -79,7 +79,7 @@ mod _core {
     #[pymodule_export]
     use super::recording::{Recording, read_recording};
     #[pymodule_export]
-    use super::simulation::{Energy, Report, Simulation, Snapshot};
+    use super::simulation::{Energy, IslandStretch, Report, Simulation, Snapshot, StorableIsland};
     #[pymodule_export]
     use super::status::{HandLimit, HandStatus, Status};
     #[pymodule_export]

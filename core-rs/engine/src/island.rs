@@ -15,6 +15,7 @@ mod real_hands;
 pub(crate) mod record;
 pub(crate) mod slow;
 mod step;
+mod stored;
 mod takeover;
 pub(crate) mod written_hand;
 

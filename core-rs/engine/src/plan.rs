@@ -16,6 +16,7 @@ pub use choice::Choice;
 pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
 pub use report::cache::{CachedReport, key};
+pub(crate) use report::content::Content;
 pub use report::row::{Computed, Measured, Reason, Row};
 
 use std::ops::Range;

@@ -7,6 +7,7 @@ mod bodies;
 mod group;
 mod response;
 mod side;
+mod stored;
 mod takeover;
 
 use std::sync::Arc;
@@ -20,7 +21,9 @@ use crate::network::{Error, Network};
 use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
+pub use crate::archive::Damaged;
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
+pub use stored::StorableIsland;
 pub use takeover::Takeover;
 
 use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};

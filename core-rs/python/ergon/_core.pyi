@@ -862,6 +862,25 @@ class FinerPart(NamedTuple):
     steps: int  # most steps of one frame
 
 @final
+class StorableIsland:
+    """An island of a simulation whose stretches can be stored; made by Simulation.storable.
+
+    `n_out` outputs hear it. `cost` is its work by the table of costs [ns a frame].
+    """
+
+    n_out: int
+    cost: float
+
+@final
+class IslandStretch:
+    """A stretch of an island: its sound (n_frames · n_out,) [m or N], and its state at the end."""
+
+    @property
+    def sound(self) -> _Floats: ...
+    @property
+    def state(self) -> bytes: ...
+
+@final
 class Simulation:
     """Computes a network and its timeline, by a plan or, without one, every module as written.
 
@@ -938,6 +957,23 @@ class Simulation:
         """Links and meshes that made energy, a single one of many by its own name."""
     def finer(self) -> list[FinerPart]:
         """The parts with frames of more than one step."""
+    def storable(self) -> list[StorableIsland]:
+        """The islands whose stretches can be stored; none with `ledger` or `record`."""
+    def island_key(self, island: StorableIsland, until: int) -> str:
+        """A hash of all that the first `until` frames of an island are a function of (64 hex
+        digits): equal in another version of a score whose events differ only later."""
+    def recall(self, island: StorableIsland, sound: _Floats) -> None:
+        """Take the sound of an island (n_frames · its n_out,) [m or N] from here on instead of
+        computing it; its state stands still. Raises EngineError where `sound` is not contiguous."""
+    def record(self, island: StorableIsland) -> None:
+        """Compute an island from here on, and keep its sound."""
+    def recorded(self, island: StorableIsland) -> IslandStretch:
+        """The sound of an island since `record`, and its state now; no more is kept."""
+    def set_state(self, island: StorableIsland, state: bytes) -> None:
+        """Put an island into the state that an equal one had at this frame, and compute it.
+
+        Raises EngineError where the bytes are not such a state; the simulation is then of no use.
+        """
 
 # --- from outputs to loudspeakers ---------------------------------------------------------------
 

@@ -74,6 +74,19 @@ pub(crate) struct Fine {
     work: FineWork,
 }
 
+crate::archive::option!(Fine, fixed);
+
+crate::archive::state!(Fine {
+    way,
+    given,
+    before,
+    later,
+    near,
+    numbers,
+    has_touched,
+    work
+});
+
 /// Work of contacts that are computed finely, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FineWork {
@@ -82,6 +95,8 @@ pub(crate) struct FineWork {
     /// Sums of products.
     pub(crate) products: u64,
 }
+
+crate::archive::state!(FineWork { instants, products });
 
 impl Fine {
     /// `contacts` leave the scheme: single links whose ends are masses or ports.

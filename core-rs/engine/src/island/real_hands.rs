@@ -24,6 +24,16 @@ pub(super) struct HandState {
     mean_force: f64,
 }
 
+crate::archive::option!((f64, Option<f64>), maybe);
+
+crate::archive::state!(HandState {
+    sent,
+    from,
+    to,
+    sum,
+    mean_force
+});
+
 impl HandBinding {
     /// The MAT that it moves.
     pub(crate) fn mat(&self) -> usize {

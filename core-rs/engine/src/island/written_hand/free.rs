@@ -45,6 +45,8 @@ pub(crate) struct Motion {
     slow: Vec<slow::RunningSlow>,
 }
 
+crate::archive::state!(Motion { body, slow });
+
 impl FreeKey {
     /// Whether a motion of another is one of its own: the names of MATs are asked of the scenes.
     pub(crate) fn is_like(

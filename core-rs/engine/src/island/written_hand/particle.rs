@@ -24,9 +24,13 @@ pub(crate) struct Particle {
     sign: f64,
 }
 
+crate::archive::state!(Particle { x, d, w, k, sign });
+
 /// The particles of one voice.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Flight([Particle; AT_ONCE]);
+
+crate::archive::state!(Flight { 0 });
 
 impl Flight {
     /// Step the particles that touch `mat` and push it; forget those that have left.

@@ -10,6 +10,7 @@ use super::framed::{FramedGesture, Leg};
 use super::free::leap::Leap;
 use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
+use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
@@ -60,7 +61,14 @@ pub(crate) struct Voice {
     pub(crate) asked: f64,
 }
 
-#[derive(Clone, Debug)]
+impl State for Voice {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        archive.list(&mut self.targets)?;
+        state_of!(self, archive, free, flight, now, held, is_led, begun, asked)
+    }
+}
+
+#[derive(Clone, Debug, Default)]
 struct Running {
     gesture: usize,
     leg: usize,
@@ -73,13 +81,27 @@ struct Running {
     aim: f64,
 }
 
+crate::archive::option!(Running, maybe);
+crate::archive::state!(Running {
+    gesture,
+    leg,
+    cursor,
+    source,
+    joining,
+    struck_until,
+    aim
+});
+
 /// A frame of a tracked key.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct TrackedFrame {
     gesture: usize,
     source: u32,
     x: f64,
 }
+
+crate::archive::option!(TrackedFrame, maybe);
+crate::archive::state!(TrackedFrame { gesture, source, x });
 
 /// What is wanted of the key at a frame.
 #[derive(Clone, Copy)]

@@ -32,11 +32,19 @@ pub fn key(network: &Network, timeline: &Timeline, budget: &Budget, share: f64) 
     let mut sink = Sink(Sha256::new());
     // A hash takes everything: nothing can fail.
     let _ = write!(sink, "{network:?}\n{timeline:?}\n{budget:?}\n{share:?}");
-    let digest = sink.0.finalize();
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    sink.hex()
 }
 
-struct Sink(Sha256);
+/// What is written is hashed.
+pub(in crate::plan) struct Sink(pub(in crate::plan) Sha256);
+
+impl Sink {
+    /// The hash (64 hex digits).
+    pub(in crate::plan) fn hex(self) -> String {
+        let digest = self.0.finalize();
+        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
 
 impl Write for Sink {
     fn write_str(&mut self, text: &str) -> fmt::Result {

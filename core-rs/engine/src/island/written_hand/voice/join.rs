@@ -10,11 +10,14 @@ const AGREES: f64 = 1e-9;
 const JOIN_MIN: f64 = 5e-3;
 
 /// A curve that leads onto a gesture's path, up to an instant [s].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Joining {
     pub(super) curve: Quintic,
     pub(super) end: f64,
 }
+
+crate::archive::option!(Joining, maybe);
+crate::archive::state!(Joining { curve, end });
 
 impl Joining {
     fn new(from: Knot, to: Knot) -> Self {
