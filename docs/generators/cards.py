@@ -1,6 +1,6 @@
 """Measured cards of the instruments in `instruments/library`, for `docs/instruments`.
 
-Each instrument that `cards.yaml` names plays soft, middle and hard, each by itself. What is measured
+Each instrument that `cards.yaml` names plays soft, middle and hard, by itself. What is measured
 of the sounds becomes rows of `cards.csv`, a page for each family, and a picture.
 """
 
@@ -222,8 +222,8 @@ def text(card: Card, said: dict[str, Any]) -> str:
         "",
         f"From soft to hard the centre of the spectrum moves by {octaves:+.1f} octaves. The hard "
         f"stroke has {own.partials} partials within 60 dB, up to {own.highest:,.0f} Hz, a share of "
-        f"{own.treble:.0f} dB above 16 kHz, and a mean {-own.lean:.0f} dB below its peak. The middle "
-        f"one peaks at {own.loudness:.0f} dB re {_unit(own)}.".replace("-", "−"),
+        f"{own.treble:.0f} dB above 16 kHz, and a mean {-own.lean:.0f} dB below its peak. The "
+        f"middle one peaks at {own.loudness:.0f} dB re {_unit(own)}.".replace("-", "−"),
         "",
         "| strongest modes | note | level [dB] | T60 [s] |",
         "|---|---|---|---|",
