@@ -27,6 +27,7 @@ PAGES = [
     ROOT / "README.md",
     *(page for page in sorted((ROOT / "docs").glob("*.md")) if page.name != "reference.md"),
     *sorted((ROOT / "docs" / "howto").glob("*.md")),
+    *sorted((ROOT / "docs" / "instruments").glob("*.md")),
 ]
 _IN_A_ROOM = """ergon: 1
 instruments: {{b: {{BANK: {{count: 9, f: 1kHz, t60: 1s, M: 1g}}, out: {{SOX: b.all}}}}}}
