@@ -15,6 +15,7 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments.kinds import Start
+from ergon.instruments.matter import made_of
 from ergon.instruments.stiff import Stretched
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Values
@@ -190,6 +191,8 @@ def named_pitch(values: Values) -> float | None:
     found = []
     for body in [values] if values.kind else bodies:
         fields = body.given.get(body.kind)
+        if isinstance(fields, Values):
+            fields = made_of(body.kind, fields, quietly=True) or fields
         f = fields.given.get("f") if isinstance(fields, Values) else None
         if isinstance(f, tuple) and f[0] == f[1]:
             f = f[0]
@@ -224,6 +227,7 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
     """The fields of one module; a law goes as its module says later (`interval`)."""
     if is_mechanics(kind, fields):
         return fields
+    fields = made_of(kind, fields, quietly=True) or fields
     given = {name: moved(name, value, interval) for name, value in fields.given.items()}
     if kind == "LNL":
         given["interval"] = given["interval"].then(interval) if "interval" in given else interval
