@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from ergon.instruments.bodies import DECAY, Bending
 from ergon.instruments.materials import MATERIAL
+from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES
 from ergon.instruments.stiff import INHARMONICITY, STRETCHING
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -223,8 +224,10 @@ def _generators() -> dict[str, Record]:
     bank = (
         Field("count", k.integer(1, MAX_MODULES, "10000"), "how many CEL", required=True),
         Field("M", k.MASS, "mass of each", required=True),
-        Field("f", k.PITCHES, "frequencies, spread by logarithm", required=True),
-        Field("t60", k.DURATIONS, "decays: low for high f where even", required=True),
+        Field("f", BANK_PITCHES, "frequencies, spread by logarithm, or of each", required=True),
+        Field("t60", BANK_DECAYS, "decays: low for high f where even, or of each", required=True),
+        Field("gain", BANK_GAINS, "of a list: how much faster than the mass M each moves"),
+        Field("modes", k.PATH, "a CSV file of f, t60 and gain, instead of lists"),
         Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
         Field("place", choice("line", "spiral"), "positions of the members on the bench", "line"),
         *starts,
@@ -304,6 +307,7 @@ LATER_FIELDS: dict[str, Any] = {
     "stretching": 0.0,
     "sides": None,
     "bending": None,
+    "gain": None,
 }
 
 

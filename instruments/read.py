@@ -8,6 +8,7 @@ from typing import Any
 
 from ergon.instruments.kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.matter import MATTER, made_of
+from ergon.instruments.modal import listed
 from ergon.instruments.model import Instrument, Module, Output
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL
@@ -235,7 +236,7 @@ def modules(values: Values) -> tuple[Module, ...]:
     """The modules of a key or an instrument; one that was refused is left out."""
     bodies = (values["modules"] or {}).items()
     made = (
-        (name, body.kind, made_of(body.kind, body.given[body.kind]))
+        (name, body.kind, _followed(body.kind, body.given[body.kind]))
         for name, body in bodies
         if body is not MISSING
     )
@@ -246,11 +247,18 @@ def modules(values: Values) -> tuple[Module, ...]:
     )
 
 
+def _followed(kind: str, values: Values) -> Values | None:
+    """The fields of a module with those that follow from others; None after a report."""
+    return listed(values) if kind == "BANK" else made_of(kind, values)
+
+
 def module(name: str, kind: str, values: Values) -> Module:
     """A module with all its fields, defaults filled in; checks what fields mean together."""
     # What a body is made of stands in its other fields by now.
     matter = (*MATTER, "masses") if kind == "PLATE" else MATTER if kind == "STRING" else ()
     fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
+    if kind == "BANK":
+        fields.pop("modes")
     if kind == "LNL":
         fields["constants"] = dict(values.free)
         if "interval" in values.given:
@@ -327,9 +335,6 @@ def _plate(kind: str, values: Values) -> None:
     if values.written(other):
         message = f"{values.context.of(other)}: a PLATE of shape {shape} has no {other}; remove it"
         values.error("E111", message, other)
-    if shape == "disc" and values["bending"] is None:
-        message = f"{values.context.of('shape')}: a disc bends; write `bending: true`, or take hex"
-        values.error("E111", message, "shape")
 
 
 _CHECKS: Mapping[str, tuple[Any, ...]] = {
@@ -422,4 +427,4 @@ def _retuned(values: Values, body: Values) -> Values | None:
             value = value[0]
         given[name], nodes[name] = value, values.nodes[name]
     retuned = Values(body.record, body.node, body.context, given, nodes, body.free, body.kind)
-    return made_of(values.kind, retuned)
+    return _followed(values.kind, retuned)

@@ -16,6 +16,7 @@ from typing import Any
 from ergon import _core
 from ergon.instruments.kinds import Start
 from ergon.instruments.matter import made_of
+from ergon.instruments.modal import Each
 from ergon.instruments.stiff import Stretched
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Values
@@ -229,7 +230,7 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
         return fields
     fields = made_of(kind, fields, quietly=True) or fields
     given = {name: moved(name, value, interval) for name, value in fields.given.items()}
-    if kind == "LNL":
+    if kind == "LNL" or fields.written("modes"):
         given["interval"] = given["interval"].then(interval) if "interval" in given else interval
     return replace(fields, given=given)
 
@@ -253,7 +254,8 @@ def moved(name: str, value: Any, interval: Interval) -> Any:
             return tuple((d, _times(force, interval.power(2))) for d, force in value)
         if name == "t60" and isinstance(value[0], tuple):
             return tuple((pitch(f, interval), moved(name, t, interval)) for f, t in value)
-        return tuple(moved(name, one, interval) for one in value)
+        each = (moved(name, one, interval) for one in value)
+        return Each(each) if isinstance(value, Each) else tuple(each)
     if isinstance(value, Start):
         return replace(value, value=moved(name, value.value, interval))
     if isinstance(value, Stretched):

@@ -316,3 +316,18 @@ def test_a_discrete_network_has_no_material():
     text = SCORE % (WIRE % "length: 1m, diameter: 1mm, tension: 70N")
     text = text.replace("s: {", "s: {units: ca, at: 44100Hz, ", 1)
     assert codes(text) == ["E111"]
+
+
+def test_a_drumhead_sounds_as_a_round_membrane():
+    head = "PLATE: {material: skin, radius: 16cm, thickness: 0.3mm, tension: 2kN/m, masses: 800}"
+    speed = math.sqrt(2000.0 / (1100.0 * 0.3e-3))
+    # Zeros of J0, J1, J2, J0: modes (0, 1), (1, 1) twice, (2, 1) twice, (0, 2).
+    zeros = np.array([2.404826, 3.831706, 3.831706, 5.135622, 5.135622, 5.520078])
+    wanted = zeros * speed / (2.0 * math.pi * 0.16)
+    assert modes(head, 6)[:, 0] == pytest.approx(wanted, rel=0.01)
+    assert modes(head, 1)[0, 0] == pytest.approx(wanted[0], rel=1e-6)
+    # The mass of the whole sheet less that of the rim, which rests.
+    fields = body(head)
+    rings = fields["radius"]
+    inner = ((rings - 0.5) / rings) ** 2
+    assert fields["M"] == pytest.approx(1100.0 * 0.3e-3 * math.pi * 0.0256 * inner)
