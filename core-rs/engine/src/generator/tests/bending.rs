@@ -179,7 +179,7 @@ fn plates_that_cannot_bend_are_refused() {
     assert!(refused(Shape::Disc, 5, 0.6).contains("`poisson`"));
     assert!(refused(Shape::Rectangle { across: 9, up: 2 }, 0, 0.3).contains("`sides`"));
     let flat = plate(Shape::Disc, 5, Rim::Free).expect_err("refused");
-    assert!(flat.to_string().contains("bending"));
+    assert!(flat.to_string().contains("rings"));
 }
 
 #[test]
