@@ -78,11 +78,12 @@ def plan(
             plan_s=made.seconds,
             cut_short=made.is_cut_short,
             kept=made.is_kept,
+            highest_modes=dict(made.highest_modes),
         )
     elif why is not None:
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
-        console.data(_table(rows) + _summary(made))
+        console.data(_table(rows) + _highest(made) + _summary(made))
 
 
 def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
@@ -165,6 +166,12 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         row.guarantee or "",
         "" if row.left_out_db is None else f"{row.left_out_db:.0f} dB",
     )
+
+
+def _highest(made: Plan) -> str:
+    """The highest mode of each string and plate."""
+    each = [f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in made.highest_modes.items()]
+    return f"\nhighest modes: {', '.join(each)}\n" if each else ""
 
 
 def _summary(made: Plan) -> str:

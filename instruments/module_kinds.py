@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from ergon.instruments.bodies import DECAY, Bending
+from ergon.instruments.materials import MATERIAL
+from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES
 from ergon.instruments.stiff import INHARMONICITY, STRETCHING
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -147,7 +149,14 @@ def _lnl() -> tuple[Field, ...]:
     )
 
 
-_SIDE = k.integer(1, 2 * MAX_RADIUS + 1, "40")
+_RADIUS = k.count_or_size(
+    1, MAX_RADIUS, f"a whole number from 1 to {MAX_RADIUS}, such as 12, or a length, such as 30cm"
+)
+_SIDE = k.count_or_size(
+    1,
+    2 * MAX_RADIUS + 1,
+    f"a whole number from 1 to {2 * MAX_RADIUS + 1}, such as 40, or a length, such as 40cm",
+)
 _SIDES = Pair(_SIDE, _SIDE)
 
 
@@ -162,8 +171,15 @@ def _generators() -> dict[str, Record]:
         Field("X0", _start("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
         Field("V0", _start("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
     )
+    material = Field(
+        "material", MATERIAL, "what it is made of: sets M, f, t60 and stiffness from its size"
+    )
     string = (
         Field("masses", k.integer(1, MAX_MODULES, "60"), "how many MAS in a row", required=True),
+        material,
+        Field("length", k.SIZE, "length of a wire of that material"),
+        Field("diameter", k.SIZE, "diameter of that wire"),
+        Field("tension", k.FORCE, "tension of that wire"),
         m,
         f,
         t60,
@@ -191,8 +207,12 @@ def _generators() -> dict[str, Record]:
     )
     plate = (
         Field("shape", choice("hex", "square", "rectangle", "disc"), "form of the mesh", "hex"),
-        Field("radius", k.integer(1, MAX_RADIUS, "12"), "rings round its centre"),
-        Field("sides", _SIDES, "masses across and up a rectangle"),
+        Field("radius", _RADIUS, "rings round its centre; with a material its size"),
+        Field("sides", _SIDES, "masses across and up a rectangle; with a material its size"),
+        material,
+        Field("thickness", k.SIZE, "thickness of a sheet of that material"),
+        Field("tension", k.SURFACE_TENSION, "pull on each metre of it: it is a membrane"),
+        Field("masses", k.integer(1, MAX_MODULES, "400"), "about how many, with a material"),
         m,
         f,
         t60,
@@ -204,8 +224,10 @@ def _generators() -> dict[str, Record]:
     bank = (
         Field("count", k.integer(1, MAX_MODULES, "10000"), "how many CEL", required=True),
         Field("M", k.MASS, "mass of each", required=True),
-        Field("f", k.PITCHES, "frequencies, spread by logarithm", required=True),
-        Field("t60", k.DURATIONS, "decays: low for high f where even", required=True),
+        Field("f", BANK_PITCHES, "frequencies, spread by logarithm, or of each", required=True),
+        Field("t60", BANK_DECAYS, "decays: low for high f where even, or of each", required=True),
+        Field("gain", BANK_GAINS, "of a list: how much faster than the mass M each moves"),
+        Field("modes", k.PATH, "a CSV file of f, t60 and gain, instead of lists"),
         Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
         Field("place", choice("line", "spiral"), "positions of the members on the bench", "line"),
         *starts,
@@ -285,6 +307,7 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "stretching": 0.0,
     "sides": None,
     "bending": None,
+    "gain": None,
 }
 
 

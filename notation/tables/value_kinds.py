@@ -65,6 +65,18 @@ def integer(low: int, high: int, example: str) -> Text:
     return Text(parse, words, f"^{_NUMBER}$", is_value=True)
 
 
+def count_or_size(low: int, high: int, words: str) -> Text:
+    """A whole number of masses as an int, or a length with its unit as metres."""
+
+    def parse(text: str) -> int | float:
+        if text.strip()[-1:].isalpha():
+            return q.quantity(text, q.SIZE)
+        return q.integer(text, low, high)
+
+    pattern = f"^{_NUMBER}( *({_units(q.SIZE)}))?$"
+    return Text(_cached(parse), words, pattern, units=tuple(q.SIZE.units), is_value=True)
+
+
 def _title(text: str) -> str:
     if len(text) > MAX_TITLE:
         raise TextError(f"the text has more than {MAX_TITLE} characters", length=1, code="E202")
@@ -94,7 +106,9 @@ DISC = quantity(q.DISTANCE, "a radius, such as 5cm")
 DISTANCE = quantity(q.DISTANCE)
 ROOM_SIZE = quantity(q.ROOM_SIZE)
 PAN = quantity(q.PAN, "a place from -1 (first channel) to 1 (second channel), such as -0.3")
+DENSITY = quantity(q.DENSITY)
 PRESSURE = quantity(q.PRESSURE)
+SURFACE_TENSION = quantity(q.SURFACE_TENSION)
 INHARMONICITY = quantity(q.INHARMONICITY)
 POISSON = quantity(q.POISSON, "Poisson's ratio, such as 0.33")
 SPEED = quantity(q.SPEED)

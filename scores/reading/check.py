@@ -7,17 +7,18 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from ergon.instruments import rules
+from ergon.instruments import modal, rules
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.module_kinds import KINDS, member_count
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
-from ergon.instruments.transpose import named_pitch
+from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import lets
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import MISSING, Name
+from ergon.notation.text.document import Document
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
@@ -194,6 +195,7 @@ class Checker:
     def _part(
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
     ) -> None:
+        values = self._with_modes(values)
         part_object = _called(self._made(section, entry, values), name)
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
@@ -202,6 +204,27 @@ class Checker:
         self._written[name] = (entry, part_object)
         self.bodies[name] = _bodies(values)
         self.written[name] = values
+
+    def _with_modes(self, values: Values) -> Values:
+        """The values with the modes of the files that BANKs name."""
+
+        def read(file: str, place: Place) -> Document | None:
+            files = self.uses.files
+            return files.plain(file, files.documents[place.file].folder, place)
+
+        def filled(owner: Values) -> Values:
+            body = owner.given.get(owner.kind)
+            if owner.kind != "BANK" or not isinstance(body, Values) or not body.written("modes"):
+                return owner
+            said = modal.from_file(body, read, moved, self.collector)
+            return replace(owner, given={**owner.given, "BANK": said})
+
+        own = filled(values)
+        modules = values["modules"] or {}
+        said = {n: filled(one) if isinstance(one, Values) else one for n, one in modules.items()}
+        if any(said[n] is not one for n, one in modules.items()):
+            own = replace(own, given={**own.given, "modules": said})
+        return own
 
     def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
         """An instrument of each note, which is called by it: `string.F3`."""

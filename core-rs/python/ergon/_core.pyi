@@ -332,7 +332,7 @@ class Network:
 
         `hex` and `disc` have `radius` rings around the centre, `square` has 2·radius+1 masses a side, a rectangle has
         `sides` (across, up). `bending` is Poisson's ratio of a plate that resists curvature, on a rim that is free, or
-        held at rest and free to turn; a disc takes no other. `t60` may be (f [Hz], t60 [s]) of two modes or more,
+        held at rest and free to turn. `t60` may be (f [Hz], t60 [s]) of two modes or more,
         within 1 %.
         """
     def bank(
@@ -351,6 +351,19 @@ class Network:
 
         When even, t60 [s] goes from the second value at the lowest f to the first at the highest;
         when random, f and t60 are drawn with `seed`.
+        """
+    def cells(
+        self,
+        name: str,
+        *,
+        cells: Sequence[tuple[float, float, float]],
+        place: Literal["line", "spiral"] = "line",
+    ) -> int:
+        """CELs side by side, each with f [Hz], t60 [s] and M [kg]; the index of the first."""
+    def highest_mode(self, first: int) -> float:
+        """Frequency [Hz] of the highest mode of the STRING or PLATE that begins at index `first`.
+
+        It is that of the body by itself, without losses.
         """
     def count(self, first: int) -> int:
         """Number of MATs of the module that begins at index `first`: 1, or those of a generator."""
