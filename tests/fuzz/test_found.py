@@ -1,11 +1,15 @@
 """What the fuzzers found, each as it was found first."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from one_bell import SCORE
 
 from ergon import _core
 from ergon.common.errors import ErgonError
+from ergon.exchange.safe import FileRefusedError
+from ergon.exchange.together import write_all
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
@@ -153,3 +157,12 @@ def test_a_body_that_is_lost_leaves_its_contacts():
     plan = stage(loaded.piece, planned=True).plan
     assert plan is not None
     assert plan.rows()
+
+
+def test_links_in_a_circle_are_not_written_to(tmp_path: Path):
+    """`save` of a journal that names one was an internal error (`journals`, case 31290)."""
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(FileRefusedError, match="a symbolic link in a circle"):
+        write_all({tmp_path / "a": b"", tmp_path / "c": b""}, lambda path: None)
+    assert not (tmp_path / "c").exists()
