@@ -26,6 +26,8 @@ TICK = 1000.0
 _BLOCK = 4096  # frames
 # Positions of a hand that are known beforehand at most: 80 MB, held three times over.
 MAX_TICKS = 10_000_000
+# Frames of a key that moves at most, an hour at 44.1 kHz: their path takes some 20 s of CPU time.
+MAX_FRAMES = 160_000_000
 # Where a key is no longer depends on what was played so long before: it has swung back [s].
 _SETTLED = 5.0
 # Between two gestures so far apart a key that has come to rest is not computed [s].
@@ -156,7 +158,16 @@ def standin(
         help = "write a lower `tick` or a shorter part"
         collector.error("E308", message, player.place, help=help)
         return np.zeros(2)
-    return _sparse_path(network, hands, tick_frames, n_ticks)
+    path = _sparse_path(network, hands, tick_frames, n_ticks)
+    if path is None:
+        message = (
+            f"{quote(player.name)}: the part that plays in place of a real hand moves its key "
+            f"for more than {MAX_FRAMES / piece.rate:,.0f} s; that is the maximum, and pauses of "
+            f"more than {_PAUSE:g} s in which the key is at rest do not count"
+        )
+        collector.error("E308", message, player.place, help="write a shorter part")
+        return np.zeros(2)
+    return path
 
 
 def leading(
@@ -215,27 +226,42 @@ def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArr
 
 def _sparse_path(
     network: _core.Network, hands: Hands, tick_frames: int, n_ticks: int
-) -> NDArray[np.float64]:
-    """Where a key is at every tick (n_ticks,) [m]; long pauses at rest are not computed."""
+) -> NDArray[np.float64] | None:
+    """Where a key is at every tick (n_ticks,) [m]; long pauses at rest are not computed.
+
+    None where more than `MAX_FRAMES` would have to be computed.
+    """
     import numpy as np
 
     rate = hands.piece.rate
     block = max(1, _BLOCK // tick_frames)
+    most = MAX_FRAMES // tick_frames
+    pauses = [*_pauses(hands, tick_frames, n_ticks)]
+    n_moving = n_ticks - sum(begins - busy_until for busy_until, begins in pauses)
+    if n_moving > most:
+        return None
     positions = np.zeros(n_ticks)
     simulation, at = _core.Simulation(network, hands.timeline), 0
-    for busy_until, begins in _pauses(hands, tick_frames, n_ticks):
+    for busy_until, begins in pauses:
         positions[at:busy_until] = _path(simulation, tick_frames, busy_until - at)
         at, first = busy_until, begins - round(rate) // tick_frames
         anew = _core.Simulation(network, hands.timeline, start=first * tick_frames)
         rest = _path(anew, tick_frames, 2)
         # A key that does not begin at rest does not begin anew.
+        if np.ptp(rest) > _AT_REST:
+            n_moving += begins - busy_until
         while at < first and np.ptp(rest) <= _AT_REST:
             count = min(block, first - at)
+            n_moving += count
+            if n_moving > most:
+                return None
             known = positions[at : at + count] = _path(simulation, tick_frames, count)
             at += count
             if np.abs(known - rest[0]).max() <= _AT_REST:
                 positions[at : first + 2] = rest[0]
                 simulation, at = anew, first + 2
+    if n_moving > most:
+        return None
     positions[at:] = _path(simulation, tick_frames, n_ticks - at)
     return positions
 

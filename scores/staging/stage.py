@@ -225,6 +225,7 @@ def stage(
     ledger: bool = False,
     record: bool = False,
     planned: bool = False,
+    fine_contacts: bool = False,
     pins: Pins | None = None,
     store: Store | None = None,
     threads: int = 1,
@@ -235,11 +236,12 @@ def stage(
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
-    A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
-    earlier plan, `store` keeps plans, `real` the players whose hands are real, with what is known
-    of them, `silent` the instruments that are not listened to. A part that leaves all bounds ends
-    the run, or is muted alone. What is `going` is to take over from another stage. Raises
-    StageError with every mistake that the engine finds.
+    A ledger is kept of every module alone, a stream of ergons where none strikes inside a body.
+    With `fine_contacts` and no plan contacts are computed several times a frame. `pins` are the
+    choices of an earlier plan, `store` keeps plans, `real` the players whose hands are real, with
+    what is known of them, `silent` the instruments that are not listened to. A part that leaves all
+    bounds ends the run, or is muted alone. What is `going` is to take over from another stage.
+    Raises StageError with every mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
@@ -261,6 +263,8 @@ def stage(
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
             _stay(piece, plan, ready.collector)
+        elif fine_contacts:
+            plan = _core.Plan.with_fine_contacts(ready.network, ready.timeline)
         simulation = _core.Simulation(
             ready.network,
             ready.timeline,

@@ -3,6 +3,7 @@
 //! A function here does three things: check shapes, let go of the GIL, call the engine. What may take
 //! long is called by `work::computing`, which ends it on Ctrl-C. Anything longer belongs in `ergon-engine`.
 
+mod arrays;
 mod audio;
 mod chance;
 mod curve;

@@ -12,6 +12,7 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::arrays::load_numpy;
 use crate::error::{from_engine, hertz, refused, word};
 use crate::law::{Law, entry, named_row};
 use crate::named::{LawUse, Mode, Place};
@@ -36,7 +37,8 @@ pub(crate) struct Network(pub(crate) network::Network);
 #[pymethods]
 impl Network {
     #[new]
-    fn new() -> Self {
+    fn new(py: Python<'_>) -> Self {
+        load_numpy(py);
         Self::default()
     }
 

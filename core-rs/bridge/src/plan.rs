@@ -86,6 +86,22 @@ impl Plan {
         })
     }
 
+    /// Every module stepped as written, with contacts computed several times a frame.
+    #[staticmethod]
+    fn with_fine_contacts(
+        py: Python<'_>,
+        network: &Network,
+        timeline: &Timeline,
+    ) -> PyResult<Self> {
+        timeline.fits(network)?;
+        let network = Arc::new(network.0.clone());
+        computing(py, || {
+            plan::Plan::with_fine_contacts(network, &timeline.inner)
+        })?
+        .map(|plan| Self(Arc::new(plan)))
+        .map_err(from_engine)
+    }
+
     /// What it does, part by part.
     fn rows(&self) -> Vec<PlanRow> {
         self.0.rows().iter().map(PlanRow::of).collect()

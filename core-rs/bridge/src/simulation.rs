@@ -53,8 +53,12 @@ impl Simulation {
             unchecked,
         };
         if let Some(plan) = plan {
-            if ledger || record {
-                let message = "`ledger` and `record` are not available with a plan";
+            if ledger {
+                return Err(refused("plan", "`ledger` is not available with a plan"));
+            }
+            if record && !plan.0.records(&timeline.inner) {
+                let message =
+                    "`record` is not available with this plan: ergons strike inside bodies";
                 return Err(refused("plan", message));
             }
             let plan = plan.0.clone();

@@ -25,7 +25,7 @@ use std::sync::Arc;
 use crate::bank::{Oscillator, Strikes};
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, Network};
-use crate::scheme::Scheme;
+use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;
 
 /// One island as it will be computed: modules that can touch each other, and their events.
@@ -153,15 +153,60 @@ impl Plan {
             plan.rows
                 .push(Row::stepped(&network, timeline, certificate));
         }
-        plan.units.push(Unit::IslandPlan(Box::new(IslandPlan {
-            network,
+        plan.step_all(timeline, 1);
+        Ok(plan)
+    }
+
+    /// Everything stepped as written, with contacts computed as often a frame as a plan by ear begins with: for networks
+    /// whose contacts are too stiff for [`Plan::plain`].
+    ///
+    /// # Errors
+    ///
+    /// Those of a network that is unstable without its contacts.
+    pub fn with_fine_contacts(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
+        let budget = Budget::default();
+        let (contact_substeps, certificate) =
+            passes::assemble::hub(&network, timeline, &budget, Refusal::Explained)?;
+        let mut plan = Self::empty(network.clone(), timeline);
+        plan.rows
+            .push(Row::stepped(&network, timeline, certificate));
+        plan.step_all(timeline, contact_substeps);
+        Ok(plan)
+    }
+
+    /// Add all of the network as one island, module by module.
+    fn step_all(&mut self, timeline: &Timeline, contact_substeps: usize) {
+        self.units.push(Unit::IslandPlan(Box::new(IslandPlan {
+            network: self.network.clone(),
             timeline: timeline.clone(),
             bodies: Vec::new(),
-            contact_substeps: 1,
+            contact_substeps,
             oversampling: 1,
             to_whole: Whole::default(),
         })));
-        Ok(plan)
+    }
+
+    /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, and
+    /// none what the plan leaves out.
+    pub fn records(&self, timeline: &Timeline) -> bool {
+        let count = |timeline: &Timeline| {
+            [
+                timeline.gestures.len(),
+                timeline.strikes.len(),
+                timeline.ergons.len(),
+            ]
+        };
+        let mut recorded = [0; 3];
+        for unit in &self.units {
+            if let Unit::IslandPlan(island_plan) = unit {
+                let own = count(&island_plan.timeline);
+                recorded
+                    .iter_mut()
+                    .zip(own)
+                    .for_each(|(all, own)| *all += own);
+            }
+        }
+        recorded == count(timeline)
     }
 
     /// No more than is heard and moved, each island by the cheapest method within the budget; or as it was

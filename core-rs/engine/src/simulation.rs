@@ -387,7 +387,7 @@ impl Simulation {
                     mat: whole(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
                     ..record.record
                 },
-                ..record
+                frame: record.frame / u64::from(island_plan.oversampling),
             }));
         }
         // By the frame that they struck in; within it island by island.

@@ -807,6 +807,11 @@ class Plan:
         share: float = 1.0,
     ) -> str:
         """Hash of everything that determines a plan: 64 hex digits. Raises EngineError."""
+    @staticmethod
+    def with_fine_contacts(network: Network, timeline: Timeline) -> Plan:
+        """Every module stepped as written, with contacts computed several times a frame.
+
+        A simulation of this plan records its ergons. Raises EngineError."""
     def rows(self) -> list[PlanRow]:
         """The parts of the plan."""
     def choices(self) -> list[IslandChoice]:
@@ -897,7 +902,8 @@ class IslandStretch:
 class Simulation:
     """Computes a network and its timeline, by a plan or, without one, every module as written.
 
-    `ledger` and `record` need a simulation without a plan. Raises EngineError, UnstableError and
+    `ledger` needs a simulation without a plan, `record` one in which no ergon strikes inside a body
+    of the plan. Raises EngineError, UnstableError and
     StoppedError.
     """
 

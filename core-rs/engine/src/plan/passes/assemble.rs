@@ -142,7 +142,7 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
 }
 
 /// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
-fn hub(
+pub(in crate::plan) fn hub(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,
