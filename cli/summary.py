@@ -74,7 +74,8 @@ def rendered(console: Console, completed: Completed) -> None:
     if job.format.bits != "float":
         for file in (mix, *done.stems):
             if file.peak > 1:
-                console.warn(f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS")
+                over = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
+                console.warn(f"{over}; lower the gain of its routes, or limit or normalise it")
 
 
 def finer(console: Console, simulation: Simulation) -> None:

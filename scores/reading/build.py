@@ -348,7 +348,15 @@ def mix(values: Values | None, files: Files) -> Mix:
     if isinstance(master, Values):
         m = master
         fade = mixing.fade(m["fade"])
-        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place, fade)
+        master_of_mix = Master(
+            m["normalise"],
+            m["limit"],
+            m["gain"],
+            m.node.place,
+            fade,
+            m["reference"],
+            bool(m.written("gain", "normalise")),
+        )
     return Mix(channels, room, routes, master_of_mix, values.place, rooms)
 
 
@@ -383,7 +391,7 @@ def accuracy(values: Values | None) -> Accuracy:
 def render(values: Values | None, files: Files) -> RenderSpec:
     """What is written; not outside of where the score may write."""
     if values is None:
-        return RenderSpec(None, 24, 5.0, None, None)
+        return RenderSpec(None, 24, "auto", None, None)
     if values["file"] is not None:
         folder, place = values.nodes["file"].document.folder, values.place_of("file")
         files.target(values["file"], folder, place, f"{values.context.of('file')}: ")

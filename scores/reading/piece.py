@@ -30,6 +30,8 @@ from ergon.scores.reading.mixing import Fade, Radiation, Room
 # Of a field that came later: where it says nothing, the hash of a score is what it was before.
 UNTOLD = {"untold": True}
 
+REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
+
 Touch = Literal["open", "tracked"]
 Ergons = Literal["event", "particle"]
 
@@ -296,6 +298,8 @@ class Master:
     gain: float
     place: Place
     fade: Fade = field(default=(), metadata=UNTOLD)
+    reference: float | None = field(default=None, metadata=UNTOLD)
+    is_level_given: bool = field(default=True, metadata=UNTOLD)  # by gain or normalise
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,6 +312,19 @@ class Mix:
     master: Master | None
     place: Place | None
     rooms: tuple[Room, ...] = field(default=(), metadata=UNTOLD)
+
+    def reference(self, *, is_measured: bool = False) -> float | None:
+        """The ratio of full scale at which reference quantities are heard.
+
+        None where samples are in SI units: a score gives `gain` or `normalise`, or a file of
+        floats `is_measured`.
+        """
+        master = self.master
+        if master is not None and master.reference is not None:
+            return master.reference
+        if is_measured or (master is not None and master.is_level_given):
+            return None
+        return REFERENCE
 
 
 @dataclass(frozen=True, slots=True)

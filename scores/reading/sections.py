@@ -293,6 +293,12 @@ MASTER = Record(
     "all channels together",
     (
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field(
+            "reference",
+            k.GAIN,
+            "level of 0.1 mm, 1 m/s, 10,000 m/s², 10 mN and 1 Pa",
+            shown="-20dB without gain and normalise",
+        ),
         Field("normalise", k.GAIN, "level of the highest peak, in a file"),
         Field("limit", k.GAIN, "ceiling of the limiter"),
         Field("fade", mixing.FADE, "levels at positions of the piece"),
@@ -315,7 +321,7 @@ RENDER = Record(
     (
         Field("file", k.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
-        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", 5.0, shown="5s"),
+        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", "auto"),
         Field("channels", _CHANNEL, "as in the mix"),
     ),
 )

@@ -93,15 +93,28 @@ class Stage:
         """Loudspeakers."""
         return self.listening.n_channels
 
-    def mixer(self, *, highpass: float | None = None) -> _core.Mixer:
-        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own."""
-        return self.listening.mixer(self.rate, self.simulation.n_out, highpass=highpass)
+    def mixer(
+        self,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        part: str | None = None,
+    ) -> _core.Mixer:
+        """A fresh mixer, of all instruments or of one `part`.
 
-    def stems(self, *, highpass: float | None = None) -> list[tuple[str, _core.Mixer]]:
+        `highpass` [Hz] is for routes that say nothing of their own; `reference` is the ratio of
+        full scale at which reference quantities are heard, None where samples are in SI units.
+        """
+        return self.listening.mixer(
+            self.rate, self.simulation.n_out, highpass=highpass, reference=reference, part=part
+        )
+
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, _core.Mixer]]:
         """A fresh mixer for every instrument that is heard."""
-        n_out = self.simulation.n_out
         return [
-            (part, self.listening.mixer(self.rate, n_out, highpass=highpass, part=part))
+            (part, self.mixer(highpass=highpass, reference=reference, part=part))
             for part in self.listening.parts()
         ]
 

@@ -8,7 +8,7 @@ import soundfile
 from checked import codes
 
 import ergon
-from ergon.rendering.quiet import FadeFinder
+from ergon._core import FadeFinder
 
 RATE = 44_100
 SCORE = """\
@@ -63,13 +63,13 @@ def test_what_beats_is_not_over(block):
     sound = np.ones((8 * RATE, 1))
     sound[RATE : RATE + RATE // 2] = 5e-5
     sound[2 * RATE :] = 5e-5
-    finder, n = FadeFinder(RATE, 0), 8 * RATE if block > 1 else 4 * RATE
+    finder, n = FadeFinder(RATE, 1, 0), 8 * RATE if block > 1 else 4 * RATE
     ends = (finder.take(sound[at : at + block]) for at in range(0, n, block))
     assert next(end for end in ends if end is not None) == 2 * RATE + 4410
 
 
 def test_no_end_before_the_last_event():
-    finder = FadeFinder(RATE, 3 * RATE)
+    finder = FadeFinder(RATE, 2, 3 * RATE)
     assert finder.take(np.zeros((10 * RATE, 2))) == 3 * RATE + 4410
 
 
