@@ -13,6 +13,7 @@ from ergon.instruments.names import Scene
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables import notes
+from ergon.notation.tables.expressions import has_name, word_value
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
@@ -121,7 +122,9 @@ class Entries(Shape):
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
         (at, start), rest = cells[0], cells[1:]
         impulse = None
-        if rest and _IMPULSE.match(rest[-1][0]):
+        last = rest[-1][0] if rest else ""
+        # A name of `let:` after what is struck.
+        if _IMPULSE.match(last) or (len(rest) > 1 and has_name(last, node.document)):
             impulse = self._value("impulse", *rest.pop(), node, context)
         when = self._value("at", at, start, node, context)
         if not 1 <= len(rest) <= MAX_CHORD:
@@ -137,7 +140,7 @@ class Entries(Shape):
         shape = self.entry.by_name[field].shape
         assert isinstance(shape, Text)
         try:
-            return shape.parse(word)
+            return word_value(word, node.document, shape.parse)
         except TextError as error:
             error.offset += offset
             context.text_error(error, node, field, inside=False)

@@ -155,7 +155,11 @@ STRIKES = Record(
         Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
         *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
-        Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
+        Field(
+            "notes",
+            Text(str, "notes, such as A3 C4 E4", has_values=True),
+            "pitch of a CEL at each strike",
+        ),
         Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
         Field("play", Reference("a phrase or a MIDI take"), "what is played, `every` so often"),
         Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
@@ -249,7 +253,7 @@ TEMPO = Record(
     "tempo entry",
     "a tempo, a ramp or a meter from a position on",
     (
-        Field("at", k.WHEN, "where", required=True),
+        Field("at", k.WHEN, "where", shown="the beginning"),
         Field("bpm", k.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
         Field("over", k.LENGTH, "length of the ramp"),
         Field("meter", k.METER, "meter from this position on", shown="4/4"),
