@@ -30,6 +30,7 @@ from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading import mixing
 from ergon.scores.reading.automation import AUTOMATION
+from ergon.scores.reading.include import INCLUDE
 from ergon.scores.reading.manner import DO, OF_GESTURE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.part import PART
@@ -431,6 +432,11 @@ SCORE = Record(
         Field("title", k.TITLE, "the piece's name", ""),
         Field("seed", k.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
         Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
+        Field(
+            "include",
+            ListOf(INCLUDE, single=True),
+            "other scores, played from a position on",
+        ),
         Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),

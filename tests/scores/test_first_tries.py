@@ -134,5 +134,6 @@ def test_a_misspelt_field_is_one_mistake():
 def test_a_tempo_begins_at_the_beginning():
     first = load("s.yaml", text="ergon: 1\ntempo: {bpm: 72}\n").piece
     written = load("s.yaml", text="ergon: 1\ntempo: [{at: 1|1, bpm: 72}]\n").piece
-    assert first is not None and written is not None
+    assert first is not None
+    assert written is not None
     assert first.tempo_map.seconds(5.0) == written.tempo_map.seconds(5.0) == 5.0 * 60 / 72
