@@ -33,6 +33,7 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern import words
 
 MAX_ROWS = 100_000  # of one melody
+_STILL = Length()
 MAX_CHORD = 256  # names of one strike
 _IMPULSE = re.compile(r"[-+.0-9]")
 _WORD = re.compile(r"\S+")
@@ -48,6 +49,7 @@ class Row:
     impulse: tuple[float, float] | None
     place: Place
     before: tuple[Name, ...] = ()  # what was written, where a transposition has changed it
+    jitter: Length = _STILL  # how far chance moves it, earlier or later
 
 
 class _WhatShape(Reference):
@@ -193,6 +195,11 @@ def transformed(
         found = tuple(act(found, transform))
         if transform.word == "stretch":
             length = length.times(transform.amount)
+        if transform.word == "from":
+            length = _less(length, transform)
+            if not found or not max(length.bars, length.beats, length.seconds) > 0.0:
+                message = "'from' begins after the last entry of this phrase"
+                raise TextError(message, offset=transform.offset, length=transform.length)
     return found, length
 
 
@@ -234,6 +241,31 @@ def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
         yield replace(row, at=Length(beats=floor(at.beats / t.amount + 0.5) * t.amount))
 
 
+def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    """Those from an instant on, which becomes the beginning; the first has an impulse by then."""
+    for row in rows:
+        later = _less(_length(row), t)
+        if min(later.beats, later.seconds) >= 0.0:
+            yield replace(row, at=later)
+
+
+def _less(length: Length, t: Transform) -> Length:
+    """A length without the one that `from` leaves out, in its unit."""
+    other = length.seconds if t.time.beats else length.beats
+    if length.bars or other:
+        message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
+        raise TextError(message, offset=t.offset, length=t.length)
+    return Length(0.0, length.beats - t.time.beats, length.seconds - t.time.seconds)
+
+
+def _jitter(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    if t.x:
+        message = "a phrase has instants and no positions to move; write jitter 4ms 0mm"
+        raise TextError(message, offset=t.offset, length=t.length)
+    for row in rows:
+        yield replace(row, jitter=Length(0.0, t.time.beats, t.time.seconds))
+
+
 def _length(row: Row) -> Length:
     assert isinstance(row.at, Length)
     return row.at
@@ -245,6 +277,8 @@ _ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
     "reverse": _reverse,
     "shift": _shift,
     "quantise": _quantise,
+    "from": _from,
+    "jitter": _jitter,
 }
 
 

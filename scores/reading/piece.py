@@ -145,6 +145,8 @@ class Hit:
     impulse: tuple[float, float]
     place: Place
     what: str = ""  # as it is written
+    # How far chance moves it, earlier or later.
+    jitter: Length = field(default=Length(), metadata=UNTOLD)
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,11 +146,16 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
 
 
 def _unsaid(piece: Piece) -> Iterator[Route]:
-    """Without routes every output has a channel of its own, in the order written."""
-    channel = 0
+    """Without routes every output has a channel of its own, in the order written.
+
+    The notes of an instrument are heard from the same ones.
+    """
+    family = {part: name for name, parts in piece.families.items() for part in parts}
+    channels: dict[tuple[str, str], int] = {}
     for instrument in piece.instruments.values():
         for output in instrument.outputs:
-            channel += 1
+            name = family.get(instrument.name, instrument.name), output.name
+            channel = channels.setdefault(name, len(channels) + 1)
             yield Route(instrument.name, output.name, (channel,), 1.0, None, output.place)
 
 
