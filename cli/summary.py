@@ -121,9 +121,10 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
     form = f"{job.format.rate} Hz, " + ("32-bit float" if bits == "float" else f"{bits} bits")
+    at_most = "" if job.fades_from is None else "at most "
     steps = job.stop * (stage.network.n_mat + stage.network.n_lia)
     lines = [
-        f"{job.target}: {seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
+        f"{job.target}: {at_most}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
         f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(held)} more while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{job.stop:,} frames, {steps:.3g} module-steps",

@@ -38,6 +38,7 @@ _BY_METHOD = (
     "reduce K or the law, weaken the strikes, raise the rate, or leave the method to the plan"
 )
 LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
+_LOOKED_AT = 5.0  # [s] of that tail, where nothing is rendered
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
@@ -87,6 +88,13 @@ class Stage:
     def rate(self) -> float:
         """Frames a second [Hz]."""
         return self.piece.rate
+
+    @property
+    def n_looked_at(self) -> int:
+        """Frames to the end, or to 5 s after the last event where the sound says the end."""
+        if self.fades_from is None:
+            return self.n_frames
+        return min(self.n_frames, self.fades_from + int(_LOOKED_AT * self.rate + 0.5))
 
     @property
     def n_channels(self) -> int:

@@ -9,6 +9,7 @@ from checked import codes
 
 import ergon
 from ergon._core import FadeFinder
+from ergon.cli import app
 
 RATE = 44_100
 SCORE = """\
@@ -78,3 +79,16 @@ def test_a_tail_is_a_time_or_auto():
     assert codes(text.replace("TAIL", "auto")) == []
     assert codes(text.replace("TAIL", "7s")) == []
     assert codes(text.replace("TAIL", "atuo")) != []
+
+
+def test_a_performance_ends_there_too(tmp_path, monkeypatch):
+    """Where nothing is written of a tail: the frames of the file, and no more."""
+    monkeypatch.chdir(tmp_path)
+    path = score(tmp_path, "auto")
+    path.write_text(path.read_text().replace("render: {tail: auto}\n", ""), encoding="utf-8")
+    rendered = ergon.render(path)
+    assert app.run(["play", str(path), "--audio", "file:played.wav", "--plain"]) == 0
+    played, _ = soundfile.read("played.wav")
+    # The second that shows that it has faded is heard, to the end of its tick.
+    assert 0.9 <= (len(played) - len(rendered.frames)) / RATE <= 0.91
+    assert np.abs(played[: len(rendered.frames)] - rendered.frames[:, 0]).max() < 1e-6
