@@ -186,9 +186,10 @@ def _config(
     record = None if options.record is None else _recording(options.record, stage)
     config = PlaybackConfig(
         audio=options.card,
-        gain=gain_of(piece, stage, options.gain, report, frozen),
+        gain=gain_of(piece, lambda: stage, options.gain, report, frozen),
         limit=limit,
         highpass=HIGHPASS,
+        reference=piece.mix.reference(),
         start=start // tick_frames(stage) * tick_frames(stage),
         boards=boards,
         guides=guides(piece, boards, options.guide),

@@ -40,7 +40,8 @@ class RenderOptions(AccuracyOptions):
 
     `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
     "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16, 24
-    or "float") decide the level too: "float" is neither normalised nor high-passed. `hands` is the
+    or "float") decide the level too: "float" is in SI units where the score gives no level, and not
+    high-passed. `hands` is the
     file of a recording of live hands. `threads` is the number of threads and `block` the number of
     frames computed at once; both change no sample.
     """

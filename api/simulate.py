@@ -47,7 +47,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     report = report or Report()
     points = probed(piece)
     stage = stage_as_checked(points.piece, report)
-    with report.progress(task, stage.n_frames, stage.rate) as progress:
+    with report.progress(task, stage.n_looked_at, stage.rate) as progress:
         moved, closed, bows = swings(stage, points, progress.at)
     modes = highest_modes(piece, stage.scene)
     return Simulated(followed(stage), moved, closed, stage.rate, points.left_out, bows, modes)

@@ -90,6 +90,7 @@ INTERVAL = Text(
     f"an interval, such as {_EXAMPLE}",
     r"^([+-]?[0-9.]+ *(st|cents?)|x[0-9./]+)$",
     types=("string",),
+    is_value=True,
 )
 
 

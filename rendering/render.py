@@ -23,7 +23,6 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 from .ahead import ahead
 from .balance import MOST, Balance, InstrumentLevel
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
-from .quiet import FadeFinder
 from .resumed import ResumedSimulation, Store
 from .silence import Silence
 
@@ -71,10 +70,15 @@ class Staged(Protocol):
     def n_channels(self) -> int:
         """Loudspeakers that a mixer feeds."""
 
-    def mixer(self, *, highpass: float | None = None) -> Mixer:
-        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own."""
+    def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Mixer:
+        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own.
 
-    def stems(self, *, highpass: float | None = None) -> Sequence[tuple[str, Mixer]]:
+        `reference` is the ratio of full scale at which reference quantities are heard.
+        """
+
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> Sequence[tuple[str, Mixer]]:
         """A fresh mixer for every player or instrument."""
 
 
@@ -165,14 +169,18 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     engine when a part goes non-finite; neither leaves a file.
     """
     start = time.perf_counter()
-    highpass = job.level.highpass
-    stems = list(stage.stems(highpass=highpass)) if job.stems is not None else []
+    highpass, reference = job.level.highpass, job.level.reference
+    stems = []
+    if job.stems is not None:
+        stems = list(stage.stems(highpass=highpass, reference=reference))
     suffix = sound.suffix_of(job.target)
     paths = stem_paths(job.stems, [name for name, _ in stems], suffix) if job.stems else []
     for path in paths:
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
-        mixers = [(job.target, stage.mixer(highpass=highpass), job.level.limit)]
+        mixers = [
+            (job.target, stage.mixer(highpass=highpass, reference=reference), job.level.limit)
+        ]
         # Stems are not limited: what one limiter does to a sum cannot be shared out to its terms.
         mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
         tracks = []
@@ -207,7 +215,7 @@ def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | None:
 
 def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
     """One for each instrument, where there are several and not too many."""
-    stems = stage.stems(highpass=job.level.highpass)
+    stems = stage.stems(highpass=job.level.highpass, reference=job.level.reference)
     if not 1 < len(stems) <= MOST // max(1, stage.n_channels):
         return []
     return [
@@ -231,7 +239,7 @@ def render_array(
         made.append(np.zeros((of.n_frames, of.format.n_channels)))
         return _chain(ArrayWriter(of.format, made[0]), stage, of, of.level.limit)
 
-    mixer = stage.mixer(highpass=job.level.highpass)
+    mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
         track = _track(stack, job, "-", mixer, written_to)
         _, (done,) = _fill(stage, job, [track], progress, (), _resumed(stage, job))
@@ -291,11 +299,15 @@ def _simulate(
     """Mix all frames; the frame at which the files end."""
     import numpy as np
 
+    from ergon import _core
+
     at = 0
     # A limiter looks ahead, past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     last = min(stage.n_frames, job.stop + max(latencies, default=0))
-    fade = None if job.fades_from is None else FadeFinder(stage.rate, job.fades_from)
+    fade = None
+    if job.fades_from is not None:
+        fade = _core.FadeFinder(stage.rate, job.format.n_channels, job.fades_from)
     blocks = frames_of(simulation, last, job.block)
     with contextlib.closing(ahead(blocks) if job.threads > 1 else blocks) as coming:
         for frames in coming:

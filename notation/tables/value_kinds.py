@@ -124,6 +124,7 @@ TAIL = Text(
     lambda text: "auto" if text.strip() == "auto" else q.quantity(text, q.INSTANT),
     f"{PAUSE.what}, or auto",
     f"^({(PAUSE.pattern or '')[1:-1]}|auto)$",
+    is_value=True,
 )
 LEVEL = quantity(q.LEVEL)
 ERROR = quantity(q.ERROR)

@@ -24,6 +24,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import automation, build, leads, melodies, overlay, pressed
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
 from ergon.scores.reading.melody import Voices
 from ergon.scores.reading.mixing import Room
 from ergon.scores.reading.piece import (
@@ -81,9 +82,16 @@ class Checker:
         mix = self._mix()
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led()
+        included = self._included(times, len(duet))
         self._modules()
         plays = self._plays()
         changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
+        for _, one in included:
+            plays += one.parts
+            strikes += one.strikes
+            changes += one.automation
+            duet += one.duet
+            players |= one.players
         gestures = {n: g for n, g in self.gestures.items() if g is not None}
         piece = Piece(
             title=score["title"],
@@ -112,6 +120,58 @@ class Checker:
         if self.collector.has_errors():
             return piece
         return replace(piece, starts=schedule(piece, begins, self.collector))
+
+    # --- what other scores play ------------------------------------------------------------------
+
+    def _included(self, times: Times, n_links: int) -> list[tuple[Include, Played]]:
+        """What is included, with all that it names."""
+        found: list[tuple[Include, Played]] = []
+        n_lines = 0
+        taken = {v.context.name: None for v in self._own("strikes")}
+        owners: dict[str, Player | None] = {v.context.name: None for v in self._own("players")}
+        for one, names in () if self.uses.is_full else self.names.included:
+            if not times.exists(one.at, one.values.place_of("at")):
+                continue
+            file = names.document.file
+            if file not in self.uses.pieces:
+                self.uses.pieces[file] = Checker(names, self.uses).piece()
+            piece = self.uses.pieces[file]
+            if self.collector.has_errors():
+                continue
+            made = played(piece, one, n_links, self.collector)
+            n_links += len(made.duet)
+            n_lines += len(made)
+            if n_lines > MAX_INCLUDED:
+                message = f"more than {MAX_INCLUDED:,} lines are included"
+                self.collector.error("E105", message, one.place)
+                break
+            clashes = [f"strikes {quote(s.name)}" for s in made.strikes if s.name in taken]
+            clashes += [
+                f"player {quote(name)}"
+                for name, player in made.players.items()
+                if owners.get(name, player) != player
+            ]
+            for clash in clashes:
+                message = f"{clash} of {file} is already defined; give its names a prefix"
+                self.collector.error("E303", message, one.place, help="include: {file: x, as: v2}")
+            taken |= {s.name: None for s in made.strikes}
+            owners |= made.players
+            self._reach_included(piece, one.prefix)
+            found.append((one, made))
+        return found
+
+    def _reach_included(self, piece: Piece, prefix: str) -> None:
+        tables = self.names.tables
+        head = f"{prefix}." if prefix else ""
+        self.scene.reached |= {head + name for name in (*piece.keys, *piece.instruments)}
+        for name in piece.gestures:
+            if (full := head + name) in tables["gestures"]:
+                self._gesture(full, tables["gestures"][full])
+            elif full in tables["takes"]:
+                self._pressed(full, tables["takes"][full])
+        for name in piece.takes:
+            if (full := head + name) in tables["takes"]:
+                self._take(full, tables["takes"][full])
 
     # --- what is there --------------------------------------------------------------------------
 
@@ -363,9 +423,9 @@ class Checker:
             if part is MISSING:
                 continue
             for play in part:
-                for played in play.names:
-                    if isinstance(played, Name):
-                        self._reach_played(played, f"part of {quote(name)}")
+                for word in play.names:
+                    if isinstance(word, Name):
+                        self._reach_played(word, f"part of {quote(name)}")
                 plays.append(play)
         return plays
 

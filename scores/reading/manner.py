@@ -13,8 +13,15 @@ from ergon.scores.gesture.transforms import parse_chain, parse_do
 from ergon.scores.reading.piece import UNSAID, Manner
 
 DO = Either(
-    scalar=Text(parse_chain, "transformations, such as scale 0.5, mirror", types=("string",)),
-    sequence=ListOf(Text(parse_do, "a transformation, such as scale 0.5", types=("string",))),
+    scalar=Text(
+        parse_chain,
+        "transformations, such as scale 0.5, mirror",
+        types=("string",),
+        has_values=True,
+    ),
+    sequence=ListOf(
+        Text(parse_do, "a transformation, such as scale 0.5", types=("string",), has_values=True)
+    ),
 )
 # What holds where neither says a thing is DEFAULT_MANNER.
 OF_GESTURE = (

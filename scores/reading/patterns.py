@@ -17,8 +17,9 @@ _EUCLID = Text(
     parse_euclid,
     "pulses and steps, such as 3 8 or 3 8 rotate 2",
     "^[0-9]+ +[0-9]+( +rotate +[0-9]+)?$",
+    has_values=True,
 )
-_SWING = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%")
+_SWING = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%", is_value=True)
 _SKIP = k.integer(0, MAX_OCCURRENCES, "5")
 # How the places of a pattern follow each other, of gestures and of strikes.
 OF_PATTERN = (

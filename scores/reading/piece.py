@@ -30,6 +30,8 @@ from ergon.scores.reading.mixing import Fade, Radiation, Room
 # Fields that came later: the hash of a score omits an empty one, so that it stays what it was.
 OMIT_EMPTY = {"hash_omits_empty": True}
 
+REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
+
 Touch = Literal["open", "tracked"]
 Ergons = Literal["event", "particle"]
 
@@ -143,6 +145,8 @@ class Hit:
     impulse: tuple[float, float]
     place: Place
     what: str = ""  # as it is written
+    # How far chance moves it, earlier or later.
+    jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,6 +302,8 @@ class Master:
     gain: float
     place: Place
     fade: Fade = field(default=(), metadata=OMIT_EMPTY)
+    reference: float | None = field(default=None, metadata=OMIT_EMPTY)
+    is_level_given: bool = field(default=True, metadata=OMIT_EMPTY)  # by gain or normalise
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,6 +316,19 @@ class Mix:
     master: Master | None
     place: Place | None
     rooms: tuple[Room, ...] = field(default=(), metadata=OMIT_EMPTY)
+
+    def reference(self, *, is_measured: bool = False) -> float | None:
+        """The ratio of full scale at which reference quantities are heard.
+
+        None where samples are in SI units: a score gives `gain` or `normalise`, or a file of
+        floats `is_measured`.
+        """
+        master = self.master
+        if master is not None and master.reference is not None:
+            return master.reference
+        if is_measured or (master is not None and master.is_level_given):
+            return None
+        return REFERENCE
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,7 @@ _BY_METHOD = (
     "reduce K or the law, weaken the strikes, raise the rate, or leave the method to the plan"
 )
 LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
+_LOOKED_AT = 5.0  # [s] of that tail, where nothing is rendered
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
@@ -89,19 +90,39 @@ class Stage:
         return self.piece.rate
 
     @property
+    def n_looked_at(self) -> int:
+        """Frames to the end, or to 5 s after the last event where the sound says the end."""
+        if self.fades_from is None:
+            return self.n_frames
+        return min(self.n_frames, self.fades_from + int(_LOOKED_AT * self.rate + 0.5))
+
+    @property
     def n_channels(self) -> int:
         """Loudspeakers."""
         return self.listening.n_channels
 
-    def mixer(self, *, highpass: float | None = None) -> _core.Mixer:
-        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own."""
-        return self.listening.mixer(self.rate, self.simulation.n_out, highpass=highpass)
+    def mixer(
+        self,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        part: str | None = None,
+    ) -> _core.Mixer:
+        """A fresh mixer, of all instruments or of one `part`.
 
-    def stems(self, *, highpass: float | None = None) -> list[tuple[str, _core.Mixer]]:
+        `highpass` [Hz] is for routes that say nothing of their own; `reference` is the ratio of
+        full scale at which reference quantities are heard, None where samples are in SI units.
+        """
+        return self.listening.mixer(
+            self.rate, self.simulation.n_out, highpass=highpass, reference=reference, part=part
+        )
+
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, _core.Mixer]]:
         """A fresh mixer for every instrument that is heard."""
-        n_out = self.simulation.n_out
         return [
-            (part, self.listening.mixer(self.rate, n_out, highpass=highpass, part=part))
+            (part, self.mixer(highpass=highpass, reference=reference, part=part))
             for part in self.listening.parts()
         ]
 

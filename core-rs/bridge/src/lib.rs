@@ -23,6 +23,7 @@ mod network;
 mod pcm;
 mod perform;
 mod plan;
+mod quiet;
 mod recording;
 mod simulation;
 mod status;
@@ -66,6 +67,7 @@ mod _core {
     #[pymodule_export]
     use super::maths::{decibels, exp, ln, pow};
     #[pymodule_export]
+    #[pymodule_export]
     use super::meter::Meter;
     #[pymodule_export]
     use super::mixer::Mixer;
@@ -77,6 +79,8 @@ mod _core {
     use super::perform::{AudioRecorded, Performance};
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
+    #[pymodule_export]
+    use super::quiet::FadeFinder;
     #[pymodule_export]
     use super::recording::{Recording, read_recording};
     #[pymodule_export]

@@ -1067,6 +1067,18 @@ class Meter:
     loudness: float  # LUFS; -inf for silence
     momentary: float  # of the last 400 ms, without gating; LUFS
 
+@final
+class FadeFinder:
+    """Looks for the first tenth of a second, after frame `start`, that begins a quiet second.
+
+    Quiet is 80 dB below the highest peak before. The place does not depend on the size of blocks.
+    """
+
+    def __new__(cls, rate: float, n_channels: int, start: int) -> Self:
+        """Of frames at `rate` [Hz], counted from 0."""
+    def take(self, frames: _Floats) -> int | None:
+        """Take (n_frames, n_channels); the frame at which it has faded, once that is known."""
+
 def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
     """frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
 
@@ -1313,6 +1325,7 @@ class Performance:
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
+        fades_from: int | None = None,
         hands: Sequence[LiveHand] = ...,
         boards: Sequence[LiveBoard] = ...,
         bars: Sequence[int] = ...,
@@ -1323,7 +1336,8 @@ class Performance:
         """Begin to play a copy of the simulation, through a copy of the mixer.
 
         `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
-        `stop`; `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
+        `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
+        FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
         over. Raises EngineError.
         """
     def status(self) -> Status:

@@ -103,6 +103,7 @@ fn stage() -> Stage {
         gain: 1.0,
         limiter: Limiter::new(RATE, 2, 1.0).unwrap(),
         n_frames: None,
+        fades: None,
         tick_frames: EVERY,
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
