@@ -53,7 +53,7 @@ class Bounds:
 def _is_installed(path: Path) -> bool:
     """Whether a path is that of a file that ships."""
     folders = (INSTRUMENTS, SHIPPED)
-    if ".." in path.parts or not any(map(path.is_relative_to, folders)) or not path.is_file():
+    if ".." in path.parts or not any(map(path.is_relative_to, folders)) or not os.path.isfile(path):
         return False
     real = _real(path)
     return any(real.is_relative_to(_real(folder)) for folder in folders)

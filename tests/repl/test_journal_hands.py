@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 import soundfile
 from paced_board import Paced, paced
-from patience import until
+from patience import PATIENCE, until
 from tests.repl.test_repl_live import ok
 
 from ergon.live.boards import Board
@@ -75,21 +76,50 @@ class Played:
         periods = round(1e3 * seconds)
         while periods > 0:
             some = min(periods, 20)
-            for board in self.boards:
-                board.may(some)
-            for board in self.boards:
-                board.wait()
-            self.session.pump()
-            if (path := self.session.guidance.due()) is not None:
-                self.session.guidance.hand(*path)
+            self.step(some)
             periods -= some
+
+    def step(self, periods: int) -> None:
+        """The boards go on, and the session once."""
+        for board in self.boards:
+            board.may(periods)
+        for board in self.boards:
+            board.wait()
+        self.session.pump()
+        if (path := self.session.guidance.due()) is not None:
+            self.session.guidance.hand(*path)
+
+    def lose(self, board: Paced, player: str) -> None:
+        """A board answers no more, until its player's key is gone; the others go on."""
+        board.ways.silent = True
+        board.may(1)
+        self.boards.remove(board)
+        self._until(lambda: player in self.session.commits.engine.status().away)
+
+    def find(self, board: Paced) -> None:
+        """A board answers again, until no key is gone."""
+        board.ways.silent = False
+
+        def is_back() -> bool:
+            board.may(20)
+            return not self.session.commits.engine.status().away
+
+        self._until(is_back)
+        board.hold()
+        self.boards.append(board)
+
+    def _until(self, is_so: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not is_so():
+            self.step(20)
+            assert time.monotonic() < end, "a board was not lost, or not found"
 
 
 @contextmanager
-def playing(folder: Path) -> Iterator[Played]:
+def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
     """Two hands on two devices; every frame that is computed stands in heard.wav."""
     path = folder / "score.yaml"
-    path.write_text(SCORE, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     texts = Texts.read(path)
     version = Version(0, "", texts, piece_of(texts))
     journal = Journal(folder / "session.jsonl")

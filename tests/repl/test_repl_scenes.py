@@ -413,7 +413,8 @@ def test_a_scene_ends_automation_that_is_not_its_own(at: Stepped):
     piece = at.session.commits.running.version.piece
     running = [one for one in piece.automation if automation.leads_from(piece, one, 40.0)]
     assert [one.name for one in running] == ["drum.m.K"]
-    assert running[0].swing is not None and running[0].swing.phase == 0.0  # bar 3: a whole period
+    assert running[0].swing is not None
+    assert running[0].swing.phase == 0.0  # bar 3: a whole period has passed
     assert piece.tempo_map.resolve(running[0].at) == 32.0
     kept = opened(str(Path(at.session.commits.head.texts.path).with_name("verse.yaml")))[1]
     own = [[*matter.quantities(one)] for one in piece.instruments["bell"].modules]
