@@ -337,6 +337,9 @@ class Commits:
         # A line that waits extends it too, if it is due in time.
         left = n_bars // 4 if self.waiting else n_bars // 2
         if now > tempo.bars.start(tempo.bars.bar_beat(running.until)[0] - left):
+            if now > running.until + SAME:  # the program was stopped, or a line took very long
+                first, last = tempo.written(running.until), tempo.written(now)
+                self.said.append(f"the session stood still: nothing began from {first} to {last}")
             damp = running.version.damp
             again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
             try:

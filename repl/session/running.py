@@ -24,9 +24,10 @@ if TYPE_CHECKING:
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
-# Endless parts are put on the timeline for so many seconds ahead, and for this many bars at least and
-# at most; again when half of them are over. What is further ahead would delay the answer to a line.
-_AHEAD, _FEWEST_BARS, _MOST_BARS = 12.0, 4, 32
+# Endless parts are put on the timeline for so many seconds ahead, and this many bars at least and
+# at most; again when half of them are over. What is further ahead would delay the answer to a line;
+# what is less would end while a long line is computed, which keeps the next stretch waiting.
+_AHEAD, _FEWEST_BARS, _MOST_BARS = 16.0, 4, 32
 # The joining curve before a gesture [s]; a version takes over before it begins.
 JOIN = 0.02
 

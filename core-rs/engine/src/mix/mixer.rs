@@ -334,9 +334,10 @@ impl Mixer {
                 delay.take_over(before);
             }
             own.fade = before.fade;
-            if own.gain != before.gain && own.gain != 0.0 {
+            let (gone, come) = (before.written(old.frame), own.written(old.frame));
+            if come != gone && come != 0.0 {
                 let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
-                own.fade(self.rate, before.gain * there / own.gain, 1.0);
+                own.fade(self.rate, gone * there / come, 1.0);
             }
         }
         for room in &mut self.rooms {
@@ -485,6 +486,11 @@ impl Route {
         (out, before.to, before.group) == (Some(self.out), self.to, self.group)
             && before.highpass.is_some() == self.highpass.is_some()
             && before.delay.is_some() == self.delay.is_some()
+    }
+
+    /// Its gain at a frame of the piece, by its curve.
+    fn written(&self, frame: u64) -> f64 {
+        self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
     }
 
     /// Fade to a factor of its gain, from another one.
