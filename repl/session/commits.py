@@ -271,7 +271,16 @@ class Commits:
             tempo = on.version.piece.tempo_map
             if clock.beat(tempo, seconds + self.lead - tick) > one.beat + SAME:
                 leave = enter = clock.beat(tempo, seconds + self.lead)
-        made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+        made = follow(
+            on,
+            version,
+            clock,
+            one.start,
+            leave=leave,
+            enter=enter,
+            real=self.real,
+            extends=not one.number,
+        )
         self._check_sound(made.stage)
         # Every version is made here, so none plays that a real hand's key cannot bear.
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)

@@ -67,7 +67,7 @@ def horizon(tempo: TempoMap, beat: float) -> tuple[float, int]:
     first, reached = tempo.bars.bar_beat(beat)[0], tempo.seconds(beat) + _AHEAD
     n_bars = _FEWEST_BARS
     while n_bars < _MOST_BARS and tempo.seconds(tempo.bars.start(first + n_bars)) < reached:
-        n_bars *= 2
+        n_bars += _FEWEST_BARS
     return tempo.bars.start(first + n_bars), n_bars
 
 
@@ -106,20 +106,25 @@ def follow(
     leave: float,
     enter: float,
     real: Real,
+    extends: bool = False,
 ) -> Running:
     """Stage a version that takes over at frame `start`.
 
-    What the version before began by beat `leave` goes on; the new one plays from beat `enter`.
+    What the version before began by beat `leave` goes on; the new one plays from beat `enter`. One
+    that only `extends` the timeline keeps the scene, also what was on its way: so it is heard
+    nowhere, at whichever frame it comes.
     """
     after = start / before.stage.rate
     old = () if version.cuts else tuple(_left(before, leave, after))
     until = horizon(version.piece.tempo_map, enter)[0]
     piece = replace(version.piece, tempo_map=clock.tempo(version.piece.tempo_map, after))
     new = (Span(piece, Window(enter, until, after)),) if clock.goes else ()
-    pieces = before.version.piece, version.piece
-    moving = glides(*pieces, before.glides, after, version.glide)
-    links = leaving(*pieces, before.glides, before.leaving, after)
-    moving = (*moving, *(one.glide for one in links))
+    moving, links = before.glides, before.leaving
+    if not extends:
+        pieces = before.version.piece, version.piece
+        moving = glides(*pieces, before.glides, after, version.glide)
+        links = leaving(*pieces, before.glides, before.leaving, after)
+        moving = (*moving, *(one.glide for one in links))
     staged = _staged(version, clock, (*old, *new), before.stage, start, real, None, moving, links)
     return Running(version, clock, (*old, *new), staged, start, until, moving, (), links)
 

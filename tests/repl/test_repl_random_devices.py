@@ -45,7 +45,8 @@ class Kept:
         if draw.random() < 0.12:
             self.change()
         else:
-            line = self.draws.line()
+            # What plays here is the file heard.wav itself.
+            line = self.draws.line().replace("heard.wav", "own.wav")
             if draw.random() < 0.15:
                 line = self.draws.one(
                     "guide remi ada K=40N/m now",
