@@ -18,12 +18,15 @@ from paced_board import Paced, paced
 from patience import PATIENCE, until
 from tests.repl.test_repl_live import ok
 
+from ergon import _core
 from ergon.live.boards import Board
 from ergon.live.perform import PlaybackConfig
+from ergon.repl.session.clock import Clock
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart
 from ergon.repl.session.journal_hands import JournalHand, JournalTake
 from ergon.repl.session.live import LiveEngine
+from ergon.repl.session.running import begin, follow
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -320,3 +323,30 @@ def test_silences_that_cannot_be_are_refused(short: Path, tmp_path: Path, silenc
     done = rendered(tmp_path)
     assert done.returncode == 2
     assert "silences neither overlap" in done.stderr
+
+
+def test_what_one_hand_plays_on_two_instruments_goes_on_to_the_last_bit(tmp_path: Path):
+    """Two islands begin with the hand's key, and each must take over from itself."""
+    text = SCORE.replace("gestures:", "  other: {like: drum, transpose: -4st}\ngestures:", 1)
+    path = tmp_path / "score.yaml"
+    path.write_text(text, encoding="utf-8")
+    texts = Texts.read(path)
+    version = Version(0, "", texts, piece_of(texts))
+    real = {"remi": None, "zoe": None}
+    begun = begin(version, Clock(), real, None)
+    zoe = next(hand.index for hand in begun.stage.live if hand.player == "zoe")
+
+    def played(simulation: _core.Simulation, first: int, last: int) -> np.ndarray:
+        frames = np.zeros((44 * (last - first), simulation.n_out))
+        for tick in range(first, last):
+            simulation.hold(zoe, 3e-3 * np.sin(0.02 * tick))
+            simulation.process(frames[44 * (tick - first) : 44 * (tick + 1 - first)])
+        return frames
+
+    simulation = begun.stage.simulation
+    played(simulation, 0, 100)
+    wanted = played(simulation.fork(), 100, 300)
+    assert np.abs(wanted).max() > 1e-4
+    after = follow(begun, version, Clock(), 4400, leave=0.0, enter=0.0, real=real, extends=True)
+    after.stage.simulation.take_over(simulation)
+    assert np.array_equal(played(after.stage.simulation, 100, 300), wanted)

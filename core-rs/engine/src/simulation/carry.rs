@@ -77,11 +77,11 @@ impl Carry {
             by_name.entry(first(island_plan)).or_default().push(at);
         }
         for (at, &(to, _, island_plan)) in here.islands.iter().enumerate() {
-            let candidates = by_name.get(&first(island_plan)).into_iter().flatten();
+            let mut candidates = by_name.get(&first(island_plan)).into_iter().flatten();
             let is_same = |&&before: &&usize| {
                 !same[0][before] && are_same_isles(island_plan, there.islands[before].2)
             };
-            let Some(&before) = candidates.clone().find(is_same) else {
+            let Some(&before) = candidates.find(is_same) else {
                 continue;
             };
             (same[0][before], same[1][at]) = (true, true);
