@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ergon import _core
 from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
 from ergon.scores.edits import structure
 from ergon.scores.edits.lists import items, place
@@ -77,7 +77,7 @@ def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
             u = (instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if is_smooth else u
             if low > 0.0 and gain > 0.0:
-                return low * _core.pow(gain / low, u)
+                return q.level_between(low, gain, u)
             return low + (gain - low) * u
         before = t, gain
     return 1.0 if before is None else before[1]
