@@ -59,7 +59,10 @@ pub struct Law {
 /// What [`Law::is_active`] was first asked (the law's reach included), and its answer: a session asks all laws at each of its lines. Copies of a law
 /// share it.
 #[derive(Clone, Debug, Default)]
-struct Asked(Arc<OnceLock<((u64, u64, u64), bool)>>);
+struct Asked(Arc<OnceLock<(Question, bool)>>);
+
+/// A law's reach, and the greatest elongation and rate that are asked for, by their bits.
+type Question = [u64; 3];
 
 impl PartialEq for Asked {
     /// Always: it follows from the law.
@@ -338,7 +341,7 @@ impl Law {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn is_active(&self, d_max: f64, v_max: f64) -> bool {
-        let question = [self.reach, d_max, v_max].map(f64::to_bits).into();
+        let question: Question = [self.reach, d_max, v_max].map(f64::to_bits);
         let answer = || (question, self.gives_energy(d_max, v_max));
         let known = self.asked.0.get_or_init(answer);
         if known.0 == question {
