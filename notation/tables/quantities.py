@@ -328,3 +328,8 @@ def integer(text: str, low: int, high: int) -> int:
         message = f"{quote(word)} lies outside the range from {low:,} to {high:,}"
         raise TextError(message, length=len(word), code="E202")
     return value
+
+
+def level_between(low: float, high: float, share: float) -> float:
+    """The ratio of amplitudes on a share (0 to 1) of the way in dB between two ratios above 0."""
+    return low * _core.pow(high / low, share)

@@ -36,6 +36,7 @@ class Scope:
     folder: Path | None = None
     strikes: Mapping[str, str] = field(default_factory=dict)
     blocks: Mapping[str, str] = field(default_factory=dict)
+    rooms: Mapping[str, str] = field(default_factory=dict)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -64,6 +65,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         targets=dict(_targets(piece)),
         folder=folder,
         strikes={one.name: "strikes" for one in piece.strikes},
+        rooms={room.name: "room" for room in piece.mix.rooms},
         blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 

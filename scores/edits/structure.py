@@ -30,7 +30,7 @@ def build(
     said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
     if semitones:
         said["transpose"] = f"{semitones:g}st"
-    texts = texts if piece.mix.routes else _routed(texts, piece)
+    texts = routed(texts, piece)
     return texts.put(("instruments", name), edit.flow(said))
 
 
@@ -64,13 +64,13 @@ def route(
     texts: Texts, piece: Piece, name: str, channels: Sequence[str], gain: str | None
 ) -> Texts:
     """Let an instrument sound from channels, in place of where it did. Raises EditError."""
-    texts = texts if piece.mix.routes else _routed(texts, piece)
+    texts = routed(texts, piece)
     to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
     family = next((f for f, members in piece.families.items() if name in members), None)
     routes = items(texts, "mix", "route")
     if family is not None and any(_is_from(node, family) for node in routes):
         raise EditError(f"{name} is routed with all notes of {family}: route {family}")
-    own = [number for number, node in enumerate(routes) if _is_of(node, name)]
+    own = [number for number, node in enumerate(routes) if is_of(node, name)]
     for number in reversed(own[1:]):
         texts = texts.remove(("mix", "route", number))
     if own:
@@ -99,7 +99,7 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     if section == "instruments" and len(path) == 2:
         routes = items(texts, "mix", "route")
         for number in reversed(range(len(routes))):
-            if _is_of(routes[number], name):
+            if is_of(routes[number], name):
                 if len(items(texts, "mix", "route")) == 1:
                     raise EditError(f"{name} is the last instrument that is heard: route another")
                 texts = texts.remove(("mix", "route", number))
@@ -132,8 +132,11 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
     return texts.changed(text + texts.text[after:])
 
 
-def _routed(texts: Texts, piece: Piece) -> Texts:
-    """The routes of a score that says none: each output has a channel of its own."""
+def routed(texts: Texts, piece: Piece) -> Texts:
+    """The routes of a score written out, where it says none: each output has a channel of its
+    own."""
+    if piece.mix.routes:
+        return texts
     channel = 0
     for instrument in piece.instruments.values():
         for output in instrument.outputs:
@@ -176,7 +179,8 @@ def _is_from(route: Node, name: str) -> bool:
     return isinstance(source, Scalar) and source.text == name
 
 
-def _is_of(route: Node, name: str) -> bool:
+def is_of(route: Node, name: str) -> bool:
+    """Whether a route is from an instrument, or from one of its outputs or notes."""
     source = route.get("from") if isinstance(route, document.Mapping) else None
     return isinstance(source, Scalar) and (
         source.text == name or source.text.startswith(f"{name}.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
@@ -310,15 +310,18 @@ class Checker:
             self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
 
     def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
+        make: Callable[[Values], Key | Instrument] = instrument
         if section == "keys":
-            return build.key(values, self.uses.files)
+            make = partial(build.key, files=self.uses.files)
         memory = self.uses.files.memory
-        if memory is None or values is not entry.values:  # what begins with another is merged anew
-            return instrument(values)
+        is_file_read = section == "keys" and values["calib"] is not None
+        # What begins with another is merged anew.
+        if memory is None or values is not entry.values or is_file_read:
+            return make(values)
         # Under its name, for an alias is one node of several names.
         named = tuple(lets(values.node.document).names.items())
-        key = instrument, values.node, values.context.name, named
-        return memory.made(key, partial(instrument, values))
+        key = section, values.node, values.context.name, named
+        return memory.made(key, partial(make, values))
 
     def _modules(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
@@ -334,8 +337,7 @@ class Checker:
             entry, made = self._written[name]
             part = self.scene.parts[name]
             takes = self.names.tables["takes"]
-            laws = self._laws(entry.home, made.modules)
-            modules = rules.modules(part, self.scene, laws, takes, self.bodies[name])
+            modules = self._resolved(part, entry.home, made.modules, takes)
             total += sum(member_count(m.kind, m.fields) for m in modules)
             for module in modules:
                 if isinstance(source := module.fields.get("from"), Name) and source in takes:
@@ -358,6 +360,31 @@ class Checker:
         order = list(self._written)
         self.keys = {n: self.keys[n] for n in order if n in self.keys}
         self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
+
+    def _resolved(
+        self, part: Part, home: Names, written: tuple[Module, ...], takes: dict[str, Entry]
+    ) -> tuple[Module, ...]:
+        """The modules of a part with their names looked up: as before, where nothing that they can
+        reach has changed."""
+
+        def make() -> tuple[tuple[Module, ...], frozenset[str], object]:
+            before, self.scene.reached = self.scene.reached, set()
+            laws = self._laws(home, written)
+            own = rules.modules(part, self.scene, laws, takes, self.bodies[part.name])
+            reached = frozenset(self.scene.reached)
+            self.scene.reached |= before
+            return own, reached, known
+
+        memory = self.uses.files.memory
+        known = [made for _, made in self._written.values()]
+        drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
+        if memory is None or drives or self.scene.broken:
+            return make()[0]
+        # What is kept holds the parts, so that no other has the number of one of them.
+        key = rules.modules, part.name, part.prefix, part.selves, tuple(map(id, known))
+        own, reached, _ = memory.made(key, make)
+        self.scene.reached |= reached
+        return own
 
     def _struck(self, key: Key) -> None:
         names = {module.name: module for module in key.modules}

@@ -190,6 +190,15 @@ def _ways(
         listening.ways.append(replace(way, room=room, gain=gain * share))
 
 
+def fades(piece: Piece) -> list[Curve]:
+    """The fades of a piece, by its frames."""
+    master = piece.mix.master
+    return [
+        _curve(piece, master.fade if master else ()),
+        *(_curve(piece, r.fade) for r in piece.mix.routes if r.fade),
+    ]
+
+
 def _curve(piece: Piece, fade: Fade) -> Curve:
     """A fade by the frames of the piece."""
     tempo = piece.tempo_map

@@ -244,10 +244,10 @@ mod tests {
 
     #[test]
     fn a_list_asks_for_no_more_than_there_is() {
-        let mut list = vec![1.0, 2.0];
+        let mut list = vec![1.0_f64, 2.0];
         let mut bytes = Vec::new();
         Archive::Write(&mut bytes).list(&mut list).unwrap();
-        let mut other = Vec::new();
+        let mut other: Vec<f64> = Vec::new();
         Archive::Read(&bytes).list(&mut other).unwrap();
         assert_eq!(other, list);
         bytes[..8].copy_from_slice(&u64::MAX.to_le_bytes());

@@ -270,10 +270,17 @@ impl Timeline {
             return Err(StrikeError::TooMany);
         }
         let mut n_strikes = 0;
+        // Strikes are drawn in the order of time: what comes after the window need not be drawn.
+        let stop = rain.stop.min(rain.within.1);
+        if rain.start >= stop || rain.within.0 >= stop {
+            return Ok(0);
+        }
         for (member, &mat) in mats.iter().enumerate() {
-            interrupt::poll();
+            if member % 64 == 0 {
+                interrupt::poll();
+            }
             let mut chance = chance(member as u64);
-            let mut times = chance.poisson_times(rain.rate, rain.start, rain.stop);
+            let mut times = chance.poisson_times(rain.rate, rain.start, stop);
             while let Some(at) = times.next() {
                 let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
                 if (rain.within.0..rain.within.1).contains(&at) {

@@ -413,6 +413,11 @@ impl Route {
             && before.delay.is_some() == self.delay.is_some()
     }
 
+    /// Its gain at a frame of the piece, by its curve.
+    fn written(&self, frame: u64) -> f64 {
+        self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
+    }
+
     /// Fade to a factor of its gain, from another one.
     fn fade(&mut self, rate: f64, from: f64, to: f64) {
         let mut fade = Glide::new(rate, from);

@@ -77,20 +77,21 @@ impl Takeover {
             vec![false; here.islands.len()],
         ];
         let first = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
-        let by_name: HashMap<String, usize> = {
-            let all = there.islands.iter().enumerate();
-            all.map(|(at, (_, _, island_plan))| (first(island_plan), at))
-                .collect()
-        };
+        // An imposed point that several islands touch, such as a hand's key, is the first of each.
+        let mut by_name: HashMap<String, Vec<usize>> = HashMap::new();
+        for (at, (_, _, island_plan)) in there.islands.iter().enumerate() {
+            by_name.entry(first(island_plan)).or_default().push(at);
+        }
         for (at, &(to, _, island_plan)) in here.islands.iter().enumerate() {
-            let Some(&before) = by_name.get(&first(island_plan)) else {
+            let mut candidates = by_name.get(&first(island_plan)).into_iter().flatten();
+            let is_same = |&&before: &&usize| {
+                !same[0][before] && are_same_isles(island_plan, there.islands[before].2)
+            };
+            let Some(&before) = candidates.find(is_same) else {
                 continue;
             };
-            let (from, _, other) = there.islands[before];
-            if are_same_isles(island_plan, other) {
-                (same[0][before], same[1][at]) = (true, true);
-                self.units.push((from, to));
-            }
+            (same[0][before], same[1][at]) = (true, true);
+            self.units.push((there.islands[before].0, to));
         }
         same
     }

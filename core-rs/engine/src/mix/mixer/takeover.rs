@@ -34,9 +34,10 @@ impl Mixer {
                 delay.take_over(before);
             }
             own.fade = before.fade;
-            if own.gain != before.gain && own.gain != 0.0 {
+            let (gone, come) = (before.written(old.frame), own.written(old.frame));
+            if come != gone && come != 0.0 {
                 let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
-                own.fade(self.rate, before.gain * there / own.gain, 1.0);
+                own.fade(self.rate, gone * there / come, 1.0);
             }
         }
         for room in &mut self.rooms {
