@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.notation.clock.positions import Length
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
