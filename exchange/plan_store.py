@@ -23,7 +23,10 @@ from ergon.common.regular import read_bounded
 from .plan_file import Choices, NotPlanError, decided, text
 from .safe import FileRefusedError, writing
 
-_Row = tuple[float | None, float | None, float | None, float | None, str | None, bool]
+_Heard = tuple[float, float, float]
+_Row = tuple[
+    float | None, float | None, float | None, _Heard | None, float | None, str | None, bool
+]
 Told = Sequence[_Row]
 Kept = tuple[Choices, str, Told]  # and a hash of what was decided
 
@@ -90,13 +93,19 @@ class PlanStore:
 
 def of_user(environment: Mapping[str, str] = os.environ) -> PlanStore | None:
     """The user's own plans; None where they are to be kept nowhere."""
+    own = folder(environment)
+    return None if own is None else PlanStore(own / "plans")
+
+
+def folder(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """ergon's part of the user's cache folder; None where nothing is to be kept."""
     if environment.get("ERGON_CACHE", "").lower() in ("off", "0", "no"):
         return None
     base = environment.get("XDG_CACHE_HOME", "")
     if Path(base).is_absolute():  # others are to be ignored, says the specification
-        return PlanStore(Path(base) / "ergon" / "plans")
+        return Path(base) / "ergon"
     try:
-        return PlanStore(Path.home() / ".cache" / "ergon" / "plans")
+        return Path.home() / ".cache" / "ergon"
     except RuntimeError:  # nobody's
         return None
 
@@ -122,16 +131,22 @@ def _plan_of(content: object, key: str) -> Kept:
 
 
 def _row_of(row: object) -> _Row:
-    if isinstance(row, list) and len(row) == 6:
-        db, over, spectral, left_out, because, cut_short = row
+    if isinstance(row, list) and len(row) == 7:
+        db, over, spectral, heard, left_out, because, cut_short = row
         is_words = because is None or (isinstance(because, str) and len(because) <= _WORDS_MAX)
         if (
             all(map(_is_number, (db, over, spectral, left_out)))
+            and _is_heard(heard)
             and is_words
             and isinstance(cut_short, bool)
         ):
-            return db, over, spectral, left_out, because, cut_short
-    raise NotPlanError("a row is [dB, s, dB, dB, why, whether it was cut short]")
+            return db, over, spectral, heard and tuple(heard), left_out, because, cut_short
+    raise NotPlanError("a row is [dB, s, dB, [cents, T60, dB], dB, why, whether it was cut short]")
+
+
+def _is_heard(value: object) -> bool:
+    is_three = isinstance(value, list) and len(value) == 3 and None not in value
+    return value is None or (is_three and all(map(_is_number, value)))
 
 
 def _is_number(value: object) -> bool:

@@ -17,6 +17,7 @@ pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModeShapes, Sight};
 pub use report::cache::{CachedReport, key};
 pub use report::row::{Computed, Measured, Reason, Row};
+pub use trial::audible::Audible;
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -413,9 +413,11 @@ class Network:
     def certify(self, rate: float) -> Certificate:
         """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
     def modes(self, part: str, n_modes: int) -> list[Mode]:
-        """The lowest modes of a linear part, of the continuous network.
+        """The lowest modes of a linear part, of the continuous network, whatever its damping.
 
-        Raises EngineError where no part has this name.
+        A mode beyond critical damping has f 0 and the T60 of its slower pole. Where damping couples
+        the modes of more than 120 masses, the 120 lowest undamped ones alone are taken. Raises
+        EngineError where no part has this name.
         """
 
 @final
@@ -708,6 +710,16 @@ class FullRatePart(NamedTuple):
     name: str
     why: str
 
+class AudibleError(NamedTuple):
+    """What is heard of an error, at its worst: of the strongest partials and of third octaves.
+
+    `t60` is a part of the T60; `third_octave_db` counts those that the others do not mask.
+    """
+
+    cents: float
+    t60: float
+    third_octave_db: float
+
 class TrialWork(NamedTuple):
     """Work of a plan's trials, and the most allowed, by the table of costs [s]."""
 
@@ -741,6 +753,7 @@ class PlanRow:
     error_db: float | None  # of the waveform, as a pilot measured it over
     error_s: float | None  # so many seconds from the start
     spectral_db: float | None  # chaotic after that: mean difference of third octaves
+    audible: AudibleError | None  # what is heard of it, where pitch is what counts
     cost: float  # seconds of work for a second of sound, by the table of costs
     guarantee: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
@@ -771,15 +784,23 @@ class Plan:
         upto: float | None = None,
         pins: Sequence[IslandChoice | tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
         told: Sequence[
-            tuple[float | None, float | None, float | None, float | None, str | None, bool]
+            tuple[
+                float | None,
+                float | None,
+                float | None,
+                tuple[float, float, float] | None,
+                float | None,
+                str | None,
+                bool,
+            ]
         ]
         | None = None,
         like: Plan | None = None,
         share: float = 1.0,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, which are used again;
-        `told`: error_db, error_s, spectral_db, left_out_db, because and cut_short of each of that
-        plan's rows; `like`: a plan of another version, whose modes of unchanged bodies are used
+        `told`: error_db, error_s, spectral_db, audible, left_out_db, because and cut_short of each of
+        that plan's rows; `like`: a plan of another version, whose modes of unchanged bodies are used
         again; `share` (0 to 1): the part of the allowance of work that the trials may take."""
 
     @staticmethod

@@ -94,6 +94,15 @@ impl Allowance {
         self.draw(0.0)
     }
 
+    /// What is left, `most` [s] at most, to be drawn from by itself: what ends there counts for no trial that ended.
+    pub(in crate::plan) fn rest(&self, most: f64) -> Self {
+        Self {
+            total: (self.total - self.drawn.get()).clamp(0.0, most),
+            drawn: Cell::new(0.0),
+            n_refused: Cell::new(0),
+        }
+    }
+
     /// Trials that ended because the allowance was spent.
     pub(in crate::plan) fn n_refused(&self) -> usize {
         self.n_refused.get()

@@ -4,11 +4,14 @@ use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 use std::cell::OnceCell;
 
 use crate::integrate::MeshMethod;
+use crate::maths::decibels;
 use crate::network::Error;
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::Ways;
 use crate::plan::trial::allowance::{Allowance, Halt, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::take::{Take, is_worth, play};
 
@@ -31,6 +34,7 @@ pub(in crate::plan) struct Search<'a, F> {
     /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
+    pub(in crate::plan) budget: &'a Budget,
     pub(in crate::plan) allowance: &'a Allowance,
 }
 
@@ -48,10 +52,14 @@ pub(in crate::plan) struct Standing {
     pub(in crate::plan) change: f64,
     /// Where it is chaotic.
     pub(in crate::plan) parting: Option<Parting>,
+    /// What is heard of its error, where pitch is what counts and it is not chaotic.
+    pub(in crate::plan) audible: Option<Audible>,
 }
 
 /// A step on the way is worth it where it gains so much [dB]: by another method, and by a higher rate.
 const GAINS: (f64, f64) = (6.0, 3.0);
+/// Or where what is heard of its error is so many times less.
+const AUDIBLE_GAIN: f64 = 1.5;
 /// Third octaves of takes that have parted: two that differ by rounding alone are up to 2 dB apart over 0.3 s (the
 /// bundled tamtam, struck softly to hard), so what is within that is as good as the same; beyond it a step has to
 /// gain so much [dB].
@@ -93,6 +101,15 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
+    /// How an island and one of half its step are played.
+    pub(in crate::plan) fn ways<'b>(
+        &self,
+        own: &'b IslandPlan,
+        finer: &'b IslandPlan,
+    ) -> [(&'b IslandPlan, usize); 2] {
+        [own, finer].map(|plan| (plan, self.contact_substeps(plan.oversampling)))
+    }
+
     /// Hold an island that was played against half its step.
     pub(in crate::plan) fn hold(
         &self,
@@ -124,8 +141,12 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             };
             pair.parting(&island.island_plan, contact_substeps, self.allowance)?
         };
+        let audible = Audible::of_budget(self.budget, (&take, &fine.sound), self.spans)
+            .filter(|_| parting.is_none())
+            .map(|audible| audible.times(decibels(own - change)));
         Ok(Standing {
             parting,
+            audible,
             own: if take.is_lost { f64::INFINITY } else { own },
             island,
             rung,
@@ -156,7 +177,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 (parting.attack > most && parting.may_have(most)) || parting.spectral > ALIKE
             }
             (_, Some(parting)) => parting.spectral > ALIKE,
-            (_, None) => best.take.is_lost,
+            (_, None) => best.take.is_lost || best.excess(budget) > 1.0,
         };
         let mut fair = None;
         while is_short(&best) {
@@ -179,7 +200,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
             let stand = self.stand(best.oversampling, Ways::All(way), Some(rung), None)?;
-            if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0)) {
+            if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0, self.budget)) {
                 return Ok(Some(stand));
             }
         }
@@ -189,7 +210,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let ways = best.island.ways();
         let last = (!best.take.is_lost).then_some(best.change);
         let stand = self.stand(2 * best.oversampling, Ways::As(&ways), best.rung, last)?;
-        if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.1)) {
+        if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.1, self.budget)) {
             return Ok(Some(stand));
         }
         if best
@@ -201,15 +222,22 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         }
         // The method itself may diverge: a simpler method at a higher rate may not.
         let stand = self.stand(2 * best.oversampling, Ways::Budget, None, None)?;
-        Ok(stand.filter(|stand| stand.beats(best, GAINS.1)))
+        Ok(stand.filter(|stand| stand.beats(best, GAINS.1, self.budget)))
     }
 }
 
 impl Standing {
+    /// What is heard of its error, as a multiple of what a budget of pitch allows.
+    fn excess(&self, budget: &Budget) -> f64 {
+        self.audible.map_or(0.0, |audible| audible.excess(budget))
+    }
+
     /// Whether it is worth its work: by waveform, or where both are chaotic by the attack or the spectrum.
-    fn beats(&self, other: &Self, gain: f64) -> bool {
+    fn beats(&self, other: &Self, gain: f64, budget: &Budget) -> bool {
         let (Some(own), Some(others)) = (&self.parting, &other.parting) else {
-            return self.own < other.own - gain;
+            let (excess, others) = (self.excess(budget), other.excess(budget));
+            let is_nearer = self.own < other.own - gain && excess <= others.max(1.0);
+            return is_nearer || excess < others / AUDIBLE_GAIN;
         };
         let most = others.spectral.max(ALIKE);
         own.spectral.max(ALIKE) < most - GAIN
