@@ -145,8 +145,9 @@ def _row_of(row: object) -> _Row:
 
 
 def _is_heard(value: object) -> bool:
-    is_three = isinstance(value, list) and len(value) == 3 and None not in value
-    return value is None or (is_three and all(map(_is_number, value)))
+    if not isinstance(value, list):
+        return value is None
+    return len(value) == 3 and all(one is not None and _is_number(one) for one in value)
 
 
 def _is_number(value: object) -> bool:

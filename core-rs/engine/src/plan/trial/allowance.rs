@@ -11,6 +11,8 @@ use crate::network::Error;
 const SMALL: (usize, f64) = (100, 1.0);
 const LARGE: (usize, f64) = (1_000, 2.5);
 const MOST: f64 = 10.0;
+/// So large a part more lies aside, to see how long errors hold.
+const ASIDE: f64 = 0.25;
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -41,6 +43,8 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, Halt>) -> Result<Option
 pub(in crate::plan) struct Allowance {
     total: f64,
     drawn: Cell<f64>,
+    /// Work taken from what lies aside, beyond the total.
+    drawn_aside: Cell<f64>,
     /// Trials that ended because the allowance was spent.
     n_refused: Cell<usize>,
 }
@@ -58,6 +62,7 @@ impl Allowance {
         Self {
             total: share * seconds,
             drawn: Cell::new(0.0),
+            drawn_aside: Cell::new(0.0),
             n_refused: Cell::new(0),
         }
     }
@@ -94,13 +99,19 @@ impl Allowance {
         self.draw(0.0)
     }
 
-    /// What is left, `most` [s] at most, to be drawn from by itself: what ends there counts for no trial that ended.
-    pub(in crate::plan) fn rest(&self, most: f64) -> Self {
+    /// What is left of a part of it that lies aside, to be drawn from by itself: no trial ends because of it.
+    pub(in crate::plan) fn aside(&self) -> Self {
         Self {
-            total: (self.total - self.drawn.get()).clamp(0.0, most),
+            total: ASIDE * self.total - self.drawn_aside.get(),
             drawn: Cell::new(0.0),
+            drawn_aside: Cell::new(0.0),
             n_refused: Cell::new(0),
         }
+    }
+
+    /// Take work [s] from what lies aside.
+    pub(in crate::plan) fn spend_aside(&self, seconds: f64) {
+        self.drawn_aside.set(self.drawn_aside.get() + seconds);
     }
 
     /// Trials that ended because the allowance was spent.

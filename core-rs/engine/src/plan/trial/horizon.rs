@@ -17,8 +17,7 @@ const SAME: f64 = 3.0;
 
 /// What is played last is heard for so long [s].
 const RINGS: f64 = 8.0;
-/// Work that this may take [s], and the part of it that is counted on: contacts and guards add to a take.
-const MOST: f64 = 0.25;
+/// The part of the work that lies aside that is counted on: contacts and guards add to a take.
 const SHARE: f64 = 0.5;
 
 /// A way to play an island: its plan, and how often a step contacts are computed.
@@ -46,7 +45,7 @@ pub(in crate::plan) fn held(
 ) -> Result<Measured, Halt> {
     let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
     // What cannot be paid for leaves no trace: of the pilot everything is known.
-    let rest = allowance.rest(MOST);
+    let rest = allowance.aside();
     let each = work(own.0) + work(other.0);
     let n_frames = (end(own.0) * rate).min(SHARE * rest.spent().1 / each) as usize;
     let pilot = (measured.over * rate) as usize;
@@ -56,7 +55,7 @@ pub(in crate::plan) fn held(
     }
     let takes = play(own.0, own.1, n_frames, &rest)
         .and_then(|take| Ok((take, play(other.0, other.1, n_frames, &rest)?)));
-    allowance.spend(rest.spent().0);
+    allowance.spend_aside(rest.spent().0);
     let (take, other) = match takes {
         Ok(takes) => takes,
         Err(Halt::Spent) => return Ok(measured),
