@@ -131,3 +131,18 @@ def test_the_table_shows_it_and_the_cache_keeps_it(
     # Of a waveform nothing is said but its error.
     assert app.run(["plan", score, "--error", "-40dB"]) == 0
     assert "third octaves" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["key-18", "stability-cut-6"])
+def test_a_plan_says_until_when_its_error_holds(name: str):
+    """A pilot ends 0.3 s after the first contact; later the key meets it again, or drifts."""
+    text = (SCENES / f"{name}.yaml").read_text(encoding="utf-8")
+    piece = load("scene.yaml", text=text).piece
+    assert piece is not None
+    ready = prepare(piece)
+    rows = [row for row in _core.Plan(ready.network, ready.timeline).rows() if row.cost]
+    assert rows
+    assert all(row.spectral_db is not None for row in rows)
+    untils = [row.error_s for row in rows if row.error_s is not None]
+    assert len(untils) == len(rows)
+    assert max(untils) < 0.6 * ready.n_frames / piece.rate
