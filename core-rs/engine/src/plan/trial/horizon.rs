@@ -12,6 +12,8 @@ use crate::plan::trial::waveform_error::Spans;
 
 /// From one look at the error to the next [s].
 const LOOK: f64 = 0.1;
+/// Takes whose error is larger have no waveform in common [dB].
+const PARTED: f64 = -10.0;
 /// Up to here an error may grow beyond a pilot's and still be the same [dB].
 const SAME: f64 = 3.0;
 
@@ -44,6 +46,9 @@ pub(in crate::plan) fn held(
     allowance: &Allowance,
 ) -> Result<Measured, Halt> {
     let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
+    if measured.db > PARTED {
+        return Ok(measured); // there is no waveform that could hold
+    }
     // What cannot be paid for leaves no trace: of the pilot everything is known.
     let rest = allowance.aside();
     let each = work(own.0) + work(other.0);
