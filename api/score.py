@@ -89,6 +89,7 @@ def stage_piece(
     `options` say how it is planned; without them every module is stepped as written, where the
     engine accepts that. Raises ScoreError and OptionError.
     """
+    from ergon.exchange import machine_speed
     from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.fallback import stage_or_plan
     from ergon.scores.staging.implausible import implausible
@@ -104,7 +105,8 @@ def stage_piece(
         followed = options.followed()
         played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
         pins = followed.choices if followed is not None else None
-        build = partial(stage, planned=True, pins=pins, seed=options.seed)
+        correction = machine_speed.kept() or 1.0
+        build = partial(stage, planned=True, pins=pins, seed=options.seed, correction=correction)
     waiting = (report or Report()).waiting("planning")
     with staging(lambda: loaded, report), waiting:
         staged = build(

@@ -81,7 +81,7 @@ class CacheFolder:
 
 
 def of_user(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
-    """The user's own cache folder of this name; None where nothing is to be kept."""
+    """What has this name in the user's own cache folder; None where nothing is to be kept."""
     if environment.get("ERGON_CACHE", "").lower() in ("off", "0", "no"):
         return None
     base = environment.get("XDG_CACHE_HOME", "")

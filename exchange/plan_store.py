@@ -16,7 +16,10 @@ from . import cache_folder
 from .cache_folder import CacheFolder, of_this_version
 from .plan_file import Choices, NotPlanError, decided, text
 
-_Row = tuple[float | None, float | None, float | None, float | None, str | None, bool]
+_Heard = tuple[float, float, float]
+_Row = tuple[
+    float | None, float | None, float | None, _Heard | None, float | None, str | None, bool
+]
 Told = Sequence[_Row]
 Kept = tuple[Choices, str, Told]  # and a hash of what was decided
 
@@ -68,16 +71,23 @@ def _plan_of(content: object, key: str) -> Kept:
 
 
 def _row_of(row: object) -> _Row:
-    if isinstance(row, list) and len(row) == 6:
-        db, over, spectral, left_out, because, cut_short = row
+    if isinstance(row, list) and len(row) == 7:
+        db, over, spectral, heard, left_out, because, cut_short = row
         is_words = because is None or (isinstance(because, str) and len(because) <= _WORDS_MAX)
         if (
             all(map(_is_number, (db, over, spectral, left_out)))
+            and _is_heard(heard)
             and is_words
             and isinstance(cut_short, bool)
         ):
-            return db, over, spectral, left_out, because, cut_short
-    raise NotPlanError("a row is [dB, s, dB, dB, why, whether it was cut short]")
+            return db, over, spectral, heard and tuple(heard), left_out, because, cut_short
+    raise NotPlanError("a row is [dB, s, dB, [cents, T60, dB], dB, why, whether it was cut short]")
+
+
+def _is_heard(value: object) -> bool:
+    if not isinstance(value, list):
+        return value is None
+    return len(value) == 3 and all(one is not None and _is_number(one) for one in value)
 
 
 def _is_number(value: object) -> bool:

@@ -254,6 +254,7 @@ def stage(
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     going: Going | None = None,
+    correction: float = 1.0,
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
@@ -261,8 +262,9 @@ def stage(
     With `fine_contacts` and no plan contacts are computed several times a frame. `pins` are the
     choices of an earlier plan, `store` keeps plans, `real` the players whose hands are real, with
     what is known of them, `silent` the instruments that are not listened to. A part that leaves all
-    bounds ends the run, or is muted alone. What is `going` is to take over from another stage.
-    Raises StageError with every mistake that the engine finds.
+    bounds ends the run, or is muted alone. Work takes `correction` times as long as the table of
+    costs says. What is `going` is to take over from another stage. Raises StageError with every
+    mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
@@ -279,7 +281,8 @@ def stage(
         if planned:
             other = like.plan if like is not None else None
             parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
-            made = make(*parts, is_foreseen=going.spans is None and not real)
+            is_foreseen = going.spans is None and not real
+            made = make(*parts, is_foreseen=is_foreseen, correction=correction)
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)

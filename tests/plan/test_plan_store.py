@@ -131,7 +131,7 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: P
 def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
     store = PlanStore(plans)
-    one = ([(5, 1, 1, [[1, 2]])], "ab", [(-60.5, 0.3, 0.8, None, None, False)])
+    one = ([(5, 1, 1, [[1, 2]])], "ab", [(-60.5, 0.3, 0.8, (0.5, 0.01, 0.2), None, None, False)])
     stranger = plans / "notes.txt"
     plans.mkdir(parents=True)
     stranger.write_text("mine")

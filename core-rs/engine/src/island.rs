@@ -50,7 +50,8 @@ pub(crate) struct Script {
     pub(crate) gestures: Vec<FramedGesture>,
     pub(crate) voices: Vec<VoiceScript>,
     pushes: Vec<Push>,
-    ergons: Vec<Ergon>,
+    /// By rising frame.
+    ergons: Vec<(u64, Ergon)>,
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
     glides: Vec<glide::Glide>,

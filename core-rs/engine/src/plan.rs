@@ -18,6 +18,7 @@ pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
 pub use report::cache::{CachedReport, key};
 pub(crate) use report::content::Content;
 pub use report::row::{Computed, Measured, Reason, Row};
+pub use trial::audible::Audible;
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -23,8 +23,16 @@ FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played 
 _Floats = NDArray[np.float64]
 _LinkFactor = tuple[int, float]  # (LIA, factor of its force)
 _NativeLaw = tuple[int, int]  # (index in Network.laws(), address of its machine code)
-# What a row of a plan says of an island: (error_db, error_s, spectral_db, left_out_db, because, cut_short)
-_IslandErrors = tuple[float | None, float | None, float | None, float | None, str | None, bool]
+# What a row of a plan says of an island: (error_db, error_s, spectral_db, audible, left_out_db, because, cut_short)
+_IslandErrors = tuple[
+    float | None,
+    float | None,
+    float | None,
+    tuple[float, float, float] | None,
+    float | None,
+    str | None,
+    bool,
+]
 
 class Range(NamedTuple):
     """The lowest and the highest of some positions, [m] or [rad]."""
@@ -430,9 +438,11 @@ class Network:
     def certify(self, rate: float) -> Certificate:
         """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
     def modes(self, part: str, n_modes: int) -> list[Mode]:
-        """The lowest modes of a linear part, of the continuous network.
+        """The lowest modes of a linear part, of the continuous network, whatever its damping.
 
-        Raises EngineError where no part has this name.
+        A mode beyond critical damping has f 0 and the T60 of its slower pole. Where damping couples
+        the modes of more than 120 masses, the 120 lowest undamped ones alone are taken. Raises
+        EngineError where no part has this name.
         """
 
 @final
@@ -725,6 +735,16 @@ class FullRatePart(NamedTuple):
     name: str
     why: str
 
+class AudibleError(NamedTuple):
+    """What is heard of an error, at its worst: of the strongest partials and of third octaves.
+
+    `t60` is a part of the T60; `third_octave_db` counts those that the others do not mask.
+    """
+
+    cents: float
+    t60: float
+    third_octave_db: float
+
 class TrialWork(NamedTuple):
     """Work of a plan's trials, and the most allowed, by the table of costs [s]."""
 
@@ -758,6 +778,7 @@ class PlanRow:
     error_db: float | None  # of the waveform, as a pilot measured it over
     error_s: float | None  # so many seconds from the start
     spectral_db: float | None  # chaotic after that: mean difference of third octaves
+    audible: AudibleError | None  # what is heard of it, where pitch is what counts
     cost: float  # seconds of work for a second of sound, by the table of costs
     guarantee: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped

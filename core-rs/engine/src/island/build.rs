@@ -110,8 +110,11 @@ impl Island {
         let pushes = pushes(&network, timeline, |mat| {
             network.degree(mat) == touches(mat)
         });
-        let mut ergons = timeline.ergons.clone();
-        ergons.sort_by_key(|ergon| frame(ergon.at, timeline.rate.hertz()));
+        let ergons = timeline.ergons.iter();
+        let mut ergons: Vec<_> = ergons
+            .map(|ergon| (timeline.frame(ergon.at), *ergon))
+            .collect();
+        ergons.sort_by_key(|(frame, _)| *frame);
         let ledger = options
             .ledger
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
@@ -291,10 +294,10 @@ fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
 
 /// The gestures of a timeline at its rate.
 fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
-    let rate = timeline.rate.hertz();
+    let (rate, oversampling) = (timeline.rate.hertz(), timeline.oversampling);
     let gestures = timeline.gestures.iter();
     gestures
-        .map(|gesture| FramedGesture::new(gesture, rate))
+        .map(|gesture| FramedGesture::new(gesture, rate, oversampling))
         .collect()
 }
 

@@ -10,7 +10,6 @@ use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 use crate::timeline::GateContinuation;
-use crate::units::frame;
 
 /// Steps between two looks at whether a computation is to end: of half a million masses they take 50 ms.
 const LOOK: usize = 16;
@@ -299,10 +298,10 @@ fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
             .iter_mut()
             .for_each(|body| body.struck(mat, push.force));
     }
-    while let Some(ergon) = script
+    while let Some((_, ergon)) = script
         .ergons
         .get(state.ergons)
-        .filter(|ergon| frame(ergon.at, scheme.rate) <= n)
+        .filter(|(frame, _)| *frame <= n)
     {
         state.ergons += 1;
         let mat = ergon.mat as usize;

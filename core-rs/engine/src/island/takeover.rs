@@ -3,7 +3,6 @@
 use super::Island;
 use crate::kernel;
 use crate::timeline::{DriveKind, GateContinuation};
-use crate::units::frame;
 
 /// What passes from a voice, a gate or a hand of one island to one of another.
 #[derive(Clone, Debug)]
@@ -30,8 +29,7 @@ impl Island {
         let rate = script.scheme.rate;
         state.frame = n;
         state.pushed = script.pushes.partition_point(|push| push.frame < n);
-        let past = |ergon: &crate::timeline::Ergon| frame(ergon.at, rate) < n;
-        state.ergons = script.ergons.partition_point(past);
+        state.ergons = script.ergons.partition_point(|(frame, _)| *frame < n);
         for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
             voice.seek(own, &script.gestures, n);
         }

@@ -1,7 +1,9 @@
 //! The beginning of an island is played to measure what its plan costs in accuracy.
 
 pub(in crate::plan) mod allowance;
+pub(in crate::plan) mod audible;
 pub(in crate::plan) mod chaos;
+pub(in crate::plan) mod horizon;
 pub(in crate::plan) mod macrostep;
 pub(in crate::plan) mod multirate;
 pub(in crate::plan) mod pilot;

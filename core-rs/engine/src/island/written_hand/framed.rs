@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::gesture::placed::Placed;
 use crate::gesture::script::{Gesture, Stretch};
-use crate::units::{floor_frame, frame};
+use crate::units::{floor_frame, score_frame};
 
 /// An instant this close before a frame [frames] falls on it: dividing beats by a tempo leaves so much.
 const SLACK: f64 = 1e-6;
@@ -15,27 +15,17 @@ const KNOT_SLACK: f64 = 1e-6;
 /// the other: a leg's first target is the one after the last of the leg before it.
 #[derive(Clone, Debug)]
 pub(crate) enum Leg {
-    /// Follow a path; the targets end with `last`.
-    Path { path: Placed, last: u64 },
+    /// Follow a path; the targets end with `last`. After a throw one strike leads onto it, by frame `entered`.
+    Path {
+        path: Placed,
+        entered: u64,
+        last: u64,
+    },
     /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
     Throw { from: u64, to: u64, x: f64 },
 }
 
 impl Leg {
-    fn new(stretch: &Stretch, rate: f64) -> Self {
-        match stretch {
-            Stretch::Path { path, stop } => Self::Path {
-                path: path.clone(),
-                last: last_frame(*stop, rate),
-            },
-            &Stretch::Throw { from, to, x, .. } => Self::Throw {
-                from: frame(from, rate),
-                to: frame(to, rate),
-                x,
-            },
-        }
-    }
-
     pub(crate) fn last(&self) -> u64 {
         match self {
             Self::Path { last, .. } => *last,
@@ -55,22 +45,54 @@ pub(crate) struct FramedGesture {
     pub(crate) join_from: u64,
     /// Frames of the written points, rising.
     points: Vec<u64>,
+    /// Frames of this rate in a frame of the score.
+    oversampling: u32,
 }
 
 impl FramedGesture {
-    /// At a rate [Hz] that [`Gesture::check_rate`] allows.
-    pub(crate) fn new(gesture: &Arc<Gesture>, rate: f64) -> Self {
+    /// At a rate [Hz] that is `oversampling` times one that [`Gesture::check_rate`] allows.
+    ///
+    /// Throws and grains strike and land where frames of the score begin: at the same instants at every oversampling.
+    pub(crate) fn new(gesture: &Arc<Gesture>, rate: f64, oversampling: u32) -> Self {
         let (start, join) = (gesture.start, gesture.manner.join);
-        let stretches = gesture.stretches.iter();
+        let frame = |t: f64| score_frame(t, rate, oversampling);
+        let last = |t: f64| match gesture.manner.grain {
+            None => last_frame(t, rate),
+            Some(_) => last_score_frame(t, rate, oversampling),
+        };
+        let mut first = last(start);
+        let mut legs: Vec<Leg> = Vec::with_capacity(gesture.stretches.len());
+        for stretch in &gesture.stretches {
+            let leg = match *stretch {
+                Stretch::Path { ref path, stop } => Leg::Path {
+                    path: path.clone(),
+                    entered: match legs.last() {
+                        Some(Leg::Throw { to, .. }) if oversampling > 1 => {
+                            to + u64::from(oversampling)
+                        }
+                        _ => 0,
+                    },
+                    last: last(stop),
+                },
+                Stretch::Throw { from, to, x, .. } => {
+                    let (from, to) = (frame(from), frame(to));
+                    // Half-way to the next frame of the score a path gives way to the strike before its end.
+                    match legs.last_mut() {
+                        Some(Leg::Path { last, .. }) => *last = from.min(*last),
+                        Some(Leg::Throw { .. }) => {}
+                        None => first = from.min(first),
+                    }
+                    Leg::Throw { from, to, x }
+                }
+            };
+            legs.push(leg);
+        }
         Self {
-            legs: stretches.map(|stretch| Leg::new(stretch, rate)).collect(),
-            first: last_frame(start, rate),
+            legs,
+            first,
             join_from: floor_frame(((start - join) * rate - SLACK).ceil()),
-            points: gesture
-                .points
-                .iter()
-                .map(|point| frame(point.0, rate))
-                .collect(),
+            points: gesture.points.iter().map(|point| frame(point.0)).collect(),
+            oversampling,
             gesture: gesture.clone(),
         }
     }
@@ -80,14 +102,24 @@ impl FramedGesture {
         self.legs.last().map_or(self.first, Leg::last)
     }
 
+    /// Frames in a frame of the score.
+    pub(crate) fn score_frame(&self) -> u64 {
+        u64::from(self.oversampling)
+    }
+
     /// The frame after `n` at which the next grain is due: a multiple of the grain since the start,
     /// or a written point before it.
     pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
         // Of grains shorter than a frame one is due at every frame; there may be too many to count.
-        if grain * rate <= 1.0 {
-            return n + 1;
+        let times = u64::from(self.oversampling);
+        let score_rate = rate / f64::from(self.oversampling);
+        if grain * score_rate <= 1.0 {
+            return (n / times + 1) * times;
         }
-        let knot = |k: f64| frame(self.gesture.start + k * grain + KNOT_SLACK / rate, rate);
+        let knot = |k: f64| {
+            let t = self.gesture.start + k * grain + KNOT_SLACK / score_rate;
+            score_frame(t, rate, self.oversampling)
+        };
         let mut k = ((n as f64 / rate - self.gesture.start) / grain)
             .floor()
             .max(0.0);
@@ -112,4 +144,9 @@ impl FramedGesture {
 /// The last frame at or before an instant [s].
 fn last_frame(t: f64, rate: f64) -> u64 {
     floor_frame(t * rate + SLACK)
+}
+
+/// The last beginning of a frame of the score at or before an instant [s].
+fn last_score_frame(t: f64, rate: f64, oversampling: u32) -> u64 {
+    last_frame(t, rate / f64::from(oversampling)) * u64::from(oversampling)
 }

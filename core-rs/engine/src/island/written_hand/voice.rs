@@ -296,13 +296,21 @@ impl Voice {
             }
         }
         match &gesture.legs[now.leg] {
-            Leg::Path { path, last } => match gesture.gesture.manner.grain {
-                None => Some(Ask::Pass(
+            Leg::Path {
+                path,
+                entered,
+                last,
+            } => match gesture.gesture.manner.grain {
+                None if target > *entered => Some(Ask::Pass(
                     path.at_from(&mut now.cursor, t.min(path.stop())).0,
                 )),
-                Some(_) if n < now.struck_until => None,
-                Some(grain) => {
-                    let to = gesture.knot_after(n, grain, rate).min(*last);
+                _ if n < now.struck_until => None,
+                grain => {
+                    let to = match grain {
+                        Some(grain) => gesture.knot_after(n, grain, rate),
+                        None => *entered,
+                    };
+                    let to = to.min(*last);
                     now.struck_until = to;
                     let t = (to as f64 / rate).min(path.stop());
                     now.aim = path.at_from(&mut now.cursor, t).0;

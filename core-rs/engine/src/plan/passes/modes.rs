@@ -70,17 +70,13 @@ impl Modes {
         }
         let (lambda, mut seen) = whole(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
         let top = lambda.last().copied().unwrap_or(0.0);
-        // A body that nothing holds has a mode at 0, to rounding.
-        let lambda: Vec<f64> = lambda
-            .into_iter()
-            .map(|lambda| {
-                if lambda <= 1e-13 * top * n as f64 {
-                    0.0
-                } else {
-                    lambda
-                }
-            })
-            .collect();
+        // A body that nothing holds has a mode at 0, to rounding; below it a mode grows.
+        let least = 1e-13 * top * n as f64;
+        if lambda.iter().any(|lambda| *lambda < -least) {
+            return Err(NoModes::Diverges);
+        }
+        let loose = |lambda: f64| if lambda <= least { 0.0 } else { lambda };
+        let lambda: Vec<f64> = lambda.into_iter().map(loose).collect();
         let zeta = match linear.proportion {
             Some([alpha, beta]) => lambda.iter().map(|lambda| alpha + beta * lambda).collect(),
             None => {
@@ -172,5 +168,29 @@ impl Modes {
         } else {
             (self.cell(mode).frequency(), 0.5 * self.zeta[mode])
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::Tie;
+
+    #[test]
+    fn a_mode_that_grows_is_no_mode_at_rest() {
+        let modes = |k: f64| {
+            let mut network = Network::new();
+            let wall = network.sol("wall", 0.0).unwrap();
+            let a = network
+                .cel("a", 0.01, Tie::Physical { k: 100.0, z: 0.0 }, 0.0, 0.0, 0.0)
+                .unwrap();
+            let b = network.mas("b", 0.01, 0.0, 0.0).unwrap();
+            network.spring("k", a, b, 2_000.0, 0.0, 0.0).unwrap();
+            network.spring("n", wall, b, k, 0.0, 0.0).unwrap();
+            Modes::new(&network, &[vec![(a, 1.0)]], Rate::new(44_100.0).unwrap())
+        };
+        let alone = modes(0.0).unwrap();
+        assert!(alone.lambda.iter().all(|lambda| *lambda > 0.0));
+        assert_eq!(modes(-500.0).err(), Some(NoModes::Diverges));
     }
 }

@@ -60,8 +60,14 @@ pub(in crate::plan) fn recall(rows: &mut [Row], reports: &[CachedReport]) -> Res
     }
     for (row, reports) in rows.iter_mut().zip(reports) {
         let numbers = reports.error.iter();
-        let numbers =
-            numbers.flat_map(|reports| [Some(reports.db), Some(reports.over), reports.spectral]);
+        let numbers = numbers.flat_map(|reports| {
+            let audible = reports.audible;
+            let heard = audible.map(|audible| [audible.cents, audible.t60, audible.level]);
+            let heard = heard.into_iter().flatten().map(Some);
+            [Some(reports.db), Some(reports.over), reports.spectral]
+                .into_iter()
+                .chain(heard)
+        });
         let is_number = numbers
             .flatten()
             .chain(reports.left_out)

@@ -11,6 +11,8 @@ use crate::network::Error;
 const SMALL: (usize, f64) = (100, 0.8);
 const LARGE: (usize, f64) = (1_000, 2.5);
 const MOST: f64 = 10.0;
+/// So large a part more lies aside, to see how long errors hold.
+const ASIDE: f64 = 0.25;
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -41,6 +43,8 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<
 pub(in crate::plan) struct Allowance {
     total: f64,
     drawn: Cell<f64>,
+    /// Work taken from what lies aside, beyond the total.
+    drawn_aside: Cell<f64>,
     /// Trials that ended because the allowance was spent.
     n_refused: Cell<usize>,
 }
@@ -58,11 +62,12 @@ impl Allowance {
         Self {
             total: share * seconds,
             drawn: Cell::new(0.0),
+            drawn_aside: Cell::new(0.0),
             n_refused: Cell::new(0),
         }
     }
 
-    /// PilotRun so much work [s] before it is done.
+    /// Take so much work [s] before it is done.
     ///
     /// # Errors
     ///
@@ -77,7 +82,7 @@ impl Allowance {
         Ok(())
     }
 
-    /// PilotRun work [s] that is done whatever is left: what remains for trials is less by it.
+    /// Take work [s] that is done whatever is left: what remains for trials is less by it.
     pub(in crate::plan) fn spend(&self, seconds: f64) {
         self.drawn.set((self.drawn.get() + seconds).min(self.total));
     }
@@ -92,6 +97,21 @@ impl Allowance {
             return self.draw(f64::INFINITY);
         }
         self.draw(0.0)
+    }
+
+    /// What is left of a part of it that lies aside, to be drawn from by itself: no trial ends because of it.
+    pub(in crate::plan) fn aside(&self) -> Self {
+        Self {
+            total: ASIDE * self.total - self.drawn_aside.get(),
+            drawn: Cell::new(0.0),
+            drawn_aside: Cell::new(0.0),
+            n_refused: Cell::new(0),
+        }
+    }
+
+    /// Take work [s] from what lies aside.
+    pub(in crate::plan) fn spend_aside(&self, seconds: f64) {
+        self.drawn_aside.set(self.drawn_aside.get() + seconds);
     }
 
     /// Trials that ended because the allowance was spent.

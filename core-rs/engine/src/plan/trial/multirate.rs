@@ -14,6 +14,7 @@ use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::pilot_run::{is_worth, length, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
@@ -170,16 +171,21 @@ pub(in crate::plan) fn error(
         let run = play(&island.island_plan, contact_substeps, n_frames, allowance);
         unless_spent(run)
     };
-    let (Some(slow), Some(single)) = (played(&slow)?, played(&single)?) else {
+    let (Some(slowly), Some(plainly)) = (played(&slow)?, played(&single)?) else {
         return Ok(None);
     };
-    let db = difference(&slow.sound, &single.sound, &spans);
-    let over = n_frames as f64 / spans.rate;
-    Ok(db.is_finite().then_some(Measured {
+    let db = difference(&slowly.sound, &plainly.sound, &spans);
+    if !db.is_finite() {
+        return Ok(None);
+    }
+    let measured = Measured {
         db,
-        over,
+        over: n_frames as f64 / spans.rate,
         spectral: None,
-    }))
+        audible: None,
+    };
+    let ways = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
+    unless_spent(horizon::held(measured, budget.asked(), ways, allowance))
 }
 
 /// How sure a certificate is of an island whose other links say `word`.

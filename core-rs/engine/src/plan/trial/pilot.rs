@@ -16,7 +16,9 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{PilotRun, length, play};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
@@ -99,8 +101,11 @@ pub(in crate::plan) fn pilot(
         allowance,
         once: found.contact_substeps * island.island_plan.oversampling as usize,
         n_frames,
+        budget,
     };
-    let told = |own: Option<f64>, parting: Option<&Parting>| {
+    let of_contacts =
+        unless_spent(found.audible(&island.island_plan, budget, (n_frames, &spans), allowance))?;
+    let told = |own: Option<f64>, parting: Option<&Parting>, audible: Option<Audible>| {
         let seconds = |frames: usize| frames as f64 / spans.rate;
         if let (Some(parting), Some(stretches)) = (parting, stretches.get()) {
             let (db, until) = parting.until(budget.asked(), stretches);
@@ -108,12 +113,14 @@ pub(in crate::plan) fn pilot(
                 db,
                 over: seconds(until),
                 spectral: Some(parting.spectral),
+                audible: None,
             });
         }
         own.map(|own| Measured {
             db: own.max(found.error.unwrap_or(f64::NEG_INFINITY)),
             over: seconds(n_frames),
             spectral: None,
+            audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
         })
     };
     let start = match search.finer(&island) {
@@ -138,7 +145,7 @@ pub(in crate::plan) fn pilot(
                 error: None,
             });
         }
-        let error = told(found.error, found.parting.as_ref());
+        let error = told(found.error, found.parting.as_ref(), None);
         let island = fewer(
             &island,
             (found.contact_substeps, &found.run),
@@ -164,6 +171,7 @@ pub(in crate::plan) fn pilot(
             run,
             error: f64::NAN,
             parting: None,
+            audible: None,
             ..best
         };
     }
@@ -172,7 +180,14 @@ pub(in crate::plan) fn pilot(
     let parting = best
         .parting
         .map(|parting| parting.with(found.parting.as_ref()));
-    let error = told(own, parting.as_ref());
+    let mut error = told(own, parting.as_ref(), best.audible);
+    if let Some(measured) = error.filter(|error| error.spectral.is_none())
+        && horizon::may_grow(&best.island.island_plan)
+        && let Some(finer) = search.finer(&best.island)
+    {
+        let pair = search.pair(&best.island.island_plan, &finer.island_plan);
+        error = unless_spent(horizon::held(measured, budget.asked(), pair, allowance))?;
+    }
     Ok(Piloted {
         island: fewer(
             &best.island,
@@ -226,6 +241,22 @@ struct Contacts {
 }
 
 impl Contacts {
+    /// What is heard of the error of contacts, where it stays above what they are to be right to.
+    fn audible(
+        &self,
+        island_plan: &IslandPlan,
+        budget: &Budget,
+        (n_frames, spans): (usize, &Spans),
+        allowance: &Allowance,
+    ) -> Result<Option<Audible>, TrialError> {
+        let is_missed = self.error.is_some_and(|error| error > budget.contact());
+        if !is_missed || self.parting.is_some() || !matches!(budget, Budget::Cents { .. }) {
+            return Ok(None);
+        }
+        let finer = play(island_plan, 2 * self.contact_substeps, n_frames, allowance)?;
+        Ok(Audible::of_budget(budget, (&self.run, &finer.sound), spans))
+    }
+
     /// Nothing is known but that a part of the island goes beyond all bounds.
     fn lost(contact_substeps: usize, run: PilotRun) -> Self {
         Self {

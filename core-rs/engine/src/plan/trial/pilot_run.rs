@@ -31,7 +31,7 @@ pub(in crate::plan) struct PilotRun {
 }
 
 /// Seconds of work for a frame, by the table of costs.
-fn work(island_plan: &IslandPlan) -> f64 {
+pub(in crate::plan) fn work(island_plan: &IslandPlan) -> f64 {
     let bodies: f64 = island_plan.bodies.iter().map(cost::body_cost).sum();
     1e-9 * f64::from(island_plan.oversampling)
         * (cost::stepped_cost(&island_plan.network, &island_plan.timeline) + bodies)

@@ -4,11 +4,14 @@ use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 use std::cell::OnceCell;
 
 use crate::integrate::MeshMethod;
+use crate::maths::decibels;
 use crate::network::Error;
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::pilot_run::{PilotRun, is_worth, play};
 
@@ -31,6 +34,7 @@ pub(in crate::plan) struct Search<'a, F> {
     /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
+    pub(in crate::plan) budget: &'a Budget,
     pub(in crate::plan) allowance: &'a Allowance,
 }
 
@@ -48,10 +52,14 @@ pub(in crate::plan) struct Candidate {
     pub(in crate::plan) change: f64,
     /// Where it is chaotic.
     pub(in crate::plan) parting: Option<Parting>,
+    /// What is heard of its error, where pitch is what counts and it is not chaotic.
+    pub(in crate::plan) audible: Option<Audible>,
 }
 
 /// A step on the way is worth it where it gains so much [dB]: by another method, and by a higher rate.
 const GAINS: (f64, f64) = (6.0, 3.0);
+/// Or where what is heard of its error is so many times less.
+const AUDIBLE_GAIN: f64 = 1.5;
 /// Third octaves of runs that have parted: two that differ by rounding alone are up to 2 dB apart over 0.3 s (the
 /// bundled tamtam, struck softly to hard), so what is within that is as good as the same; beyond it a step has to
 /// gain so much [dB].
@@ -94,6 +102,15 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
+    /// An island and one of half its step, and how often a step contacts of each are computed.
+    pub(in crate::plan) fn pair<'b>(
+        &self,
+        own: &'b IslandPlan,
+        finer: &'b IslandPlan,
+    ) -> [(&'b IslandPlan, usize); 2] {
+        [own, finer].map(|plan| (plan, self.contact_substeps(plan.oversampling)))
+    }
+
     /// Measure the error of an island that was played by playing it at half its step.
     pub(in crate::plan) fn compare_with_finer(
         &self,
@@ -125,8 +142,12 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             };
             pair.parting(&island.island_plan, contact_substeps, self.allowance)?
         };
+        let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
+            .filter(|_| parting.is_none())
+            .map(|audible| audible.times(decibels(error - change)));
         Ok(Candidate {
             parting,
+            audible,
             error: if run.is_lost { f64::INFINITY } else { error },
             island,
             rung,
@@ -157,7 +178,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 (parting.attack > most && parting.may_have(most)) || parting.spectral > ALIKE
             }
             (_, Some(parting)) => parting.spectral > ALIKE,
-            (_, None) => best.run.is_lost,
+            (_, None) => best.run.is_lost || best.excess(budget) > 1.0,
         };
         let mut fair = None;
         while is_short(&best) {
@@ -181,7 +202,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
             let candidate =
                 self.measure(best.oversampling, MethodChoice::All(way), Some(rung), None)?;
-            if let Some(candidate) = candidate.filter(|candidate| candidate.beats(best, GAINS.0)) {
+            let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
+            if let Some(candidate) = candidate.filter(is_better) {
                 return Ok(Some(candidate));
             }
         }
@@ -196,7 +218,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             best.rung,
             last,
         )?;
-        if let Some(candidate) = candidate.filter(|candidate| candidate.beats(best, GAINS.1)) {
+        let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.1, self.budget);
+        if let Some(candidate) = candidate.filter(is_better) {
             return Ok(Some(candidate));
         }
         if best
@@ -208,15 +231,22 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         }
         // The method itself may diverge: a simpler method at a higher rate may not.
         let candidate = self.measure(2 * best.oversampling, MethodChoice::ByBudget, None, None)?;
-        Ok(candidate.filter(|candidate| candidate.beats(best, GAINS.1)))
+        Ok(candidate.filter(is_better))
     }
 }
 
 impl Candidate {
+    /// What is heard of its error, as a multiple of what a budget of pitch allows.
+    fn excess(&self, budget: &Budget) -> f64 {
+        self.audible.map_or(0.0, |audible| audible.excess(budget))
+    }
+
     /// Whether it is worth its work: by waveform, or where both are chaotic by the attack or the spectrum.
-    fn beats(&self, other: &Self, gain: f64) -> bool {
+    fn beats(&self, other: &Self, gain: f64, budget: &Budget) -> bool {
         let (Some(own), Some(others)) = (&self.parting, &other.parting) else {
-            return self.error < other.error - gain;
+            let (excess, others) = (self.excess(budget), other.excess(budget));
+            let is_nearer = self.error < other.error - gain && excess <= others.max(1.0);
+            return is_nearer || excess < others / AUDIBLE_GAIN;
         };
         let most = others.spectral.max(ALIKE);
         own.spectral.max(ALIKE) < most - GAIN

@@ -84,7 +84,8 @@ impl Voice {
             .checked_sub(2)
             .map(|before| &scene.gestures[script.gestures[before]]);
         let shared = before.is_some_and(|it| {
-            it.last() == n && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
+            n.abs_diff(it.last()) < gesture.score_frame()
+                && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
         });
         let agrees = shared
             || [path.at(from.t).0, gesture.gesture.entry.x]
