@@ -170,27 +170,3 @@ impl Modes {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::network::Tie;
-
-    #[test]
-    fn a_mode_that_grows_is_no_mode_at_rest() {
-        let modes = |k: f64| {
-            let mut network = Network::new();
-            let wall = network.sol("wall", 0.0).unwrap();
-            let a = network
-                .cel("a", 0.01, Tie::Physical { k: 100.0, z: 0.0 }, 0.0, 0.0, 0.0)
-                .unwrap();
-            let b = network.mas("b", 0.01, 0.0, 0.0).unwrap();
-            network.spring("k", a, b, 2_000.0, 0.0, 0.0).unwrap();
-            network.spring("n", wall, b, k, 0.0, 0.0).unwrap();
-            Modes::new(&network, &[vec![(a, 1.0)]], Rate::new(44_100.0).unwrap())
-        };
-        let alone = modes(0.0).unwrap();
-        assert!(alone.lambda.iter().all(|lambda| *lambda > 0.0));
-        assert_eq!(modes(-500.0).err(), Some(NoModes::Diverges));
-    }
-}
