@@ -10,7 +10,7 @@ impl Island {
     }
 
     /// What changes of it, as it is now.
-    pub(crate) fn to_bytes(&mut self) -> Vec<u8> {
+    pub(crate) fn write_state(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         // Writing into memory cannot fail.
         let _ = self.state.archive(&mut Archive::Write(&mut bytes));
@@ -21,7 +21,7 @@ impl Island {
     ///
     /// # Errors
     /// [`Damaged`] where the bytes are not of such an island; this one is then of no use.
-    pub(crate) fn set_bytes(&mut self, bytes: &[u8]) -> Result<(), Damaged> {
+    pub(crate) fn read_state(&mut self, bytes: &[u8]) -> Result<(), Damaged> {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
         if archive.is_empty() {

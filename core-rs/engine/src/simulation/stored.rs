@@ -66,7 +66,9 @@ impl Simulation {
             SoundSource::Recorded(sound) => sound,
             SoundSource::Computed | SoundSource::Recalled(..) => Vec::new(),
         };
-        let state = self.island(island).map_or_else(Vec::new, Island::to_bytes);
+        let state = self
+            .island(island)
+            .map_or_else(Vec::new, Island::write_state);
         (sound, state)
     }
 
@@ -76,7 +78,7 @@ impl Simulation {
     /// [`Damaged`] where the bytes are no state of it; the simulation is then of no use.
     pub fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> Result<(), Damaged> {
         *self.source(island) = SoundSource::Computed;
-        self.island(island).ok_or(Damaged)?.set_bytes(state)
+        self.island(island).ok_or(Damaged)?.read_state(state)
     }
 
     fn group(&mut self, unit: usize) -> (&mut Group, usize) {
