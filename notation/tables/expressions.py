@@ -46,7 +46,7 @@ def _units() -> Iterator[tuple[str, tuple[str, int]]]:
     """Each unit with the unit in which its values are kept, and the power of ten between them."""
     own = (
         *(q.MASS, q.STIFFNESS, q.DAMPING, q.POSITION, q.SPEED, q.PUSH, q.IMPULSE, q.HARDENING),
-        *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE),
+        *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE, q.DENSITY),
     )
     for unit, power in q.CONSTANT.units.items():
         if power == 0:

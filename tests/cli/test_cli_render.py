@@ -47,7 +47,7 @@ def test_the_record_of_a_render(capsys: Capture) -> None:
     (record,) = [r for r in records(capsys) if r["event"] != "progress"]
     assert list(record) == [
         "v", "event", "file", "frames", "channels", "rate_hz", "wall_s", "plan_s", "x_real_time",
-        "peak_dbfs", "sha256", "modules", "threads",
+        "peak_dbfs", "sha256", "modules", "threads", "recalled",
     ]  # fmt: skip
     info = read_info(Path("out/x.wav"))
     assert record["event"] == "rendered"

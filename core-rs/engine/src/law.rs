@@ -23,6 +23,7 @@ pub use parse::Constants;
 pub use runs::Scratch;
 pub use table::Row;
 
+use std::fmt;
 use std::sync::{Arc, OnceLock};
 
 use points::Points;
@@ -56,13 +57,20 @@ pub struct Law {
     asked: Asked,
 }
 
-/// What [`Law::is_active`] was first asked (the law's reach included), and its answer: a session asks all laws at each of its lines. Copies of a law
-/// share it.
-#[derive(Clone, Debug, Default)]
+/// What [`Law::is_active`] was first asked (the law's reach included), and its answer: a session asks all laws at each of
+/// its lines. Copies of a law share it.
+#[derive(Clone, Default)]
 struct Asked(Arc<OnceLock<(Question, bool)>>);
 
 /// A law's reach, and the greatest elongation and rate that are asked for, by their bits.
 type Question = [u64; 3];
+
+impl fmt::Debug for Asked {
+    /// The same whatever was asked: networks are known again by what `Debug` writes.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Asked")
+    }
+}
 
 impl PartialEq for Asked {
     /// Always: it follows from the law.

@@ -8,7 +8,7 @@ use crate::network::Error;
 
 /// What a plan of at most so many modules may draw, and one of so many [s]; in between in proportion, above by
 /// the module, up to `MOST`.
-const SMALL: (usize, f64) = (100, 0.8);
+const SMALL: (usize, f64) = (100, 1.0);
 const LARGE: (usize, f64) = (1_000, 2.5);
 const MOST: f64 = 10.0;
 /// So large a part more lies aside, to see how long errors hold.
@@ -133,10 +133,10 @@ mod tests {
     fn grows_with_the_score_up_to_a_bound() {
         let seconds = |n| Allowance::new(n, 1.0).spent().1;
         let all = [1, 100, 550, 1_000, 2_000, 1_000_000].map(seconds);
-        for (seconds, most) in all.into_iter().zip([0.8, 0.8, 1.65, 2.5, 5.0, 10.0]) {
+        for (seconds, most) in all.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
             assert!((seconds - most).abs() < 1e-12, "{seconds} of {most}");
         }
-        assert_eq!(Allowance::new(1, 0.5).spent(), (0.0, 0.4));
+        assert_eq!(Allowance::new(1, 0.5).spent(), (0.0, 0.5));
     }
 
     #[test]
@@ -151,7 +151,7 @@ mod tests {
             allowance.draw(0.01),
             Err(TrialError::AllowanceSpent)
         ));
-        assert_eq!((allowance.n_refused(), allowance.spent()), (2, (0.75, 0.8)));
+        assert_eq!((allowance.n_refused(), allowance.spent()), (2, (0.75, 1.0)));
     }
 
     #[test]
@@ -163,6 +163,6 @@ mod tests {
             Err(TrialError::AllowanceSpent)
         ));
         allowance.spend(9.0);
-        assert_eq!(allowance.spent(), (0.8, 0.8));
+        assert_eq!(allowance.spent(), (1.0, 1.0));
     }
 }
