@@ -9,8 +9,6 @@ import click
 from ergon.api.options import AccuracyOptions
 from ergon.api.plan import Plan
 from ergon.api.plan import plan as make_plan
-from ergon.exchange import machine_speed
-from ergon.scores.staging.planning import said_of
 
 from . import options
 from .console import Console, plural
@@ -65,6 +63,8 @@ def plan(
     """
     if output == "-" and console.json:
         raise Refused("--json and -o - both write to stdout; give one")
+    from ergon.exchange import machine_speed
+
     made = make_plan(score_path, AccuracyOptions(**given), report=console)
     rows = list(made.rows)
     if why is not None:
@@ -189,6 +189,8 @@ def _highest(made: Plan) -> str:
 
 
 def _summary(made: Plan) -> str:
+    from ergon.exchange import machine_speed
+
     cost, correction = made.cost, machine_speed.kept()
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
     if correction is not None and cost > 0:
@@ -249,6 +251,8 @@ def _why(row: PlanRow) -> list[str]:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
     if row.audible is not None:
+        from ergon.scores.staging.planning import said_of
+
         said.append(f"  Of that {said_of(row.audible)}.")
     if row.cut_short:
         said.append("  Planning ended there: its trials had done all the work that they may.")
