@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
@@ -26,20 +26,18 @@ from ergon.scores.reading import automation, build, leads, melodies, overlay, pr
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
 from ergon.scores.reading.melody import Voices
-from ergon.scores.reading.mixing import Room
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
     Key,
-    Mix,
     Piece,
     Play,
     Player,
-    Route,
     Strikes,
     TakeFile,
 )
 from ergon.scores.reading.rates import Rates
+from ergon.scores.reading.routing import routed
 from ergon.scores.reading.schedule import schedule
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Entry, Names, Uses
@@ -79,7 +77,8 @@ class Checker:
         self._parts()
         strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
         players = {v.context.name: self._player(v) for v in self._own("players")}
-        mix = self._mix()
+        parts = {name: part for name, (_, part) in self._written.items()}
+        mix = routed(build.mix(score["mix"], self.uses.files), parts, self.scene)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led()
         included = self._included(times, len(duet))
@@ -547,55 +546,6 @@ class Checker:
         who = f"{made.link.kind} of a coupling"
         link = rules.lawful(made.link, laws, values.given[values.kind], who, self.collector)
         return replace(made, link=link, a=a, b=b)
-
-    def _mix(self) -> Mix:
-        mix = build.mix(self.score["mix"], self.uses.files)
-        routes = []
-        written = [r for route in mix.routes for r in self._each_note(route)]
-        for route in written:
-            part, out = str(route.part), None
-            if part not in self._written and "." in part:
-                part, _, out = part.rpartition(".")
-            entry = self._written.get(part)
-            if entry is None or not isinstance(entry[1], Instrument):
-                if part in self.scene.broken:
-                    continue
-                message = f"route: no instrument is called {quote(route.part)}"
-                names = tuple(n for n, (_, m) in self._written.items() if isinstance(m, Instrument))
-                self.collector.error(
-                    "E301", message, route.place, word=str(route.part), names=names
-                )
-                continue
-            names = tuple(output.name for output in entry[1].outputs)
-            if not names or (out is not None and out not in names):
-                message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
-                output_names = tuple(f"{part}.{name}" for name in names if name)
-                self.collector.error(
-                    "E301", message, route.place, word=str(route.part), names=output_names
-                )
-            self.scene.reached.add(part)
-            routes.append(replace(route, part=part, out=out))
-            self._treatment(routes[-1], entry[1], mix.rooms)
-        return replace(mix, routes=tuple(routes))
-
-    def _each_note(self, route: Route) -> list[Route]:
-        """A route, or one from each note of an instrument that has notes."""
-        name = Name(self.scene.spelled(route.part), route.place)
-        return [replace(route, part=each) for each in self.scene.members(name)]
-
-    def _treatment(self, route: Route, instrument: Instrument, rooms: Sequence[Room]) -> None:
-        """A route sends to rooms that there are, and radiates accelerations."""
-        known = tuple(room.name for room in rooms)
-        for name, _ in route.sends:
-            if name not in known:
-                message = f"route: no room is called {quote(name)}"
-                self.collector.error("E301", message, route.place, word=name, names=known)
-        heard = [out for out in instrument.outputs if route.out in (None, out.name)]
-        wrong = next((out for out in heard if out.kind != "SOA"), None)
-        if route.radiation is not None and wrong is not None:
-            message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
-            help = "listen by SOA: the pressure of a small source goes by its acceleration"
-            self.collector.error("E304", message, route.place, help=help)
 
 
 def _called(made: _Named, name: str) -> _Named:

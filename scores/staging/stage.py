@@ -466,15 +466,15 @@ def _frames(piece: Piece, end: float, collector: Collector) -> int:
 
 
 def _place(piece: Piece, name: str | None) -> Place:
-    """Where the module that the engine names is written."""
+    """Where the module that the engine names is written, or taken from another file."""
     name = name or ""
-    links = [("duet", duet.link) for duet in piece.duet]
-    keys = [(key.name, module) for key in piece.keys.values() for module in key.modules]
-    others = [(i.name, module) for i in piece.instruments.values() for module in i.modules]
-    for part, module in (*keys, *others, *links):
+    links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
+    keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
+    others = [(i.name, module, i.place) for i in piece.instruments.values() for module in i.modules]
+    for part, module, place in (*keys, *others, *links):
         full = ".".join(filter(None, (part, module.name)))
         if name == full or name.startswith(f"{full}."):
-            return module.place
+            return module.place if module.place.file == place.file else place
     return piece.place
 
 
