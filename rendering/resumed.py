@@ -105,7 +105,8 @@ class ResumedSimulation:
         """Recall the islands whose stretch up to `stop` is known; compute the others."""
         is_whole = stop <= self._n_frames
         for part in self._parts:
-            part.key = self._simulation.island_key(part.island, stop) if is_whole else ""
+            if is_whole:
+                part.key = self._simulation.island_key(part.island, self._at, stop, part.key)
             # The last stretch is computed, so that what the islands tell of themselves is there.
             known = self._store.get(part.key) if stop < self._n_frames else None
             n_samples = STRETCH * part.island.n_out
@@ -124,7 +125,7 @@ class ResumedSimulation:
     def _end(self) -> None:
         """Keep what was computed."""
         for part in self._parts:
-            if part.is_recalled or not part.key or not self._is_kept:
+            if part.is_recalled or not self._is_kept:
                 continue
             # A folder that takes nothing now will take nothing later.
             self._is_kept = self._store.put(part.key, self._simulation.recorded(part.island))

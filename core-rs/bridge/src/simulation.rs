@@ -271,9 +271,16 @@ impl Simulation {
         islands.into_iter().map(StorableIsland).collect()
     }
 
-    /// A hash of all that the first `until` frames of an island are a function of (64 hex digits).
-    fn island_key(&self, py: Python<'_>, island: &StorableIsland, until: u64) -> String {
-        py.detach(|| self.0.island_key(&island.0, until))
+    /// A hash of all that an island is a function of from frame 0 to `stop` (64 hex digits); `before` is that up to `start`.
+    fn island_key(
+        &self,
+        py: Python<'_>,
+        island: &StorableIsland,
+        start: u64,
+        stop: u64,
+        before: &str,
+    ) -> String {
+        py.detach(|| self.0.island_key(&island.0, (start, stop), before))
     }
 
     /// Take the sound of an island (n_frames · its n_out,) from here on instead of computing it.

@@ -999,9 +999,12 @@ class Simulation:
         """The parts with frames of more than one step."""
     def storable(self) -> list[StorableIsland]:
         """The islands whose stretches can be stored; none with `ledger` or `record`."""
-    def island_key(self, island: StorableIsland, until: int) -> str:
-        """A hash of all that the first `until` frames of an island are a function of (64 hex
-        digits): equal in another version of a score whose events differ only later."""
+    def island_key(self, island: StorableIsland, start: int, stop: int, before: str) -> str:
+        """A hash of all that an island is a function of from frame 0 to `stop` (64 hex digits).
+
+        `before` is the one up to frame `start`, empty at 0. It is equal in another version of a
+        score whose events differ only later.
+        """
     def recall(self, island: StorableIsland, sound: _Floats) -> None:
         """Take the sound of an island (n_frames · its n_out,) [m or N] from here on instead of
         computing it; its state stands still. Raises EngineError where `sound` is not contiguous."""

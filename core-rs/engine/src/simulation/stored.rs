@@ -41,10 +41,11 @@ impl Simulation {
         islands.collect()
     }
 
-    /// A hash of all that the first frames of an island are a function of, up to frame `until` (64 hex digits).
-    pub fn island_key(&self, island: &StorableIsland, until: u64) -> String {
+    /// A hash of all that an island is a function of from frame 0 to the last of `frames` (64 hex digits); `before` is that up
+    /// to the first of them, and empty at 0.
+    pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), before: &str) -> String {
         match &self.plan.units[island.unit] {
-            Unit::IslandPlan(island_plan) => island.content.key(island_plan, until),
+            Unit::IslandPlan(island_plan) => island.content.key(island_plan, frames, before),
             Unit::Bank(_) => String::new(),
         }
     }

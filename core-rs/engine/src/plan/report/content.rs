@@ -54,16 +54,28 @@ impl Content {
         }
     }
 
-    /// A hash of what the island is a function of in its first frames (64 hex digits); `until` counts frames of the scene.
-    pub(crate) fn key(&self, island: &IslandPlan, until: u64) -> String {
+    /// A hash of what the island is a function of up to frame `until` of the scene (64 hex digits); `before` is that up to
+    /// frame `from`, and empty at 0.
+    pub(crate) fn key(
+        &self,
+        island: &IslandPlan,
+        (from, until): (u64, u64),
+        before: &str,
+    ) -> String {
         let oversampling = u64::from(island.oversampling);
-        let last = (until + MARGIN) * oversampling;
-        let seconds = last as f64 / island.timeline.rate.hertz();
+        let rate = island.timeline.rate.hertz();
+        let [first, last] = [from, until].map(|frame| match frame {
+            0 => 0,
+            frame => (frame + MARGIN) * oversampling,
+        });
+        let [start, stop] = [first, last].map(|frame| frame as f64 / rate);
+        let falls = |at: f64| at <= stop && (from == 0 || at > start);
         let mut sink = Sink(Sha256::new());
+        sink.0.update(before);
         sink.0.update(self.fixed);
         sink.0.update(until.to_le_bytes());
         // Gestures are known by their place in this list: those before one that counts do too.
-        let begun = self.gestures.iter().rposition(|own| own.0 <= seconds);
+        let begun = self.gestures.iter().rposition(|own| own.0 <= stop);
         for (_, digest) in &self.gestures[..begun.map_or(0, |last| last + 1)] {
             sink.0.update(digest);
         }
@@ -73,7 +85,7 @@ impl Content {
             at, mat, impulse, ..
         } in &timeline.strikes
         {
-            if at <= seconds {
+            if falls(at) {
                 sink.0.update(mat.to_le_bytes());
                 sink.0.update(at.to_le_bytes());
                 sink.0.update(impulse.to_le_bytes());
@@ -88,7 +100,7 @@ impl Content {
             ..
         } in &timeline.ergons
         {
-            if at <= seconds {
+            if falls(at) {
                 sink.0.update(mat.to_le_bytes());
                 for number in [at, mass, speed] {
                     sink.0.update(number.to_le_bytes());
@@ -97,7 +109,8 @@ impl Content {
         }
         for body in &island.bodies {
             sink.0.update(b"body");
-            for (frame, point, values) in body.strikes().filter(|own| own.0 <= last) {
+            let falls = |frame: u64| frame <= last && (from == 0 || frame > first);
+            for (frame, point, values) in body.strikes().filter(|own| falls(own.0)) {
                 sink.0.update(frame.to_le_bytes());
                 sink.0.update((point as u64).to_le_bytes());
                 for value in values {
