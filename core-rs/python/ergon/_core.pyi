@@ -1174,7 +1174,10 @@ class AudioBackend:
 
 @final
 class JackCapture:
-    """A JACK client that records another client, at most `n_frames` frames. Raises EngineError."""
+    """A JACK client that records another client from its first sound on, at most `n_frames` frames.
+
+    Raises EngineError.
+    """
 
     def __new__(cls, name: str, n_channels: int, n_frames: int) -> Self: ...
     recorded: int  # frames so far
