@@ -4,7 +4,7 @@
 #   make check      format, lint, types, Rust documentation; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
-#   make charts     pictures of error against cost, and of stability (docs/charts)
+#   make charts     pictures of error against cost, of stability (docs/charts), and of the pieces (docs/gallery)
 #   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
@@ -58,11 +58,13 @@ docs: $(VENV)/dev
 	$(BIN)/python -m docs.generators.reference docs/reference.md
 	$(BIN)/python -m docs.generators.faults docs/faults.md
 	$(BIN)/python -m docs.generators.howto_pictures
+	$(BIN)/python -m docs.generators.cards docs/instruments
 	$(BIN)/python -m ergon.repl.language.help docs/cheat-sheet.md
 	$(BIN)/python core-rs/third_party.py LICENSE-THIRD-PARTY
 
 charts: $(VENV)/dev
 	$(BIN)/python -m ergon.lab.bundled docs/charts
+	$(BIN)/python -m docs.generators.gallery
 
 accuracy: $(VENV)/dev
 	PYTHONPATH=tests/support $(BIN)/python -m accuracy docs/accuracy.md

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import log10
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
-from ergon.rendering.level import HIGHPASS, NORMALISE_DB
+from ergon.rendering.level import HIGHPASS
 
 from .errors import OptionError
 
@@ -19,16 +19,15 @@ if TYPE_CHECKING:
 
 def gain_of(
     piece: Piece,
-    stage: Stage,
+    staged: Callable[[], Stage],
     asked: str | None,
     report: Report,
     frozen: Sequence[VerifiedStem] = (),
 ) -> float:
     """The gain (ratio) as asked, as the score's master says, or as a preflight finds.
 
-    Raises OptionError.
+    `staged` gives its stage, where a preflight needs one. Raises OptionError.
     """
-    from ergon import _core
     from ergon.live.preflight import length, level
     from ergon.notation.tables.quantities import gain as ratio
     from ergon.notation.text.errors import TextError
@@ -39,12 +38,12 @@ def gain_of(
         except TextError as error:
             raise OptionError("gain", error.message) from None
     master = piece.mix.master
-    if master is not None and master.normalise is None:
+    if master is None or master.normalise is None:
         return 1.0
-    target = master.normalise if master is not None and master.normalise else None
+    stage = staged()
     with report.progress("listening beforehand", length(stage), stage.rate) as progress:
-        target = target or _core.decibels(NORMALISE_DB)
-        found = level(stage, HIGHPASS, target, frozen, progress.at)
+        reference = piece.mix.reference()
+        found = level(stage, HIGHPASS, reference, master.normalise or 1.0, frozen, progress.at)
     heard = "the piece" if found.seconds is None else f"its first {found.seconds:.0f} s"
     gained = f"{20 * log10(found.gain):+.1f} dB"
     report.say(

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 # What a change takes from the session to the physics thread: its tick, and a busy machine [s].
 _MARGIN = 0.006
 _SWITCH = 0.0005  # [s]
+_Heard = tuple[float, float | None]  # gain, and reference level: ratios
 
 
 def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
@@ -53,12 +55,12 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
 
-    version, clock, past, gain, disk = _beginning(path, options, report)
+    version, clock, past, heard, disk = _beginning(path, options, report)
     piece = version.piece
     boards = [ready(board, options.unchecked, report) for board in boards_of(piece, options.live)]
     real = {player: None for board in boards for _, player in board.axes}
     with scores.staging(version.texts.load, report):
-        config = _config(piece, options, boards, gain, report)
+        config = _config(piece, options, boards, heard, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
     try:
@@ -108,9 +110,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
 
 def _beginning(
     path: str | None, options: SessionOptions, report: Report
-) -> tuple[Version, Clock, PastVersions | None, float | None, Disk | None]:
-    """The first version, where its piece stands, those before it, the gain where it is known, and
-    the disk."""
+) -> tuple[Version, Clock, PastVersions | None, _Heard | None, Disk | None]:
+    """The first version, where its piece stands, those before it, the gain and the reference level
+    where they are known, and the disk."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.journal_content import read_journal
@@ -122,7 +124,8 @@ def _beginning(
         resume = Path(options.resume)
         try:
             replay = read_journal(resume, path, resumes=True, trust=options.trust)
-            return *resumed(replay), replay.opening.gain, replay.disk
+            opening = replay.opening
+            return *resumed(replay), (opening.gain, opening.reference), replay.disk
         except JournalError as error:
             raise OptionError("resume", str(error)) from None
         except NotTakenError as error:
@@ -139,7 +142,7 @@ def _config(
     piece: Piece,
     options: SessionOptions,
     boards: Sequence[Board],
-    gain: float | None,
+    heard: _Heard | None,
     report: Report,
 ) -> PlaybackConfig:
     from ergon.exchange.plan_store import of_user
@@ -151,17 +154,19 @@ def _config(
     audio = options.card
     if audio.startswith("file:"):  # whoever types does so by the clock
         audio = audio.replace("file:", "clock:", 1)
+    gain, reference = heard or (None, piece.mix.reference())
     if gain is None or options.gain is not None:
         from ergon.repl.session.running import rehearsal
 
         played = piece if piece.parts or piece.strikes else rehearsal(piece)
-        whole = stage(played, planned=True, store=of_user(), on_fault="mute")
-        gain = gain_of(played, whole, options.gain, report)
+        staged = partial(stage, played, planned=True, store=of_user(), on_fault="mute")
+        gain = gain_of(played, staged, options.gain, report)
     return PlaybackConfig(
         audio=audio,
         gain=gain,
         limit=master.limit if master is not None and master.limit is not None else 1.0,
         highpass=HIGHPASS,
+        reference=reference,
         boards=boards,
         force_max=options.force_max,
         ahead=options.ahead,
@@ -212,6 +217,7 @@ def _engine(
             take,
             version.maps,
             version.rules,
+            config.reference,
         )
 
     return make, opening

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +25,8 @@ class Plan:
     sha256 (64 hex digits). `is_kept` says whether the plan was found in the cache of plans,
     `seconds` how long reading, planning and staging took. `inputs` are the files that the plan was
     made from. `budget` is the accuracy that the plan was made for: `method`, `error` [dB], `cents`
-    and `upto` [Hz], as far as they were given.
+    and `upto` [Hz], as far as they were given. `highest_modes` are those of strings and plates by
+    name [Hz].
     """
 
     rows: tuple[PlanRow, ...]
@@ -34,6 +36,7 @@ class Plan:
     choices: Choices
     inputs: tuple[Path, ...]
     budget: Budget
+    highest_modes: Mapping[str, float]
 
     @property
     def is_cut_short(self) -> bool:
@@ -59,6 +62,8 @@ def plan(
     score: str | Path, options: AccuracyOptions | None = None, *, report: Report | None = None
 ) -> Plan:
     """Plan a score within its accuracy. Raises ScoreError and OptionError."""
+    from ergon.scores.staging.highest import highest_modes
+
     options = options or AccuracyOptions()
     loaded = scores.read(score, options, report)
     staged = scores.stage_piece(loaded, options, report)
@@ -75,4 +80,5 @@ def plan(
         made.choices(),
         (*loaded.inputs, *options.files),
         budget,
+        {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.scene)},
     )

@@ -130,7 +130,8 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
             report.warn(
                 f"{live.player} on {live.key}: the scene is {limit.stiffness:,.0f} N/m stiff "
                 f"there, and the device bears {limit.limit:,.0f} N/m at "
-                f"{stage.rate / live.every:.0f} Hz; its forces are scaled to {limit.scale:.0%}"
+                f"{stage.rate / live.tick_frames:.0f} Hz; "
+                f"its forces are scaled to {limit.scale:.0%}"
             )
 
 
@@ -169,7 +170,7 @@ def _config(
     frozen: Sequence[VerifiedStem],
     report: Report,
 ) -> PlaybackConfig:
-    from ergon.live.perform import PlaybackConfig, every
+    from ergon.live.perform import PlaybackConfig, tick_frames
 
     start = 0
     if options.from_ is not None:
@@ -185,10 +186,11 @@ def _config(
     record = None if options.record is None else _recording(options.record, stage)
     config = PlaybackConfig(
         audio=options.card,
-        gain=gain_of(piece, stage, options.gain, report, frozen),
+        gain=gain_of(piece, lambda: stage, options.gain, report, frozen),
         limit=limit,
         highpass=HIGHPASS,
-        start=start // every(stage) * every(stage),
+        reference=piece.mix.reference(),
+        start=start // tick_frames(stage) * tick_frames(stage),
         boards=boards,
         guides=guides(piece, boards, options.guide),
         force_max=options.force_max,

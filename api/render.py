@@ -40,7 +40,8 @@ class RenderOptions(AccuracyOptions):
 
     `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
     "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16, 24
-    or "float") decide the level too: "float" is neither normalised nor high-passed. `hands` is the
+    or "float") decide the level too: "float" is in SI units where the score gives no level, and not
+    high-passed. `hands` is the
     file of a recording of live hands. `threads` is the number of threads and `block` the number of
     frames computed at once; both change no sample.
     """
@@ -182,6 +183,7 @@ def write(prepared: Prepared, report: Report) -> Completed:
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
     """What is written, from the options and the score. Raises OptionError."""
+    from ergon.exchange.stretch_store import of_user
     from ergon.rendering.render import RenderJob
 
     bits: Bits = options.bits or piece.render.bits
@@ -206,6 +208,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         threads=options.threads,
         force=file.force,
         fades_from=stage.fades_from if options.to is None else None,
+        stretches=of_user(),
     )
 
 

@@ -62,7 +62,7 @@ def render_journal(
         format=WaveFormat(scores.whole_rate(again.rate), again.n_channels, options.bits or 24),
         start=0,
         stop=again.n_frames,
-        level=Level(None, opening.limit, opening.highpass, opening.gain),
+        level=Level(None, opening.limit, opening.highpass, opening.gain, opening.reference),
         stamp=Stamp(piece.title, piece.digest(), plan.hash if plan else ""),
         block=options.block,
         threads=options.threads,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 from ergon.common.errors import ErgonError
 from ergon.common.report import Report
 from ergon.exchange.wave_header import Bits
-from ergon.rendering.level import Level
+from ergon.rendering.level import HIGHPASS, Level
 
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
@@ -89,6 +89,7 @@ def stage_piece(
     `options` say how it is planned; without them every module is stepped as written, where the
     engine accepts that. Raises ScoreError and OptionError.
     """
+    from ergon.exchange import machine_speed
     from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.fallback import stage_or_plan
     from ergon.scores.staging.implausible import implausible
@@ -104,7 +105,8 @@ def stage_piece(
         followed = options.followed()
         played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
         pins = followed.choices if followed is not None else None
-        build = partial(stage, planned=True, pins=pins, seed=options.seed)
+        correction = machine_speed.kept() or 1.0
+        build = partial(stage, planned=True, pins=pins, seed=options.seed, correction=correction)
     waiting = (report or Report()).waiting("planning")
     with staging(lambda: loaded, report), waiting:
         staged = build(
@@ -186,10 +188,14 @@ def marks_of(piece: Piece) -> list[tuple[str, float]]:
 
 def level_of(piece: Piece, bits: Bits) -> Level:
     """The gain, high-pass and limiter between the mix and a file of `bits`."""
+    is_measured = bits == "float"  # in SI units, nothing added or taken away
     master = piece.mix.master
-    if master is None:
-        return Level.unsaid(bits)
-    return Level.said(bits, normalise=master.normalise, limit=master.limit)
+    return Level(
+        normalise=master.normalise if master else None,
+        limit=master.limit if master else None,
+        highpass=None if is_measured else HIGHPASS,
+        reference=piece.mix.reference(is_measured=is_measured),
+    )
 
 
 def whole_rate(rate: float) -> int:

@@ -72,6 +72,7 @@ def _answered_by_work(text: str) -> Row:
     def passes(seconds: float) -> None:
         for _ in range(int(seconds * session.commits.rate / (_LOOK * _TICK))):
             session.pump()
+            _ = session.scope  # as the session's own thread does between lines
             engines[0].process(_LOOK * _TICK)
 
     taken = []
@@ -112,7 +113,7 @@ def _answered_by_work(text: str) -> Row:
 def _answered(what: str, text: str, names: dict[str, str], folder: Path | None = None) -> Row:
     with tempfile.TemporaryDirectory() as temporary:
         path = (folder or Path(temporary)) / "typed.yaml"
-        texts = Texts(str(path), text)
+        texts = Texts(str(path), text).complete()
         version = Version(0, "", texts, piece_of(texts))
         taken = []
         order = PlaybackConfig(audio="null", gain=1.0)

@@ -56,8 +56,9 @@ def doctor(
 ) -> None:
     """Measure whether this machine is fit to play.
 
-    Measured are the priority that the physics thread gets, how late it wakes, where the sound goes
-    and its delay, and how soon devices reply. A line says what to do where a result is poor. No
+    Measured are how fast it works beside the table of costs (kept for what `ergon plan` shows), the
+    priority that the physics thread gets, how late it wakes, where the sound goes and its delay,
+    and how soon devices reply. A line says what to do where a result is poor. No
     device gets a force.
 
     With --safety no machine is measured and no device opened: every fault is made on every emulated
@@ -103,9 +104,13 @@ def _safety(console: Console) -> None:
 
 def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:
     from ergon import _core
+    from ergon.exchange import machine_speed
     from ergon.live import fitness
 
     yield fitness.machine()
+    speed = fitness.speed(min(seconds, 1.0))
+    machine_speed.keep(float(str(speed.numbers["correction"])))
+    yield speed
     found = _core.checkup(seconds, fitness.PERIOD)
     yield from fitness.rights(found)
     yield fitness.waking(found)

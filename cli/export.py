@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ergon.exchange.wave_header import Bits
     from ergon.scores.reading.piece import Piece
 
+_AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
+
 
 @click.command()
 @options.score
@@ -61,7 +63,7 @@ def export(
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     staged = score.stage_piece(loaded, None, console)
     piece = staged.piece
-    end = staged.stage.n_frames / staged.stage.rate
+    end = staged.stage.n_looked_at / staged.stage.rate
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
     for path in (tempo_path, marks_path):
         check_target(path, force=force, inputs=loaded.inputs)
@@ -90,12 +92,13 @@ def export(
 
 
 def _tempo_file(piece: Piece, end: float) -> bytes:
-    """The tempo map up to `end` [s], or to the end of its last ramp if that is later."""
+    """The tempo map up to `end` [s], or to the end of its last ramp within an hour after that."""
     from ergon.exchange.midi import Marker, tempo_file
 
     tempo = piece.tempo_map
     ramps = [tempo.after(tempo.resolve(e.at), e.over) for e in piece.tempo if e.over is not None]
-    length = max([tempo.beats(end), *ramps, *(tempo.resolve(e.at) for e in piece.tempo)])
+    written = max([tempo.beats(end), *ramps, *(tempo.resolve(e.at) for e in piece.tempo)])
+    length = min(written, tempo.beats(end + _AFTER))  # a ramp may last for years
     markers = [Marker(name, beats) for name, beats in score.marks_of(piece)]
     try:
         return tempo_file(tempo.seconds, length, _meters(piece), markers, piece.title)

@@ -107,7 +107,7 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
 def _score(console: Console, path: str, trust: bool) -> None:
     ready = score.stage_piece(score.read(path, ReadOptions(trust=trust), console), None, console)
     piece, staged = ready.piece, ready.stage
-    duration = staged.n_frames / staged.rate
+    duration = staged.n_looked_at / staged.rate
     end = score.where(piece, duration)
     groups = {
         "players": list(piece.players),

@@ -100,7 +100,7 @@ sound = several(
     click.option(
         "--gain",
         metavar="LEVEL",
-        help="Gain of the sound, such as -12dB, instead of measuring one before the start.",
+        help="Gain of the sound, such as -12dB, in place of what `normalise` would measure.",
     ),
 )
 

@@ -31,7 +31,8 @@ _HOW = {
     "still": "nothing: nothing moves it",
 }
 _EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
-_HEAD = ("part", "modules", "computed", "error", "cost", "stable", "left out")
+_HEARD = "pitch, T60, third octaves"
+_HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left out")
 
 
 @click.command()
@@ -62,6 +63,8 @@ def plan(
     """
     if output == "-" and console.json:
         raise Refused("--json and -o - both write to stdout; give one")
+    from ergon.exchange import machine_speed
+
     made = make_plan(score_path, AccuracyOptions(**given), report=console)
     rows = list(made.rows)
     if why is not None:
@@ -71,18 +74,21 @@ def plan(
     if console.json:
         for row in rows:
             console.record("plan_row", **_fields(row))
+        correction = machine_speed.kept()
         console.record(
             "plan",
             hash=made.hash,
             cost=made.cost,
+            cost_here=None if correction is None else correction * made.cost,
             plan_s=made.seconds,
             cut_short=made.is_cut_short,
             kept=made.is_kept,
+            highest_modes=dict(made.highest_modes),
         )
     elif why is not None:
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
-        console.data(_table(rows) + _summary(made))
+        console.data(_table(rows) + _highest(made) + _summary(made))
 
 
 def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
@@ -113,6 +119,9 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "error_db": row.error_db,
         "error_over_s": row.error_s,
         "spectral_db": row.spectral_db,
+        "cents": None if row.audible is None else row.audible.cents,
+        "t60_percent": None if row.audible is None else 100 * row.audible.t60,
+        "third_octave_db": None if row.audible is None else row.audible.third_octave_db,
         "cost": row.cost,
         "certificate": row.guarantee,
         "because": row.because,
@@ -128,10 +137,9 @@ def _fields(row: PlanRow) -> dict[str, object]:
 def _table(rows: list[PlanRow]) -> str:
     lines = [_HEAD, *(_line(row) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(_HEAD))]
-    shown = (
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))
-        for line in lines
-    )
+    is_heard = any(row.audible is not None for row in rows)
+    columns = [i for i, head in enumerate(_HEAD) if is_heard or head != _HEARD]
+    shown = ("  ".join(line[i].ljust(widths[i]) for i in columns) for line in lines)
     return "".join(f"{line.rstrip()}\n" for line in shown)
 
 
@@ -156,20 +164,37 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         error += ", planning ended"
     if row.spectral_db is not None:
         error += f" over {row.error_s:.2g} s, then {row.spectral_db:.1f} dB by spectrum"
+    heard = row.audible
+    audible = (
+        ""
+        if heard is None
+        else f"{heard.cents:.1f} cents, {100 * heard.t60:.1f}%, {heard.third_octave_db:.1f} dB"
+    )
     return (
         " + ".join(row.parts),
         f"{row.n_mat + row.n_lia:,}",
         computed,
         error,
+        audible,
         "" if is_left_out else f"{row.cost:.2g}",
         row.guarantee or "",
         "" if row.left_out_db is None else f"{row.left_out_db:.0f} dB",
     )
 
 
+def _highest(made: Plan) -> str:
+    """The highest mode of each string and plate."""
+    each = [f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in made.highest_modes.items()]
+    return f"\nhighest modes: {', '.join(each)}\n" if each else ""
+
+
 def _summary(made: Plan) -> str:
-    cost = made.cost
+    from ergon.exchange import machine_speed
+
+    cost, correction = made.cost, machine_speed.kept()
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
+    if correction is not None and cost > 0:
+        times += f", {1 / (cost * correction):.3g} × on this machine by `ergon doctor`"
     planned = f"planned in {made.seconds:.2g} s"
     if made.is_kept:
         planned += " (from the cache)"
@@ -224,6 +249,10 @@ def _why(row: PlanRow) -> list[str]:
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
+    if row.audible is not None:
+        from ergon.scores.staging.planning import said_of
+
+        said.append(f"  Of that {said_of(row.audible)}.")
     if row.cut_short:
         said.append("  Planning ended there: its trials had done all the work that they may.")
     if row.spectral_db is not None:

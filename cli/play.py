@@ -13,7 +13,10 @@ from .console import Console
 # The options that `play` and `duet` share.
 _playing = options.several(
     click.option(
-        "--from", "from_", metavar="POSITION", help="Where to begin, such as 3|1, B+2 or 12.5s."
+        "--from",
+        "from_",
+        metavar="POSITION",
+        help="Where to begin, such as '3|1' (in quotes), B+2 or 12.5s.",
     ),
     options.sound,
     click.option(

@@ -32,7 +32,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
     "--from",
     "from_",
     metavar="POSITION",
-    help="First position to write, such as 3|1, B+2 or 12.5s.",
+    help="First position to write, such as '3|1' (in quotes), B+2 or 12.5s.",
 )
 @click.option("--to", metavar="POSITION", help="Position to write up to.")
 @click.option(

@@ -7,6 +7,7 @@ import contextlib
 import signal
 import sys
 import threading
+import weakref
 from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 
@@ -26,16 +27,26 @@ class Terminated(BaseException):
 @contextlib.contextmanager
 def signals_as_exceptions() -> Iterator[None]:
     """SIGTERM and SIGHUP raise Terminated, so clean-up runs; a second Ctrl-C skips clean-up."""
-    arrived: list[BaseException] = []
+    arrived: list[int] = []
+    returning: list[threading.Timer] = []  # signals that were lost, and come again
+    watched: list[weakref.finalize[[int], Terminated]] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        arrived.append(KeyboardInterrupt())
-        raise arrived[-1]
+        arrived.append(number)
+        raise KeyboardInterrupt
 
     def terminate(number: int, frame: FrameType | None) -> None:
-        arrived.append(Terminated(number))
-        raise arrived[-1]
+        arrived.append(number)
+        raise watch(Terminated(number))
+
+    def watch(error: Terminated) -> Terminated:
+        # What looks whether an attribute is there, as while it imports, may swallow any exception.
+        watched.append(weakref.finalize(error, come_again, error.number))
+        return error
+
+    def come_again(number: int) -> None:
+        returning.append(_again(number))
 
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -57,12 +68,26 @@ def signals_as_exceptions() -> Iterator[None]:
     except (KeyboardInterrupt, Terminated, Exception):
         raise
     except BaseException as panic:
-        # The core looks for numpy when it is first given an array. A signal that arrives meanwhile
-        # ends that import, and the core panics.
-        raise arrived[-1] if arrived else panic from None
+        # What a signal ends inside the core may be a panic of the core.
+        if not arrived:
+            raise
+        ended = KeyboardInterrupt() if arrived[-1] == signal.SIGINT else Terminated(arrived[-1])
+        raise ended from panic
     finally:
+        for lost in watched:
+            lost.detach()
+        for timer in returning:
+            timer.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _again(number: int) -> threading.Timer:
+    """Let a signal come again, not from here, where its exception would be dropped as well."""
+    timer = threading.Timer(_AGAIN, _interrupt, (number,))
+    timer.daemon = True
+    timer.start()
+    return timer
 
 
 def _interrupt(number: int) -> None:
@@ -87,12 +112,9 @@ def _not_lost(handlers: Mapping[int, Handler]) -> Iterator[None]:
         if not isinstance(error, (KeyboardInterrupt, Terminated)):
             before(dropped)
             return
-        number = error.number if isinstance(error, Terminated) else signal.SIGINT
-        signal.signal(number, handlers[number])
-        # Not from here, where it would be dropped as well.
-        again = threading.Timer(_AGAIN, _interrupt, (number,))
-        again.daemon = True
-        again.start()
+        if isinstance(error, KeyboardInterrupt):  # Terminated comes again by itself
+            signal.signal(signal.SIGINT, handlers[signal.SIGINT])
+            _again(signal.SIGINT)
 
     sys.unraisablehook = hook
     try:

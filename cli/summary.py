@@ -40,6 +40,7 @@ def rendered(console: Console, completed: Completed) -> None:
             sha256=mix.sha256,
             modules=network.n_mat + network.n_lia,
             threads=job.threads,
+            recalled=done.recalled,
         )
         for one in done.instruments:
             peak, loudness = decibels(one.peak), one.loudness
@@ -53,9 +54,10 @@ def rendered(console: Console, completed: Completed) -> None:
     name = "stdout" if mix.path == "-" else mix.path
     normalised = job.level.normalise is not None
     gain = f" (normalised by {decibels(mix.gain):+.1f} dB)" if normalised else ""
+    recalled = f" ({done.recalled:.0%} recalled)" if done.recalled > 0 else ""
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
-        f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time, "
+        f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time{recalled}, "
         f"peak {level(peak, 'dBFS')}{gain}, loudness {level(mix.loudness, 'LUFS')}, "
         f"no late blocks, sha256 {digits}"
     )
@@ -74,7 +76,8 @@ def rendered(console: Console, completed: Completed) -> None:
     if job.format.bits != "float":
         for file in (mix, *done.stems):
             if file.peak > 1:
-                console.warn(f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS")
+                over = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
+                console.warn(f"{over}; lower the gain of its routes, or limit or normalise it")
 
 
 def finer(console: Console, simulation: Simulation) -> None:
@@ -120,9 +123,10 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
     form = f"{job.format.rate} Hz, " + ("32-bit float" if bits == "float" else f"{bits} bits")
+    at_most = "" if job.fades_from is None else "at most "
     steps = job.stop * (stage.network.n_mat + stage.network.n_lia)
     lines = [
-        f"{job.target}: {seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
+        f"{job.target}: {at_most}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
         f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(held)} more while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{job.stop:,} frames, {steps:.3g} module-steps",

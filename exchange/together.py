@@ -18,7 +18,7 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
     of each just before that, and raises where it may not be written. Raises FileRefusedError, and
     what `check` raises.
     """
-    at = {path: path.resolve() for path in files}  # a link stays a link
+    at = {path: _real(path) for path in files}  # a link stays a link
     new_folders = {folder for path in at.values() for folder in path.parents if not folder.exists()}
     replaced: list[tuple[Path, Path | None]] = []  # what was written, and what was there before
     path = Path()
@@ -88,3 +88,11 @@ def _sync(folders: Iterable[Path]) -> None:
                 os.fsync(handle)
             finally:
                 os.close(handle)
+
+
+def _real(path: Path) -> Path:
+    """What a path leads to. Raises FileRefusedError."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # as Python up to 3.12 and from 3.13 on says it
+        raise FileRefusedError(f"{path} is a symbolic link in a circle") from None

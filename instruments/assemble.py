@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ergon import _core
-from ergon.instruments.kinds import HOLDERS, LINKS, Start
 from ergon.instruments.members import members
+from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
+from ergon.instruments.module_kinds import HOLDERS, LINKS, Start
 
 _Fields = Mapping[str, Any]
 
@@ -181,6 +182,10 @@ def _plate(assembly: Assembly, name: str, f: _Fields) -> int:
 
 
 def _bank(assembly: Assembly, name: str, f: _Fields) -> int:
+    if isinstance(f["f"], Each):
+        masses = (f["M"] / gain for gain in f["gain"])
+        cells = list(zip(f["f"], f["t60"], masses, strict=True))
+        return assembly.network.cells(name, cells=cells, **_pick(f, "place"))
     return assembly.network.bank(
         name, **_pick(f, "count", "M", "f", "t60", "spread", "place"), seed=assembly.seed
     )

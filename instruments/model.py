@@ -73,6 +73,14 @@ class Output:
         """How often positions are differentiated by time."""
         return {"SOV": 1, "SOA": 2}.get(self.kind, 0)
 
+    @property
+    def reference(self) -> float:
+        """What is heard at the reference level, in SI units.
+
+        The movements are those of one speed at 1.6 kHz (10,000 rad/s).
+        """
+        return {"SOX": 1e-4, "SOV": 1.0, "SOA": 1e4, "SOF": 1e-2}[self.kind]
+
 
 @dataclass(frozen=True, slots=True)
 class Instrument:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ergon.instruments.kinds import HOLDERS, LINKS, member_count
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
+from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -109,7 +109,7 @@ class Scene:
         owner, module_name = found
         self.reached.add(owner.name)
         if module_name is None:
-            module_name = self._only(owner, name, wanted, who)
+            module_name = self._only(owner, name, wanted, who, match[2] if match else None)
             if module_name is None:
                 return None
         module = owner.modules[module_name]
@@ -137,7 +137,9 @@ class Scene:
                 return self.parts[head], tail
         return None
 
-    def _only(self, owner: Part, name: Name, wanted: Wanted, who: str) -> str | None:
+    def _only(
+        self, owner: Part, name: Name, wanted: Wanted, who: str, some: str | None
+    ) -> str | None:
         if owner.struck:
             return owner.struck
         links = [n for n, m in owner.modules.items() if m.kind in LINKS]
@@ -147,6 +149,11 @@ class Scene:
         if len(candidates) == 1:
             return candidates[0]
         examples = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
+        if some is not None and examples:
+            message = f"{who}: {quote(owner.name)} is made of named modules, which {quote(some)} "
+            message += f"does not select; write a list: [{examples}]"
+            self.collector.error("E304", message, name.place)
+            return None
         message = (
             f"{who}: {quote(name)} is ambiguous: it has {len(candidates)} modules of this kind"
         )

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.instruments.kinds import HOLDERS, KINDS, partly, tables
+from ergon.instruments.matter import MATTER, made_of
+from ergon.instruments.modal import listed
 from ergon.instruments.model import Instrument, Module, Output
+from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.notes import Notes, read_note
 from ergon.notation.tables.shapes import (
@@ -233,16 +235,30 @@ def whole(kind: str, values: Values) -> bool:
 def modules(values: Values) -> tuple[Module, ...]:
     """The modules of a key or an instrument; one that was refused is left out."""
     bodies = (values["modules"] or {}).items()
-    return tuple(
-        module(name, body.kind, body.given[body.kind])
+    made = (
+        (name, body.kind, _followed(body.kind, body.given[body.kind]))
         for name, body in bodies
-        if body is not MISSING and whole(body.kind, body.given[body.kind])
+        if body is not MISSING
     )
+    return tuple(
+        module(name, kind, body)
+        for name, kind, body in made
+        if body is not None and whole(kind, body)
+    )
+
+
+def _followed(kind: str, values: Values) -> Values | None:
+    """The fields of a module with those that follow from others; None after a report."""
+    return listed(values) if kind == "BANK" else made_of(kind, values)
 
 
 def module(name: str, kind: str, values: Values) -> Module:
     """A module with all its fields, defaults filled in; checks what fields mean together."""
-    fields = {f.name: values[f.name] for f in values.record.fields}
+    # What a body is made of stands in its other fields by now.
+    matter = (*MATTER, "masses") if kind == "PLATE" else MATTER if kind == "STRING" else ()
+    fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
+    if kind == "BANK":
+        fields.pop("modes")
     if kind == "LNL":
         fields["constants"] = dict(values.free)
         if "interval" in values.given:
@@ -319,9 +335,6 @@ def _plate(kind: str, values: Values) -> None:
     if values.written(other):
         message = f"{values.context.of(other)}: a PLATE of shape {shape} has no {other}; remove it"
         values.error("E111", message, other)
-    if shape == "disc" and values["bending"] is None:
-        message = f"{values.context.of('shape')}: a disc bends; write `bending: true`, or take hex"
-        values.error("E111", message, "shape")
 
 
 _CHECKS: Mapping[str, tuple[Any, ...]] = {
@@ -341,7 +354,9 @@ def instrument(values: Values) -> Instrument:
     made: list[Module] = []
     if values.kind:
         body = values.given[values.kind]
-        if body is not MISSING and whole(values.kind, body := _retuned(values, body)):
+        if body is not MISSING:
+            body = _retuned(values, body)
+        if body is not MISSING and body is not None and whole(values.kind, body):
             made.append(module("", values.kind, body))
     elif extra := values.written("t60", "M"):
         message = (
@@ -367,6 +382,7 @@ def instrument(values: Values) -> Instrument:
 
 
 def _ca_rate(values: Values) -> float | None:
+    _no_matter(values)
     if values["units"] != "ca":
         if values.written("at"):
             values.error(
@@ -381,8 +397,23 @@ def _ca_rate(values: Values) -> float | None:
     return values["at"] or 44100.0
 
 
-def _retuned(values: Values, body: Values) -> Values:
-    """The generator's values with the instrument's own `f`, `t60` and `M`."""
+def _no_matter(values: Values) -> None:
+    """Refuse materials under `units: ca`, whose M, K and Z are plain numbers."""
+    bodies = [values, *(values["modules"] or {}).values()] if values["units"] == "ca" else []
+    for body in bodies:
+        fields = body.given.get(body.kind) if isinstance(body, Values) else None
+        if isinstance(fields, Values) and fields.written("material"):
+            message = f"{fields.context.of('material')}: under `units: ca` M, K and Z are those of "
+            message += "a discrete network, which no material sets; write them, or use SI units"
+            fields.error("E111", message, "material")
+
+
+def _retuned(values: Values, body: Values) -> Values | None:
+    """The generator's values with the instrument's own `f`, `t60` and `M`.
+
+    Matter that has a pitch of its own gets another; else the `f` says what is missing.
+    """
+    body = made_of(values.kind, body, quietly=True) or body
     given, nodes = dict(body.given), dict(body.nodes)
     for name in values.written("f", "t60", "M"):
         if name not in values.given:
@@ -395,4 +426,5 @@ def _retuned(values: Values, body: Values) -> Values:
                 values.error("E202", message, name)
             value = value[0]
         given[name], nodes[name] = value, values.nodes[name]
-    return Values(body.record, body.node, body.context, given, nodes, body.free, body.kind)
+    retuned = Values(body.record, body.node, body.context, given, nodes, body.free, body.kind)
+    return _followed(values.kind, retuned)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments.kinds import GENERATORS, LINKS, Start, member_count
 from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
+from ergon.instruments.module_kinds import GENERATORS, LINKS, Start, member_count
 from ergon.instruments.names import Part, Scene
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name

@@ -14,7 +14,9 @@ from fractions import Fraction
 from typing import Any
 
 from ergon import _core
-from ergon.instruments.kinds import Start
+from ergon.instruments.matter import made_of
+from ergon.instruments.modal import Each
+from ergon.instruments.module_kinds import Start
 from ergon.instruments.stiff import Stretched
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Values
@@ -88,6 +90,7 @@ INTERVAL = Text(
     f"an interval, such as {_EXAMPLE}",
     r"^([+-]?[0-9.]+ *(st|cents?)|x[0-9./]+)$",
     types=("string",),
+    is_value=True,
 )
 
 
@@ -190,6 +193,8 @@ def named_pitch(values: Values) -> float | None:
     found = []
     for body in [values] if values.kind else bodies:
         fields = body.given.get(body.kind)
+        if isinstance(fields, Values):
+            fields = made_of(body.kind, fields, quietly=True) or fields
         f = fields.given.get("f") if isinstance(fields, Values) else None
         if isinstance(f, tuple) and f[0] == f[1]:
             f = f[0]
@@ -224,8 +229,9 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
     """The fields of one module; a law goes as its module says later (`interval`)."""
     if is_mechanics(kind, fields):
         return fields
+    fields = made_of(kind, fields, quietly=True) or fields
     given = {name: moved(name, value, interval) for name, value in fields.given.items()}
-    if kind == "LNL":
+    if kind == "LNL" or fields.written("modes"):
         given["interval"] = given["interval"].then(interval) if "interval" in given else interval
     return replace(fields, given=given)
 
@@ -249,7 +255,8 @@ def moved(name: str, value: Any, interval: Interval) -> Any:
             return tuple((d, _times(force, interval.power(2))) for d, force in value)
         if name == "t60" and isinstance(value[0], tuple):
             return tuple((pitch(f, interval), moved(name, t, interval)) for f, t in value)
-        return tuple(moved(name, one, interval) for one in value)
+        each = (moved(name, one, interval) for one in value)
+        return Each(each) if isinstance(value, Each) else tuple(each)
     if isinstance(value, Start):
         return replace(value, value=moved(name, value.value, interval))
     if isinstance(value, Stretched):

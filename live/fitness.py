@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ergon import _core
 
@@ -51,6 +53,54 @@ def machine() -> Finding:
         todo = "physics and sound share one processor: expect gaps, and play with --ahead 4096"
     numbers = {"system": platform.system(), "kernel": platform.release(), "cpus": cpus}
     return Finding("machine", f"{system}, {cpus} CPUs", todo, numbers)
+
+
+def speed(seconds: float) -> Finding:
+    """How many times as long as the table of costs says work takes here, in about so long [s]."""
+    ratios = [_ratio(*work, seconds / 3.0) for work in _works()]
+    correction = math.prod(ratios) ** (1.0 / len(ratios))
+    said = f"work takes {correction:.2g} times as long as the table of costs says"
+    if max(ratios) > 2.0 * min(ratios):
+        said += f" ({min(ratios):.2g} to {max(ratios):.2g})"
+    return Finding("speed", said, numbers={"correction": correction, "each": ratios})
+
+
+def _works() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
+    """Networks of one kind of work each, what has to be struck, and the method that makes it so."""
+    bank = _core.Network()
+    bank.part("bank")
+    first = bank.bank("b", count=2000, M=1e-3, f=(100.0, 8000.0), t60=(100.0, 100.0))
+    bank.listen("x", positions=[(first, 2000, 1.0)])
+    yield bank, range(first, first + 2000), "modal"
+    for masses in (2, 400):  # one frame has its own cost, whatever is in it
+        string = _core.Network()
+        string.part("string")
+        body = string.string("s", masses=masses, M=8e-3, f=20.0, t60=100.0)
+        string.listen("x", positions=[(body, 1, 1.0)])
+        yield string, range(body, body + 1), "ca"
+
+
+def _ratio(
+    network: _core.Network, struck: range, method: Literal["ca", "modal"], seconds: float
+) -> float:
+    """Time of a network's work over what the table says: the least of some blocks of it."""
+    import numpy as np
+
+    rate = 44100.0
+    timeline = _core.Timeline(network, rate)
+    for mat in struck:
+        timeline.strike(mat, 0.0, impulse=1e-3)
+    plan = _core.Plan(network, timeline, method=method)
+    cost = sum(row.cost for row in plan.rows()) / rate
+    simulation = _core.Simulation(network, timeline, plan=plan)
+    block = np.empty((max(64, min(20_000, round(1e-2 / cost))), simulation.n_out))
+    best = math.inf
+    end = time.perf_counter() + seconds
+    while best == math.inf or time.perf_counter() < end:
+        before = time.thread_time()
+        simulation.process(block)
+        best = min(best, time.thread_time() - before)
+    return best / (len(block) * cost)
 
 
 def rights(found: Checkup) -> Iterator[Finding]:

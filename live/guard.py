@@ -78,7 +78,7 @@ def response(
     All contacts are closed; the other hands hold still.
     """
     held = [other.mat for other in played]
-    return _answer(network.reachable_scene(hand.mat, rate, held=held), hand.every, reach)
+    return _answer(network.reachable_scene(hand.mat, rate, held=held), hand.tick_frames, reach)
 
 
 def _answer(scene: _core.ReachableScene, tick_frames: int, reach: float) -> NDArray[np.float64]:
@@ -158,7 +158,7 @@ class Guard:
             worst = min(begin, end, key=lambda borne: borne.scale)
             every.append(worst)
             is_rise = bool(bounds) and worst.scale > bounds[-1][1]
-            ticks = (frame - start) / hand.every
+            ticks = (frame - start) / hand.tick_frames
             bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
         least = min(every, key=lambda borne: borne.scale)
         return HandForceBounds(hand.player, tuple(bounds), least, every[-1])
@@ -185,7 +185,9 @@ class Guard:
         borne = self._known.pop(key, None)
         if borne is None:
             self.asked += 1
-            found = self._bears(hand.index, _answer(scene, hand.every, self._reaches[hand.index]))
+            found = self._bears(
+                hand.index, _answer(scene, hand.tick_frames, self._reaches[hand.index])
+            )
             assert found is not None  # it is real
             borne = ForceScale(found.scale, found.stiffness, found.limit)
         self._known[key] = borne  # the latest last

@@ -34,6 +34,7 @@ class PlaybackConfig:
     gain: float = 1.0
     limit: float = 1.0
     highpass: float | None = None
+    reference: float | None = None
     start: int = 0
     boards: Sequence[Board] = ()
     guides: Mapping[str, float] = field(default_factory=dict)  # player → K [N/m]
@@ -46,9 +47,9 @@ class PlaybackConfig:
     loose: bool = False  # every hand has a guide, which begins let go
 
 
-def every(stage: Stage) -> int:
+def tick_frames(stage: Stage) -> int:
     """Frames of a tick."""
-    return stage.live[0].every if stage.live else EVERY
+    return stage.live[0].tick_frames if stage.live else EVERY
 
 
 def perform(
@@ -60,10 +61,10 @@ def perform(
     """
     import numpy as np
 
-    tick = every(stage)
+    tick = tick_frames(stage)
     simulation = stage.simulation
     start = simulation.snapshot()
-    mixer = stage.mixer(highpass=config.highpass)
+    mixer = stage.mixer(highpass=config.highpass, reference=config.reference)
     _skip(simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress)
     numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in config.boards for _, player in board.axes}
@@ -93,6 +94,9 @@ def perform(
         axes = [(hand.player, hand.key) for hand in stage.live]
         about = json.dumps(dict(config.about), ensure_ascii=False)
         record = _core.RecordTarget(config.record, axes, about)
+    fades_from = None
+    if stage.fades_from is not None and not config.endless:
+        fades_from = max(0, stage.fades_from - config.start // tick * tick)
     try:
         return _core.Performance(
             simulation,
@@ -102,6 +106,7 @@ def perform(
             gain=config.gain,
             limit=config.limit,
             n_frames=None if config.endless else stage.n_frames,
+            fades_from=fades_from,
             hands=hands,
             boards=boards,
             bars=bars(stage, 0, stage.n_frames),

@@ -40,19 +40,20 @@ def length(stage: Stage) -> int:
 def level(
     stage: Stage,
     highpass: float | None,
+    reference: float | None,
     target: float,
     frozen: Sequence[VerifiedStem],
     progress: Callable[[int], None],
 ) -> PreflightGain:
     """The gain that brings the peak of the mix to `target`; the stage itself does not advance.
 
-    Real hands are played by what stands in for them, `frozen` parts are heard. `progress` hears
-    how many frames are done.
+    `highpass` and `reference` are those of the mixer. Real hands are played by what stands in for
+    them, `frozen` parts are heard. `progress` hears how many frames are done.
     """
     import numpy as np
 
     n_frames = length(stage)
-    simulation, mixer = stage.simulation, stage.mixer(highpass=highpass)
+    simulation, mixer = stage.simulation, stage.mixer(highpass=highpass, reference=reference)
     start = simulation.snapshot()
     peak = 0.0
     at = 0

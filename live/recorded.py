@@ -86,7 +86,9 @@ def _level(said: dict[str, Any]) -> Level:
         value = level.get(name)
         return float(value) if isinstance(value, int | float) and 0.0 < value < _LOUDEST else None
 
-    return Level(None, number("limit"), number("highpass"), number("gain") or 1.0)
+    return Level(
+        None, number("limit"), number("highpass"), number("gain") or 1.0, number("reference")
+    )
 
 
 def _warnings(recording: _core.Recording, said: dict[str, Any], piece: Piece) -> list[str]:
@@ -110,4 +112,9 @@ def _warnings(recording: _core.Recording, said: dict[str, Any], piece: Piece) ->
 
 def about(config: PlaybackConfig) -> dict[str, object]:
     """The level and filters that a recording notes."""
-    return {"gain": config.gain, "limit": config.limit, "highpass": config.highpass}
+    return {
+        "gain": config.gain,
+        "limit": config.limit,
+        "highpass": config.highpass,
+        "reference": config.reference,
+    }

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from ergon.notation.tables.fields import Values
 from ergon.notation.text import document
-from ergon.notation.text.bounds import Bounds
-from ergon.notation.text.document import Document
-from ergon.notation.text.errors import Collector
-from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.reading.uses import NOUNS, Names, Uses
+from ergon.scores.reading.load import Loaded
+from ergon.scores.reading.uses import NOUNS, Names
 
 # Sections whose names stay in their file, and what one of them is called.
 _OWN = {"marks": "mark", "players": "player", "strikes": "strikes"}
@@ -50,13 +46,12 @@ class Catalogue:
         return None
 
 
-def catalogue(path: Path, file: Document, bounds: Bounds) -> Catalogue:
-    """The names of a score. Files that cannot be read bring in none."""
-    if file.root is None:
+def catalogue(loaded: Loaded) -> Catalogue:
+    """The names of a score that was read. Files that could not be read bring in none."""
+    names, uses = loaded.names, loaded.uses
+    if names is None or uses is None:
         return Catalogue()
-    collector = Collector()
-    uses = Uses(Files(collector, path.parent, None, None, bounds), collector)
-    names = uses.read(file)
+    root = names.document.root
     sections: dict[str, dict[str, Definition]] = {MODULES: {}}
     for section, noun in NOUNS.items():
         sections[section] = {
@@ -64,7 +59,7 @@ def catalogue(path: Path, file: Document, bounds: Bounds) -> Catalogue:
             for name, entry in names.tables[section].items()
         }
     for section, noun in _OWN.items():
-        node = file.root.get(section) if isinstance(file.root, document.Mapping) else None
+        node = root.get(section) if isinstance(root, document.Mapping) else None
         entries = node.entries if isinstance(node, document.Mapping) else {}
         sections[section] = {
             name: Definition(name, noun, key.place) for name, (key, _) in entries.items()

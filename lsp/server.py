@@ -83,7 +83,8 @@ class Server(LanguageServer):
             return
         loaded = self._loaded(uri)
         self._show(uri, kept, loaded.diagnostics)
-        self._learn(uri, kept, loaded)
+        if loaded.names is not None:
+            kept.known = catalogue(loaded)
         if saved and loaded.piece is not None:
             _, more = await asyncio.to_thread(try_stage, loaded, None)
             if kept.version == version:
@@ -107,12 +108,6 @@ class Server(LanguageServer):
         }
         text = self.workspace.get_text_document(uri).source
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
-
-    def _learn(self, uri: str, kept: _Open, loaded: Loaded) -> None:
-        path = _path(uri)
-        file = loaded.files.get(str(path))
-        if file is not None and file.root is not None:
-            kept.known = catalogue(path, file, scores.bounds(str(path), False))
 
     def _show(self, uri: str, kept: _Open, found: Sequence[Diagnostic]) -> None:
         """Diagnostics in the documents that they are about; those of before are taken away."""

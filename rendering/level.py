@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from ergon.exchange.wave_header import Bits, WaveFormat
+from ergon.exchange.wave_header import WaveFormat
 
 from .silence import Silence, silenced
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-NORMALISE_DB = -1.0  # peak of a 16- or 24-bit file whose score says nothing of its level
 # Below what loudspeakers can do: a leaning hand's offset would only push their cones aside.
 HIGHPASS = 8.0  # [Hz]
 
@@ -27,30 +26,15 @@ HIGHPASS = 8.0  # [Hz]
 class Level:
     """Peak to bring the file to and ceiling of its limiter, as ratios; default high-pass [Hz].
 
-    `gain`, a ratio, where no peak is asked for.
+    `gain`, a ratio, where no peak is asked for; `reference` the ratio of full scale at which
+    reference quantities are heard, None where samples are in SI units.
     """
 
     normalise: float | None = None
     limit: float | None = None
     highpass: float | None = None
     gain: float = 1.0
-
-    @classmethod
-    def said(cls, bits: Bits, *, normalise: float | None, limit: float | None) -> Level:
-        """The level that a score's `master` asks for."""
-        return cls(normalise, limit, None if bits == "float" else HIGHPASS)
-
-    @classmethod
-    def unsaid(cls, bits: Bits) -> Level:
-        """The level of a file whose score has no `master`.
-
-        A float file then is a measurement: metres and newtons, nothing added or taken away.
-        """
-        if bits == "float":
-            return cls()
-        from ergon._core import decibels
-
-        return cls(normalise=decibels(NORMALISE_DB), highpass=HIGHPASS)
+    reference: float | None = None
 
 
 def ceiling_gain(peak: float, ceiling: float) -> float:

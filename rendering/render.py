@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
+from ergon import _core
 from ergon.exchange import sound
 from ergon.exchange.safe import check_target, writing
 from ergon.exchange.wave_header import Stamp, WaveFormat
@@ -22,7 +23,7 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 from .ahead import ahead
 from .balance import MOST, Balance, InstrumentLevel
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
-from .quiet import FadeFinder
+from .resumed import ResumedSimulation, Store
 from .silence import Silence
 
 if TYPE_CHECKING:
@@ -69,10 +70,15 @@ class Staged(Protocol):
     def n_channels(self) -> int:
         """Loudspeakers that a mixer feeds."""
 
-    def mixer(self, *, highpass: float | None = None) -> Mixer:
-        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own."""
+    def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Mixer:
+        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own.
 
-    def stems(self, *, highpass: float | None = None) -> Sequence[tuple[str, Mixer]]:
+        `reference` is the ratio of full scale at which reference quantities are heard.
+        """
+
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> Sequence[tuple[str, Mixer]]:
         """A fresh mixer for every player or instrument."""
 
 
@@ -94,6 +100,7 @@ class RenderJob:
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
     # The file ends where the sound has faded after this frame, at `stop` at the latest.
     fades_from: int | None = None
+    stretches: Store | None = None  # of earlier renders, which need not be computed again
 
     def __post_init__(self) -> None:
         """Raise FileRefusedError when the target cannot hold the samples."""
@@ -120,7 +127,8 @@ class RenderedFile:
 class RenderedFiles:
     """The files that a render wrote, their length, and how long it took: `wall` [s].
 
-    `instruments` are those that are heard, where there are several.
+    `instruments` are those that are heard, where there are several. `recalled` is the part of the
+    work that an earlier render had done (0 to 1).
     """
 
     mix: RenderedFile
@@ -128,6 +136,7 @@ class RenderedFiles:
     wall: float
     n_frames: int
     instruments: tuple[InstrumentLevel, ...] = ()
+    recalled: float = 0.0
 
 
 @dataclass(slots=True)
@@ -160,14 +169,18 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     engine when a part goes non-finite; neither leaves a file.
     """
     start = time.perf_counter()
-    highpass = job.level.highpass
-    stems = list(stage.stems(highpass=highpass)) if job.stems is not None else []
+    highpass, reference = job.level.highpass, job.level.reference
+    stems = []
+    if job.stems is not None:
+        stems = list(stage.stems(highpass=highpass, reference=reference))
     suffix = sound.suffix_of(job.target)
     paths = stem_paths(job.stems, [name for name, _ in stems], suffix) if job.stems else []
     for path in paths:
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
-        mixers = [(job.target, stage.mixer(highpass=highpass), job.level.limit)]
+        mixers = [
+            (job.target, stage.mixer(highpass=highpass, reference=reference), job.level.limit)
+        ]
         # Stems are not limited: what one limiter does to a sum cannot be shared out to its terms.
         mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
         tracks = []
@@ -183,15 +196,26 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
 
             tracks.append(_track(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
-        job, written = _fill(stage, job, tracks, progress, balances)
+        resumed = _resumed(stage, job)
+        job, written = _fill(stage, job, tracks, progress, balances, resumed)
     wall = time.perf_counter() - start
     levels = tuple(balance.level(written[0].gain) for balance in balances)
-    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels)
+    recalled = 0.0 if resumed is None else resumed.recalled
+    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels, recalled)
+
+
+def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | None:
+    """The simulation with what earlier renders computed of it, where that is kept."""
+    simulation = stage.simulation
+    # Frozen parts fill the frames of a simulation from files, and have nothing to be stored.
+    if job.stretches is None or not isinstance(simulation, _core.Simulation):
+        return None
+    return ResumedSimulation(simulation, job.stretches, stage.n_frames)
 
 
 def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
     """One for each instrument, where there are several and not too many."""
-    stems = stage.stems(highpass=job.level.highpass)
+    stems = stage.stems(highpass=job.level.highpass, reference=job.level.reference)
     if not 1 < len(stems) <= MOST // max(1, stage.n_channels):
         return []
     return [
@@ -215,10 +239,10 @@ def render_array(
         made.append(np.zeros((of.n_frames, of.format.n_channels)))
         return _chain(ArrayWriter(of.format, made[0]), stage, of, of.level.limit)
 
-    mixer = stage.mixer(highpass=job.level.highpass)
+    mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
         track = _track(stack, job, "-", mixer, written_to)
-        _, (done,) = _fill(stage, job, [track], progress)
+        _, (done,) = _fill(stage, job, [track], progress, (), _resumed(stage, job))
     return made[0], done
 
 
@@ -227,13 +251,15 @@ def _fill(
     job: RenderJob,
     tracks: Sequence[_Track],
     progress: Callable[[int], None],
-    balances: Sequence[Balance] = (),
+    balances: Sequence[Balance],
+    resumed: ResumedSimulation | None,
 ) -> tuple[RenderJob, list[RenderedFile]]:
     """Compute the files; also the job, whose end is known then."""
     if job.fades_from is None:
         for track in tracks:
             track.finish = track.begin(job)
-    stop = _simulate(stage, job, tracks, progress, balances)
+    simulation = resumed or stage.simulation
+    stop = _simulate(stage, simulation, job, tracks, progress, balances)
     job = replace(job, stop=stop)
     for track in tracks:
         track.finish = track.finish or track.begin(job)
@@ -264,6 +290,7 @@ def _track(
 
 def _simulate(
     stage: Staged,
+    simulation: Simulation,
     job: RenderJob,
     tracks: Sequence[_Track],
     progress: Callable[[int], None],
@@ -272,12 +299,16 @@ def _simulate(
     """Mix all frames; the frame at which the files end."""
     import numpy as np
 
+    from ergon import _core
+
     at = 0
     # A limiter looks ahead, past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     last = min(stage.n_frames, job.stop + max(latencies, default=0))
-    fade = None if job.fades_from is None else FadeFinder(stage.rate, job.fades_from)
-    blocks = frames_of(stage.simulation, last, job.block)
+    fade = None
+    if job.fades_from is not None:
+        fade = _core.FadeFinder(stage.rate, job.format.n_channels, job.fades_from)
+    blocks = frames_of(simulation, last, job.block)
     with contextlib.closing(ahead(blocks) if job.threads > 1 else blocks) as coming:
         for frames in coming:
             end = None

@@ -71,7 +71,7 @@ def swings(
     closed = [Closing(contact) for contact in probed.contacts]
     bows = [bow for bow in map(sliding, probed.rubbings) if bow is not None]
     at = 0
-    for frames in frames_of(stage.simulation, stage.n_frames, _BLOCK):
+    for frames in frames_of(stage.simulation, stage.n_looked_at, _BLOCK):
         for swing, low, high in zip(moved, frames.min(axis=0), frames.max(axis=0), strict=True):
             swing.low, swing.high = min(swing.low, float(low)), max(swing.high, float(high))
         for closing in closed:

@@ -18,6 +18,7 @@ from ergon.api.simulate import never_closed, never_stuck, simulate
 from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
+from ergon.scores.staging.highest import stops_low
 from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.stage import StageError, stage
 from ergon.scores.staging.unused import unused
@@ -66,9 +67,10 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             return [*loaded.diagnostics, *error.diagnostics], loaded
         reports = [*loaded.diagnostics, *unused(loaded.piece), *implausible(loaded.piece)]
         reports += played.diagnostics
-        if entry.code in ("W320", "W323"):
+        if entry.code in ("W320", "W323", "W331"):
             done = simulate(loaded.piece, NAME)
-            return [*reports, *never_closed(loaded.piece, done), *never_stuck(done)], loaded
+            reports += [*never_closed(loaded.piece, done), *never_stuck(done)]
+            return [*reports, *stops_low(done.highest_modes)], loaded
         if entry.code in ("W324", "W325"):
             done_file = rendered(loaded)
             return [*reports, *done_file.faint], loaded

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from docs.generators.pages import blocks, put
+from docs.generators.pages import blocks, commands, put
 
 HOWTO = Path(__file__).parents[1] / "howto"
 
@@ -21,16 +21,15 @@ def main() -> None:
                 if block.language == "yaml":
                     put(block, folder)
                 elif block.language == "console":
-                    _run(block.text, folder)
+                    for words, _ in commands(block):
+                        subprocess.run(
+                            [sys.executable, "-m", "ergon.cli", *words],
+                            cwd=folder,
+                            check=True,
+                            capture_output=True,
+                        )
             for picture in folder.glob("*.svg"):
                 (HOWTO / picture.name).write_bytes(picture.read_bytes())
-
-
-def _run(text: str, folder: Path) -> None:
-    for line in text.splitlines():
-        if line.startswith("$ ergon "):
-            command = [sys.executable, "-m", "ergon.cli", *line.split(" #")[0].split()[2:]]
-            subprocess.run(command, cwd=folder, check=True, capture_output=True)
 
 
 if __name__ == "__main__":

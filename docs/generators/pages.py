@@ -45,6 +45,20 @@ def blocks(page: Path) -> Iterator[Block]:
         yield Block(match["language"], match["text"], notes, f"{page.name}:{line}")
 
 
+def commands(block: Block) -> Iterator[tuple[list[str], str]]:
+    """The words of each `$ ergon …` of a console block, without `ergon`, and what is shown below.
+
+    Raises ValueError where a command is of another program.
+    """
+    for part in re.split(r"^(?=\$ )", block.text, flags=re.MULTILINE):
+        if part.startswith("$ "):
+            command, _, shown = part[2:].partition("\n")
+            program, *words = command.split(" #")[0].split()
+            if program != "ergon":
+                raise ValueError(f"{block.where}: {command}")
+            yield words, shown.strip()
+
+
 def merged(text: str, more: str) -> str:
     """The file with sections replaced by those of the same name, or with them at its end."""
     for section in filter(None, _SECTION.split(more)):

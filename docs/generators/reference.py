@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ergon.instruments.kinds import KINDS
+from ergon.instruments.materials import MATERIALS, OWN_MATERIAL
+from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import INSTRUMENT
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
@@ -73,6 +74,22 @@ def _section(title: str, record: Record, level: str = "##") -> Iterator[str]:
         yield ""
 
 
+def _materials() -> Iterator[str]:
+    yield "## Materials"
+    yield ""
+    yield "What `material` names; of woods E is along the grain, then across it."
+    yield ""
+    yield "| material | density [kg/m³] | E [GPa] | Poisson's ratio | loss factor | source |"
+    yield "|---|---|---|---|---|---|"
+    for name, one in MATERIALS.items():
+        young = f"{one.young / 1e9:g}"
+        if one.across is not None:
+            young += f", {one.across / 1e9:g}"
+        cells = (f"`{name}`", f"{one.density:g}", young, f"{one.poisson:g}", f"{one.loss:g}")
+        yield "| " + " | ".join((*cells, one.source)) + " |"
+    yield ""
+
+
 def text() -> str:
     """The whole reference in Markdown."""
     lines = [
@@ -87,6 +104,8 @@ def text() -> str:
     lines += ["## Modules", ""]
     for kind in KINDS.values():
         lines += _section(f"`{kind.name}`", kind.table, "###")
+    lines += _section("`material`", OWN_MATERIAL, "###")
+    lines += _materials()
     return "\n".join(lines).rstrip() + "\n"
 
 

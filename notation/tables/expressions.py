@@ -9,10 +9,11 @@ and depth.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
+from typing import TypeVar
 
 from ergon import _core
 from ergon.notation.tables import quantities as q
@@ -20,6 +21,8 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
+
+_T = TypeVar("_T")
 
 MAX_LENGTH = 200  # characters of an expression
 MAX_DEPTH = 16  # parentheses and signs inside one another
@@ -33,6 +36,7 @@ _NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)(?![\w#♯♭])")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
 _SPACE = re.compile(r"\s*")
+_OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
 _LETTERS = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}
 _SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
 _NOTE_NAMES = ("A", "A#", "B", "C", "C#", "D", "D#", "E", "F", "F#", "G", "G#")
@@ -42,7 +46,7 @@ def _units() -> Iterator[tuple[str, tuple[str, int]]]:
     """Each unit with the unit in which its values are kept, and the power of ten between them."""
     own = (
         *(q.MASS, q.STIFFNESS, q.DAMPING, q.POSITION, q.SPEED, q.PUSH, q.IMPULSE, q.HARDENING),
-        *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE),
+        *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE, q.DENSITY),
     )
     for unit, power in q.CONSTANT.units.items():
         if power == 0:
@@ -318,6 +322,73 @@ def _read(section: document.Mapping) -> Lets:
         except TextError as error:
             found.wrong.append((node, error))
     return found
+
+
+def with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
+    """Read a text of several words, in which names of `let:` may stand for values.
+
+    A word such as `low`, `low@2` or `2*low` is replaced where the text as written is refused.
+    Raises TextError with the characters at fault, as written.
+    """
+    try:
+        return parse(node.text)
+    except TextError as plain:
+        pieces = _replaced(node.text, lets(node.document).names)
+        if len(pieces) < 2:
+            raise
+        try:
+            return parse("".join(said for _, said in pieces))
+        except TextError as error:
+            ends, at = [], 0
+            for written, said in pieces:
+                ends.append((at, at + len(said), written, said))
+                at += len(said)
+            start = 0
+            for first, end, written, said in ends:
+                if first <= error.offset < end or end == at:
+                    inside = error.offset - first if written == said else 0
+                    plain_length = len(written) if written != said else error.length
+                    error.offset, error.length = start + inside, max(1, plain_length)
+                    raise error from plain
+                start += len(written)
+            raise
+
+
+def has_name(word: str, of: Document) -> bool:
+    """Whether a name of `let:` stands in a word."""
+    names = lets(of).names
+    return any(part in names for part in _WORD.findall(word))
+
+
+def word_value(word: str, of: Document, parse: Callable[[str], _T]) -> _T:
+    """Read one word of a table, for which a name of `let:` may stand. Raises TextError."""
+    try:
+        return parse(word)
+    except TextError:
+        if not has_name(word, of):
+            raise
+        return parse(evaluate(word, lets(of).names).literal)
+
+
+def _replaced(text: str, names: Mapping[str, Amount]) -> list[tuple[str, str]]:
+    """Pieces of a text: as written, and with names of values replaced. Raises TextError."""
+    pieces, at = [], 0
+    for match in _OPERAND.finditer(text):
+        if any(word in names for word in _WORD.findall(match.group())):
+            try:
+                said = evaluate(match.group(), names).literal
+            except TextError as error:
+                error.offset += match.start()
+                raise
+            pieces += [(text[at : match.start()],) * 2, (match.group(), said)]
+            at = match.end()
+    return [*pieces, (text[at:],) * 2]
+
+
+def percent(literal: str) -> str:
+    """A plain number as a percentage, for fields that take nothing else."""
+    number = Decimal(literal) if re.fullmatch(r"-?\d+(\.\d+)?", literal) else None
+    return literal if number is None else f"{(100 * number).normalize():f}%"
 
 
 def literal(node: Scalar) -> str | None:

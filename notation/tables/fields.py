@@ -50,6 +50,7 @@ class Values:
     free: dict[str, Any] = field(default_factory=dict)
     kind: str = ""  # of a record with kinds: the one that was written
     strange: int = 0  # names that mean nothing here, reported
+    misspelt: set[str] = field(default_factory=set)  # fields that some of them resemble
     is_foreign: bool = False  # one of them was a field of another kind of file
 
     def __getitem__(self, name: str) -> Any:
@@ -182,6 +183,8 @@ class Record(Shape):
                     context.error("E101", message, key.place, help=self.foreign[word])
                 values.is_foreign = True
                 return
+            if near := nearest(word, names):
+                values.misspelt.add(near)
             help = "put a space after ':'" if ":" in word else None
             context.error("E101", message, key.place, word=word, names=names, help=help)
 
@@ -200,7 +203,7 @@ class Record(Shape):
     def _complete(self, values: Values) -> bool:
         complete = True
         for f in self.fields:
-            if f.required and f.name not in values.nodes:
+            if f.required and f.name not in values.nodes and f.name not in values.misspelt:
                 message = f"{values.context.of('')} has no '{f.name}': {f.shape.words()}"
                 values.context.error("E103", message, values.place)
             complete &= not f.required or f.name in values.given

@@ -76,6 +76,8 @@ SIZE = _dimension("length", _LENGTH, "0.5mm", "positive", high=1e3)
 DISTANCE = _dimension("distance", _LENGTH, "2m", "positive", low=0.01, high=100.0)
 ROOM_SIZE = _dimension("size of a room", _LENGTH, "10m", "positive", low=0.5, high=100.0)
 PAN = _dimension("place from -1 to 1", "", "-0.3", low=-1.0, high=1.0)
+DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive")
+SURFACE_TENSION = _dimension("tension of a membrane", "N/m kN/m:3", "3kN/m", "positive")
 PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive")
 INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high=0.1)
 POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high=0.5)
@@ -116,6 +118,7 @@ _ALL_UNITS = tuple(
     for d in (
         *(MASS, STIFFNESS, DAMPING, POSITION, SPEED, FORCE, IMPULSE, FREQUENCY, DURATION, LEVEL),
         PRESSURE,
+        DENSITY,
     )
     for unit in d.units
 )
@@ -325,3 +328,8 @@ def integer(text: str, low: int, high: int) -> int:
         message = f"{quote(word)} lies outside the range from {low:,} to {high:,}"
         raise TextError(message, length=len(word), code="E202")
     return value
+
+
+def level_between(low: float, high: float, share: float) -> float:
+    """The ratio of amplitudes on a share (0 to 1) of the way in dB between two ratios above 0."""
+    return low * _core.pow(high / low, share)

@@ -117,12 +117,15 @@ class Text(Shape):
     units: tuple[str, ...] = ()
     inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
     is_value: bool = False  # names of `let:` and arithmetic may stand for it
+    has_values: bool = False  # names of `let:` may stand for words of it
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if not isinstance(node, Scalar):
             return wrong_shape(self, node, name, context)
         try:
+            if self.has_values:
+                return expressions.with_names(node, self.parse)
             return self.parse(node.text)
         except TextError as error:
             if self.is_value:
@@ -134,6 +137,8 @@ class Text(Shape):
         """The value of a node that is no plain one: an expression, or a mistake."""
         try:
             said = expressions.literal(node)
+            if said is not None and self.units == ("%",):
+                said = expressions.percent(said)
         except TextError as error:
             context.text_error(error, node, name, self.inside)
             return MISSING

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import stat
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 MARKER = "ergon.project"  # an empty file that makes its folder one project with all below it
@@ -39,13 +40,23 @@ class Bounds:
 
     def allow(self, path: Path) -> bool:
         """Whether a path, links followed, lies inside; of a file that is not there yet too."""
-        if self.folders is None:
+        if self.folders is None or _is_installed(path):
             return True
         try:
             real = _real(path)
         except ValueError:  # a name that no file can have
             return False
         return any(real.is_relative_to(folder) for folder in self.folders)
+
+
+@lru_cache(maxsize=1024)  # a session asks at each of its lines
+def _is_installed(path: Path) -> bool:
+    """Whether a path is that of a file that ships."""
+    folders = (INSTRUMENTS, SHIPPED)
+    if ".." in path.parts or not any(map(path.is_relative_to, folders)) or not os.path.isfile(path):
+        return False
+    real = _real(path)
+    return any(real.is_relative_to(_real(folder)) for folder in folders)
 
 
 def _real(path: Path) -> Path:

@@ -183,6 +183,25 @@ class Files:
         path = self.locate(name, folder, asked)
         return None if path is None else self.open(path, asked)
 
+    def plain(self, name: str, folder: Path, asked: Place) -> Document | None:
+        """A text that is no YAML, such as a table; None after a report."""
+        path = self.locate(name, folder, asked)
+        if path is None or str(path) in self.documents:
+            return None if path is None else self.documents[str(path)]
+        text: str | None = self._overlay.get(str(path))
+        if text is None:
+            try:
+                data = read_bounded(path, MAX_BYTES)
+            except OSError as error:
+                reason = error.strerror or type(error).__name__
+                self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asked)
+                return None
+            self.collector.file(str(path))
+            text = decode(data, str(path), self.collector)
+        document = Document(str(path), text or "")
+        self.documents[str(path)] = document
+        return document if text is not None else None
+
     def _refuse(self, code: str, message: str, name: str, asked: Place | None) -> None:
         self.collector.error(code, message, asked or Place(name, 1, 1))
 

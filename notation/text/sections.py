@@ -34,6 +34,11 @@ def lines(text: str, section: str) -> tuple[int, int] | None:
     return next(((first, end) for name, first, end in _cut(text) if name == section), None)
 
 
+def names(text: str) -> list[tuple[str, int, int]]:
+    """The sections at the margin: name, and where its lines begin and end."""
+    return list(_cut(text))
+
+
 def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Section | None:
     """A section, if it can be read without the others; `remembered` knows it then too."""
     own = lines(text, name)

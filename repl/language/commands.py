@@ -251,11 +251,33 @@ class Takes(Command):
 
 @dataclass(frozen=True, slots=True)
 class Route(Command):
-    """Let an instrument sound from channels."""
+    """Let an instrument sound from channels, in a place between two, and in a room.
+
+    None: as it did. `send` is a room and a level.
+    """
 
     name: str
-    channels: tuple[str, ...]
+    channels: tuple[str, ...] | None
     gain: float | None = None
+    pan: float | None = None
+    send: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Room(Command):
+    """Add a room, or give one other fields, as written."""
+
+    name: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Fade(Command):
+    """Fade an instrument, or with None everything, in or out over a length."""
+
+    name: str | None
+    is_in: bool
+    over: Length
 
 
 @dataclass(frozen=True, slots=True)

@@ -304,7 +304,8 @@ class _Reading:
             verb = example.split()[0]
             names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
             example = f"{', '.join(names[:-1])} or {names[-1]}"
-        raise TextError(f"{what} is missing: {example}", offset=self.after)
+        where = self.words[0].start if self.words else self.after
+        raise TextError(f"{what} is missing: {example}", offset=where)
 
     def _nothing_left(self, options: list[Slot]) -> None:
         if not self.words:

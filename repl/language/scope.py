@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
-from ergon.notation.tables import kinds as k
+from ergon.instruments.module_kinds import KINDS
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.reading.piece import Gesture, Piece
 
@@ -36,6 +36,7 @@ class Scope:
     folder: Path | None = None
     strikes: Mapping[str, str] = field(default_factory=dict)
     blocks: Mapping[str, str] = field(default_factory=dict)
+    rooms: Mapping[str, str] = field(default_factory=dict)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -64,6 +65,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         targets=dict(_targets(piece)),
         folder=folder,
         strikes={one.name: "strikes" for one in piece.strikes},
+        rooms={room.name: "room" for room in piece.mix.rooms},
         blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ergon.instruments.kinds import KINDS, LINKS
+from ergon.instruments.module_kinds import KINDS, LINKS
 from ergon.instruments.transpose import parse_interval
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
@@ -51,7 +51,7 @@ def _kind(text: str, *_: Any) -> str:
     return text
 
 
-def _pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
+def pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
     """The fields of `K=4kN/m gap=1mm`: name, value, and where the name begins."""
     for word in re.finditer(r"\S+", text):
         name, equals, value = word.group().partition("=")
@@ -67,21 +67,22 @@ def _pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
 def _fields(text: str, scope: Scope, given: Mapping[str, Any]) -> dict[str, str]:
     table, found = KINDS[given["kind"]].table, dict[str, str]()
     names = [field.name for field in table.fields if field.name != "between"]
-    for name, value, offset in _pairs(text):
+    for name, value, offset in pairs(text):
         if name not in names and table.free is None:
             near = nearest(name, names)
             message = f"{given['kind']} has no field {quote(name)}; it has {', '.join(names)}"
             raise TextError(message, offset=offset, length=len(name), suggestion=near)
         shape = table.by_name[name].shape if name in table.by_name else None
         if isinstance(shape, Text):
-            _checked(shape, value, offset + len(name) + 1)
+            checked(shape, value, offset + len(name) + 1)
         if name in found:
             raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
         found[name] = value
     return found
 
 
-def _checked(shape: Text, value: str, offset: int) -> None:
+def checked(shape: Text, value: str, offset: int) -> None:
+    """Check that a value is one. Raises TextError with its place."""
     try:
         shape.parse(value)
     except TextError as error:
@@ -119,7 +120,7 @@ def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, di
                 semitones = interval.cents / 100.0
             i += 2
             continue
-        for name, value, _place in _pairs(word, offset):
+        for name, value, _place in pairs(word, offset):
             fields[name] = value
         i += 1
     return base, semitones, fields
@@ -162,6 +163,11 @@ def _channels(text: str, *_: Any) -> tuple[str, ...]:
             message = f"{quote(word.group())} is not a channel from 1, or nearest"
             raise TextError(message, offset=word.start(), length=len(word.group()))
     return tuple(words)
+
+
+def _channel_offers(context: CompletionContext) -> Iterator[Completion]:
+    if all(word.isdigit() for word in context.before):
+        yield Completion("1", "a channel")
 
 
 def _removable(scope: Scope) -> dict[str, str]:
@@ -208,7 +214,7 @@ LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _fields, _field_offers)
 PLAYER_NAME = _known_or_new("players")
 KEY_NAME = _known_or_new("keys")
 INSTRUMENT = v.name("an instrument", "instruments")
-CHANNELS = Value("channels, such as 3 or 3 4", _channels, lambda _: (Completion("1", "a channel"),))
+CHANNELS = Value("channels, such as 3 or 3 4", _channels, _channel_offers)
 REMOVABLE = Value(
     "a name of this score", _removed, lambda context: v.listed(_removable(context.scope))
 )

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
-from ergon.notation.tables import kinds as k
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import automating, blocks, forms
+from ergon.repl.language import automating, blocks, forms, mixing
 from ergon.repl.language import commands as c
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
@@ -148,10 +148,28 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
               Slot("like", "KEY", v.KEY, "like", optional=True), subject=True),
         _form("route", "ro", "an instrument sounds from these channels, and no others",
-              "route bell 3 4 gain -6dB", c.Route,
+              "route bell 3 4 gain -6dB pan -0.3", mixing.route,
               Slot("name", "INSTRUMENT", s.INSTRUMENT),
               Slot("channels", "CHANNEL …|nearest", s.CHANNELS, many=True),
-              Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True)),
+              Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True),
+              Slot("pan", "PLACE", mixing.PAN, "pan", optional=True)),
+        _form("route", "ro", "an instrument has this level where it sounds",
+              "route bell gain -6dB", mixing.route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+              Slot("gain", "LEVEL", v.LEVEL, "gain")),
+        _form("route", "ro", "an instrument sounds from here between its two channels",
+              "route bell pan -0.3", mixing.route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+              Slot("pan", "PLACE", mixing.PAN, "pan")),
+        _form("route", "ro", "an instrument sounds in a room too",
+              "route bell send hall -12dB", mixing.route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+              Slot("send", "ROOM LEVEL", mixing.SEND, "send", many=True)),
+        _form("room", "roo", "adds a room that routes send to, or changes one",
+              "room hall t60=2s size=12m", c.Room,
+              Slot("name", "NAME", mixing.ROOM_NAME),
+              Slot("fields", "FIELD=VALUE …", mixing.ROOM_FIELDS, many=True)),
+        _form("fade", "fa", "fades an instrument or everything in or out",
+              "fade bell out over 8bar", mixing.fade,
+              Slot("name", "INSTRUMENT|master", mixing.FADED), Slot("way", "in|out", mixing.WAY),
+              Slot("over", "LENGTH", v.LENGTH, "over")),
         _form("remove", "rem", "removes what has a name, and what belongs to it alone",
               "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
         _form("rename", "ren", "gives a gesture, a take, a player or a block a new name",

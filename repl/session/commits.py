@@ -16,7 +16,7 @@ from ergon.notation.text.errors import TextError
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, entered, started
 from ergon.repl.session.engine import Change
-from ergon.repl.session.running import HORIZON, JOIN, Running, follow
+from ergon.repl.session.running import JOIN, Running, follow, horizon
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
 from ergon.scores.staging.stage import StageError
 
@@ -241,7 +241,7 @@ class Commits:
     def _version(before: Version, one: Waiting) -> Version:
         before = replace(before, cuts=False, damp=None, glide=GLIDE, enters=None, read=None)
         goes = before.goes if one.goes is None else one.goes
-        before = replace(before, dropped=(), goes=goes)
+        before = replace(before, dropped=(), released=(), goes=goes)
         return one.edit(before, one.beat)
 
     def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
@@ -271,7 +271,16 @@ class Commits:
             tempo = on.version.piece.tempo_map
             if clock.beat(tempo, seconds + self.lead - tick) > one.beat + SAME:
                 leave = enter = clock.beat(tempo, seconds + self.lead)
-        made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+        made = follow(
+            on,
+            version,
+            clock,
+            one.start,
+            leave=leave,
+            enter=enter,
+            real=self.real,
+            extends=not one.number,
+        )
         self._check_sound(made.stage)
         # Every version is made here, so none plays that a real hand's key cannot bear.
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
@@ -326,15 +335,20 @@ class Commits:
             group = [other for other in self.waiting if other.start == one.start]
             self.waiting = [other for other in self.waiting if other.start != one.start]
             self._hand(group)
-        bars = self.running.version.piece.tempo_map.bars
         running = self.running
+        tempo = running.version.piece.tempo_map
         # An extension that waits already is enough; nothing extends what has no end.
         is_fixed = any(not one.number for one in self.waiting) or running.until == math.inf
         if not running.clock.goes or is_fixed:
             return late
+        now = self.now()
+        n_bars = horizon(tempo, now)[1]
         # A line that waits extends it too, if it is due in time.
-        left = HORIZON // 4 if self.waiting else HORIZON // 2
-        if self.now() > bars.start(bars.bar_beat(running.until)[0] - left):
+        left = n_bars // 4 if self.waiting else n_bars // 2
+        if now > tempo.bars.start(tempo.bars.bar_beat(running.until)[0] - left):
+            if now > running.until + SAME:  # the program was stopped, or a line took very long
+                first, last = tempo.written(running.until), tempo.written(now)
+                self.said.append(f"the session stood still: nothing began from {first} to {last}")
             damp = running.version.damp
             again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
             try:

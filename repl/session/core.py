@@ -133,6 +133,10 @@ class SessionCore:
     @property
     def scope(self) -> Scope:
         """The names that a line may use now."""
+        piece = self.commits.head.piece
+        if piece is not self._scope_piece:
+            folder = folder_of(self.commits.head.texts)
+            self._scope, self._scope_piece = scope_of(piece, folder), piece
         return self._scope
 
     def attach(self, one: Attached, turn: Callable[[float], object] | None = None) -> None:
@@ -267,7 +271,6 @@ class SessionCore:
                 self.cancelled.clear()
             self.history.sort(self.commits.order())
         self._tell_moved()
-        self._rescope()
         self.pump()
         return where, made
 
@@ -292,7 +295,6 @@ class SessionCore:
         self.commits.drop(waiting)
         self.note_dropped(waiting)
         self._tell_moved()
-        self._rescope()
 
     def note_dropped(self, waiting: Waiting) -> None:
         """Note in history and journal that a line will not take effect."""
@@ -445,12 +447,6 @@ class SessionCore:
                     version = one.made.version
                     texts = {**text_fields(version.texts), **effect_fields(version)}
                 self._tell("commit", number=one.number, frame=frame, beat=one.beat, **texts)
-
-    def _rescope(self) -> None:
-        piece = self.commits.head.piece
-        if piece is not self._scope_piece:
-            folder = folder_of(self.commits.head.texts)
-            self._scope, self._scope_piece = scope_of(piece, folder), piece
 
     def _written(self, frame: int) -> str:
         running: Running = self.commits.running

@@ -190,6 +190,7 @@ class SteppedEngine:
         *,
         tick_frames: int,
         highpass: float | None,
+        reference: float | None = None,
         hands: Sequence[HeldHand] = (),
     ) -> None:
         """Begin with a stage at frame 0, whose hands go where `hands` went."""
@@ -198,8 +199,8 @@ class SteppedEngine:
         self.frame = 0
         self.n_channels = stage.n_channels
         self._simulation: _core.Simulation = stage.simulation
-        self._highpass = highpass
-        self._mixer = stage.mixer(highpass=highpass)
+        self._highpass, self._reference = highpass, reference
+        self._mixer = stage.mixer(highpass=highpass, reference=reference)
         self._coming: list[tuple[int, Change]] = []
         self._events: list[EngineEvent] = []
         self._tickets = 0
@@ -291,7 +292,7 @@ class SteppedEngine:
         new = change.stage.simulation
         outputs = [] if change.resets else new.take_over(self._simulation)
         if change.stage.network is not change.before.network:
-            mixer = change.stage.mixer(highpass=self._highpass)
+            mixer = change.stage.mixer(highpass=self._highpass, reference=self._reference)
             mixer.take_over(self._mixer, outputs)
             self._mixer = mixer
         self._simulation = new

@@ -34,7 +34,7 @@ _GLIDE_MAX = 86_400.0  # [s]
 @dataclass(frozen=True, slots=True)
 class SessionStart:
     """How a session began: its score, the beat where it stood, the faders, and how it was heard
-    (`gain` and `limit` are ratios). `take` records real hands."""
+    (`gain`, `limit` and `reference` are ratios). `take` records real hands."""
 
     texts: Texts
     at: float
@@ -48,6 +48,7 @@ class SessionStart:
     take: JournalTake | None = None
     maps: Mapping[str, Map] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
+    reference: float | None = None
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
@@ -64,6 +65,7 @@ class SessionStart:
             "gain": self.gain,
             "limit": self.limit,
             "highpass": self.highpass,
+            "reference": self.reference,
             **maps_field(self.maps),
             **rules_field(self.rules),
             **({} if self.history is None else history_fields(self.history)),
@@ -197,6 +199,9 @@ def read_journal(
         take=take_of(first, path),
         maps=read_maps(first),
         rules=read_rules(first),
+        reference=None
+        if first.fields.get("reference") is None  # a journal that knows no reference level
+        else first.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))

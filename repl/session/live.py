@@ -9,7 +9,7 @@ from ergon._core import has_let_go, let_go
 from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
-from ergon.live.perform import PlaybackConfig, bars, every, perform
+from ergon.live.perform import PlaybackConfig, bars, perform, tick_frames
 from ergon.live.trouble import troubles
 from ergon.repl.session.engine import (
     Change,
@@ -38,8 +38,8 @@ class LiveEngine:
 
     def __init__(self, stage: Stage, config: PlaybackConfig) -> None:
         """Begin to play a stage. Raises EngineError."""
-        self.tick_frames = every(stage)
-        self._highpass = config.highpass
+        self.tick_frames = tick_frames(stage)
+        self._highpass, self._reference = config.highpass, config.reference
         self.n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
             stage, replace(config, endless=True, loose=True)
@@ -88,7 +88,9 @@ class LiveEngine:
             change.at,
             simulation=stage.simulation,
             old=None if change.resets else before.simulation,
-            mixer=stage.mixer(highpass=self._highpass) if is_new else None,
+            mixer=stage.mixer(highpass=self._highpass, reference=self._reference)
+            if is_new
+            else None,
             gains=list(change.gains.items()),
             damp=change.damp or 0.0,
             bounds=self._bounds(change.bearings),

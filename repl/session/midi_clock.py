@@ -1,4 +1,4 @@
-"""MIDI clock of a session: sent to other programs, or followed (`live/midi_clock.py` finds it)."""
+"""MIDI clock of a session: sent to other programs, or followed (by `live/clock_follower.py`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Protocol
 
 from ergon._core import EngineError
-from ergon.live.midi_clock import Beat, ClockFollower
+from ergon.live.clock_follower import Beat, ClockFollower
 from ergon.live.midi_messages import CLOCKS, Transport, message, song_position
 from ergon.live.osc_out import HearingClock, frame_of
 from ergon.notation.clock.meter import SAME

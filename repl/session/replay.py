@@ -71,6 +71,7 @@ class ReplayedSession:
             running.stage,
             tick_frames=opening.tick_frames,
             highpass=opening.highpass,
+            reference=opening.reference,
             hands=hands.hands,
         )
         self._engine.set_faders(fader_ratios(running))
@@ -100,11 +101,15 @@ class ReplayedSession:
         """The version that plays, staged."""
         return self._commits.running
 
-    def mixer(self, *, highpass: float | None = None) -> _PassThrough:
+    def mixer(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> _PassThrough:
         """A mixer that changes nothing: the frames are mixed already."""
         return _PassThrough()
 
-    def stems(self, *, highpass: float | None = None) -> list[tuple[str, _PassThrough]]:
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, _PassThrough]]:
         """No stems: a session is rendered as one sound."""
         return []
 

@@ -16,6 +16,7 @@ from ergon.scores.staging.stage import Going, Span, stage
 
 if TYPE_CHECKING:
     from ergon.live.guard import HandForceBounds
+    from ergon.notation.clock.tempo import TempoMap
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -23,9 +24,10 @@ if TYPE_CHECKING:
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
-# Endless parts are put on the timeline this many bars ahead, again when half of them are over:
-# for four players this takes some 10 ms.
-HORIZON = 32
+# Endless parts are put on the timeline for so many seconds ahead, and this many bars at least and
+# at most; again when half of them are over. What is further ahead would delay the answer to a line;
+# what is less would end while a long line is computed, which keeps the next stretch waiting.
+_AHEAD, _FEWEST_BARS, _MOST_BARS = 16.0, 4, 32
 # The joining curve before a gesture [s]; a version takes over before it begins.
 JOIN = 0.02
 
@@ -57,6 +59,16 @@ class Running:
         at = frame / self.stage.rate
         gestures = self.stage.gestures
         return tuple((g.player, g.name) for g in gestures if g.start <= at < g.stop)
+
+
+def horizon(tempo: TempoMap, beat: float) -> tuple[float, int]:
+    """The beat up to which endless parts are put on the timeline from a beat on, and how many bars
+    that is."""
+    first, reached = tempo.bars.bar_beat(beat)[0], tempo.seconds(beat) + _AHEAD
+    n_bars = _FEWEST_BARS
+    while n_bars < _MOST_BARS and tempo.seconds(tempo.bars.start(first + n_bars)) < reached:
+        n_bars += _FEWEST_BARS
+    return tempo.bars.start(first + n_bars), n_bars
 
 
 def rehearsal(piece: Piece) -> Piece:
@@ -94,21 +106,25 @@ def follow(
     leave: float,
     enter: float,
     real: Real,
+    extends: bool = False,
 ) -> Running:
     """Stage a version that takes over at frame `start`.
 
-    What the version before began by beat `leave` goes on; the new one plays from beat `enter`.
+    What the version before began by beat `leave` goes on; the new one plays from beat `enter`. One
+    that only `extends` the timeline keeps the scene, also what was on its way: so it is heard
+    nowhere, at whichever frame it comes.
     """
     after = start / before.stage.rate
     old = () if version.cuts else tuple(_left(before, leave, after))
-    bars = version.piece.tempo_map.bars
-    until = bars.start(bars.bar_beat(enter)[0] + HORIZON)
+    until = horizon(version.piece.tempo_map, enter)[0]
     piece = replace(version.piece, tempo_map=clock.tempo(version.piece.tempo_map, after))
     new = (Span(piece, Window(enter, until, after)),) if clock.goes else ()
-    pieces = before.version.piece, version.piece
-    moving = glides(*pieces, before.glides, after, version.glide)
-    links = leaving(*pieces, before.glides, before.leaving, after)
-    moving = (*moving, *(one.glide for one in links))
+    moving, links = before.glides, before.leaving
+    if not extends:
+        pieces = before.version.piece, version.piece
+        moving = glides(*pieces, before.glides, after, version.glide)
+        links = leaving(*pieces, before.glides, before.leaving, after)
+        moving = (*moving, *(one.glide for one in links))
     staged = _staged(version, clock, (*old, *new), before.stage, start, real, None, moving, links)
     return Running(version, clock, (*old, *new), staged, start, until, moving, (), links)
 

@@ -81,16 +81,17 @@ def _scene(command: c.Scene) -> VersionEdit:
         own, texts, piece = scene(version, command.name), version.texts, version.piece
         over = None if command.over is None else command.words["over"].text
         begin, glide = beat, GLIDE
+        first = own if command.before is None else scene(version, command.before)
+        released = tuple(scenes.released(piece, first, beat))
         texts = scenes.tuned(texts, piece, own, beat, over)
         if command.over is not None:
             tempo = piece_of(texts).tempo_map
             end = tempo.after(beat, command.over)
             glide = max(GLIDE, tempo.seconds(end) - tempo.seconds(beat))
             if command.before is not None:
-                before = scene(version, command.before)
-                texts = scenes.bring(texts, piece_of(texts), before, beat, end)
+                texts = scenes.bring(texts, piece_of(texts), first, beat, end)
                 begin = end
         texts = scenes.bring(texts, piece_of(texts), own, begin)
-        return replace(with_texts(version, texts), glide=glide)
+        return replace(with_texts(version, texts), glide=glide, released=released)
 
     return edit

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ergon import _core
 from ergon.live.display import decibels_of
 from ergon.notation.text.edit import EditError
+from ergon.notation.text.lasting import lasting
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import tokens
 from ergon.repl.language.lines import is_whole
@@ -63,10 +64,11 @@ class Session(SessionCore):
             self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame)
             return reply
 
+    @lasting
     def _submitted(self, text: str) -> Reply:
         if _HALF.search(text):  # a journal with it could not be read
             raise NotTakenError("this line contains half of a character (a lone surrogate)")
-        commands = parse(text, self._scope)
+        commands = parse(text, self.scope)
         if not commands:
             return Reply(True, "")
         music = [command for command in commands if type(command) in version_edits.VERSION_EDITS]
@@ -133,11 +135,11 @@ class Session(SessionCore):
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
         """Completions of a line at a column."""
-        return complete(line, cursor, self._scope)
+        return complete(line, cursor, self.scope)
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
         """The kinds of a line's words, for colours."""
-        return tokens(line, self._scope)
+        return tokens(line, self.scope)
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends the text."""
@@ -157,6 +159,7 @@ class Session(SessionCore):
                     continue
                 try:
                     self.pump()
+                    _ = self.scope  # for the next line, which then need not wait for it
                 finally:
                     self.lock.release()
                 for turn in self._turns:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ergon.repl.language import commands as c
 from ergon.repl.session.edit_table import makes, with_texts, writes
 from ergon.repl.session.version import NotTakenError, Version
-from ergon.scores.edits import structure
+from ergon.scores.edits import space, structure
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
@@ -45,9 +45,26 @@ def _takes(command: c.Takes, version: Version, beat: float) -> Texts:
 
 @writes(c.Route)
 def _route(command: c.Route, version: Version, beat: float) -> Texts:
-    gain = None if command.gain is None else command.words["gain"].text
-    own = command.name, list(command.channels), gain
-    return structure.route(version.texts, version.piece, *own)
+    texts, piece, words = version.texts, version.piece, command.words
+    if command.channels is not None:
+        texts = structure.route(texts, piece, command.name, list(command.channels), None)
+    given = {
+        name: words[name].text for name in ("gain", "pan") if getattr(command, name) is not None
+    }
+    texts = space.treat(texts, piece, command.name, given)
+    return texts if command.send is None else space.send(texts, piece, command.name, *command.send)
+
+
+@writes(c.Room)
+def _room(command: c.Room, version: Version, beat: float) -> Texts:
+    return space.room(version.texts, version.piece, command.name, command.fields)
+
+
+@writes(c.Fade)
+def _fade(command: c.Fade, version: Version, beat: float) -> Texts:
+    texts, piece = version.texts, version.piece
+    end = piece.tempo_map.after(beat, command.over)
+    return space.fade(texts, piece, command.name, beat, end, is_in=command.is_in)
 
 
 @writes(c.Remove)

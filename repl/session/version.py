@@ -63,7 +63,8 @@ class Version:
     player who guides a real hand; `maps` are those of MIDI, by their names; `rules` say when
     blocks run by themselves, by their names; a version that `enters` goes on from that beat of its
     own piece, whatever the beat was before; `read` is what the line read from the disk, and
-    `dropped` are the places whose typing gave way to it. `base` is what the files held when they
+    `dropped` are the places whose typing gave way to it; `released` are the parameters whose
+    automation a scene has ended. `base` is what the files held when they
     were last read or saved; while the score's time `goes`, beats pass.
     """
 
@@ -81,6 +82,7 @@ class Version:
     rules: Mapping[str, Rule] = field(default_factory=dict)
     read: Texts | None = None
     dropped: Sequence[Spot] = ()
+    released: Sequence[str] = ()
     base: Texts | None = None
     goes: bool = False
 

@@ -304,7 +304,12 @@ def summary(command: c.Command, made: Running, where: str) -> str:
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, c.Scene):
         begun = "" if command.before is None else f"{command.before}, then "
-        return f"{begun}{command.name}, from its beginning, again and again"
+        said = f"{begun}{command.name}, from its beginning, again and again"
+        if not made.version.released:
+            return said
+        many = len(made.version.released) > 1
+        own = "have their own values" if many else "has its own value"
+        return f"{said}; {', '.join(made.version.released)} {own} again"
     if isinstance(command, c.Load) and made.version.enters == 0.0 and where != "1|1":
         return f"{Path(command.file).name} begins at 1|1, for its bars are past"
     if isinstance(command, c.Guide):

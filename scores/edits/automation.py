@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 from ergon.notation.clock.meter import SAME
@@ -13,6 +14,7 @@ from ergon.scores.edits.matter import said
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import leads
+from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece
 
 # The value of a parameter of a piece's module on a beat, as automation leads it.
@@ -97,15 +99,40 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
     return texts
 
 
+def end_all(texts: Texts, piece: Piece, at: float) -> Texts:
+    """Give every parameter its own value from a beat on."""
+    for number in reversed(range(len(piece.automation))):
+        if leads_from(piece, piece.automation[number], at):
+            texts = _ended_one(texts, piece, at, number)
+    return texts
+
+
+def leads_from(piece: Piece, one: Automation, at: float) -> bool:
+    """Whether automation leads its parameter on a beat, or later."""
+    return ending(piece, one) > at + SAME
+
+
+def ending(piece: Piece, one: Automation) -> float:
+    """The beat on which automation ends; infinite where it does not."""
+    end = math.inf if one.until is None else piece.tempo_map.resolve(one.until)
+    if one.swing is not None or one.points:
+        return end
+    places = one.steps(piece.tempo_map, piece.seed)
+    return min(end, places.beat(len(places)))
+
+
 def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, int]:
     tempo, count = piece.tempo_map, 0
     for number in reversed(range(len(piece.automation))):
         one = piece.automation[number]
-        if one.name != target:
-            continue
-        if tempo.resolve(one.at) >= at - SAME:
-            texts, count = dropped(texts, "automation", number), count + 1
-        elif one.until is None or tempo.resolve(one.until) > at + SAME:
-            path = (*place(texts, "automation", number), "until")
-            texts, count = texts.put(path, written(piece, at)), count + 1
+        is_over = one.until is not None and tempo.resolve(one.until) <= at + SAME
+        if one.name == target and not (is_over and tempo.resolve(one.at) < at - SAME):
+            texts, count = _ended_one(texts, piece, at, number), count + 1
     return texts, count
+
+
+def _ended_one(texts: Texts, piece: Piece, at: float, number: int) -> Texts:
+    """End automation on a beat, or take it away where it would begin then or later."""
+    if piece.tempo_map.resolve(piece.automation[number].at) >= at - SAME:
+        return dropped(texts, "automation", number)
+    return texts.put((*place(texts, "automation", number), "until"), written(piece, at))

@@ -15,7 +15,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, matter
+from ergon.scores.edits import entries, matter, space
 from ergon.scores.edits.automation import ValueOn
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.scenes import END
@@ -54,6 +54,7 @@ def keep(
     if not found:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
+    kept = space.kept(kept, piece, start, stop)
     kept = window.automation(window.duet(kept)).put(("marks", END), window.at(stop))
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
+from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import member_table
 from ergon.instruments.transpose import is_mechanics, moved
 from ergon.notation.tables import notes

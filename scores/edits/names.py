@@ -1,12 +1,23 @@
-"""What a name stands for: gestures, takes, the seed."""
+"""Names of a score: which are free, and what gestures, takes and the seed stand for."""
 
 from __future__ import annotations
+
+from collections.abc import Container
+from itertools import count
 
 from ergon.notation.tables.fields import Values
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits.texts import Texts
+
+
+def free_name(name: str, taken: Container[str], *, is_numbered: bool = False) -> str:
+    """The first of `name`, `name-2`, `name-3` … that is not taken; numbered: of `name-1` …"""
+    if name not in taken and not is_numbered:
+        return name
+    numbers = count(1 if is_numbered else 2)
+    return next(free for number in numbers if (free := f"{name}-{number}") not in taken)
 
 
 def define(texts: Texts, name: str, notation: str) -> Texts:

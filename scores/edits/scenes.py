@@ -14,15 +14,17 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, matter, parts, rounds, times
+from ergon.scores.edits import automation, entries, matter, parts, rounds, times
 from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
+from ergon.scores.edits.names import free_name
 from ergon.scores.edits.positions import end, written
 from ergon.scores.edits.strikes import row
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
+from ergon.scores.reading import leads
 from ergon.scores.reading.piece import Key, Piece, Strikes
 
 END = "end"  # the mark at which a scene begins again
@@ -51,7 +53,7 @@ class Scene:
 def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | None = None) -> Texts:
     """Let the scene be played from a beat on, again and again until another; all else rests.
 
-    Its gestures, takes, couplings and strikes come with it. Raises EditError.
+    Its gestures, takes, couplings, strikes and automation come with it. Raises EditError.
     """
     missing = next((name for name in scene.piece.players if name not in piece.players), None)
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
@@ -74,7 +76,14 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
     texts = _coupled(texts, piece, scene, at, None if until is None else stop)
     for strikes in scene.piece.strikes:
         texts = _struck(texts, piece, scene, strikes, at, last, stop)
-    return texts
+    return _automated(texts, piece, scene, at, None if until is None else stop)
+
+
+def released(piece: Piece, scene: Scene, at: float) -> list[str]:
+    """Parameters whose automation a scene ends on a beat, for it has none of them itself."""
+    own = {one.name for one in scene.piece.automation}
+    found = (one.name for one in piece.automation if automation.leads_from(piece, one, at))
+    return [name for name in dict.fromkeys(found) if name not in own]
 
 
 def tuned(texts: Texts, piece: Piece, scene: Scene, at: float, over: str | None = None) -> Texts:
@@ -186,6 +195,31 @@ def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | N
     return texts
 
 
+def _automated(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | None) -> Texts:
+    """The automation of a scene from a beat on, until another; all other ends there.
+
+    What ends within the scene is in its first round alone; the rest goes on.
+    """
+    nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
+    for node, one in zip(nodes, scene.piece.automation, strict=True):
+        begin, over = tempo.resolve(one.at), automation.ending(scene.piece, one)
+        head = one.name.rpartition(".")[0]
+        if begin >= scene.beats - SAME or leads.found(head, piece.keys, piece.instruments) is None:
+            continue
+        said = edit.tree(node)
+        assert isinstance(said, dict)
+        said = {**said, "at": written(piece, at + begin)}
+        goes_on = over >= scene.beats - SAME
+        if goes_on and ("until" in said or until is not None):
+            said["until"] = until or end(piece, at)
+        elif "until" in said:
+            said["until"] = written(piece, at + over)
+        texts = texts.append(("automation",), edit.flow(said))
+    # The new entries first, which are behind the others: a list that never becomes empty keeps
+    # its style.
+    return automation.end_all(texts, piece, at)
+
+
 def _struck(
     texts: Texts,
     piece: Piece,
@@ -267,7 +301,4 @@ def _free(texts: Texts, name: str, section: str = "strikes") -> str:
     """A name that a section has not: `rain`, `rain-2`, …"""
     said = edit.tree(texts.section(section))
     taken = said if isinstance(said, dict) else {}
-    count = 1
-    while (free := name if count == 1 else f"{name}-{count}") in taken:
-        count += 1
-    return free
+    return free_name(name, taken)

@@ -8,6 +8,7 @@ from math import inf
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text import edit
+from ergon.scores.edits.names import free_name
 from ergon.scores.edits.positions import end as distant
 from ergon.scores.edits.positions import written
 from ergon.scores.edits.texts import Texts
@@ -25,9 +26,7 @@ def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str
         texts = end(texts, piece, one, at)
     ahead = {one.name for one in own if piece.tempo_map.resolve(one.at) >= at - SAME}
     used = {one.name for one in piece.strikes} - ahead
-    new, count = name, 2
-    while new in used:
-        new, count = f"{name}-{count}", count + 1
+    new = free_name(name, used)
     said: dict[str, edit.Tree] = {"to": to[0] if len(to) == 1 else [*to], "at": written(piece, at)}
     said |= {field: text for field, text in fields.items() if field != "to"}
     if said.keys() & {"rate", "every", "euclid"} and not said.keys() & {"times", "for", "until"}:

@@ -10,6 +10,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
 from ergon.scores.edits.lists import dropped, items, place
+from ergon.scores.edits.names import free_name
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
 from ergon.scores.reading.piece import Piece
@@ -29,7 +30,7 @@ def build(
     said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
     if semitones:
         said["transpose"] = f"{semitones:g}st"
-    texts = texts if piece.mix.routes else _routed(texts, piece)
+    texts = routed(texts, piece)
     return texts.put(("instruments", name), edit.flow(said))
 
 
@@ -53,9 +54,7 @@ def link(texts: Texts, kind: str, ends: Sequence[str], fields: Fields) -> tuple[
     own = said.get(LINKS) if isinstance(said, dict) else None
     known = own.get("modules") if isinstance(own, dict) else None
     taken = known if isinstance(known, dict) else {}
-    count = 1
-    while (name := f"{kind.lower()}-{count}") in taken:
-        count += 1
+    name = free_name(kind.lower(), taken, is_numbered=True)
     body: dict[str, edit.Tree] = {kind: {"between": [*ends], **fields}}
     path = ("instruments", LINKS, "modules", name)
     return texts.put(path, edit.flow(body)), f"{LINKS}.{name}"
@@ -65,13 +64,13 @@ def route(
     texts: Texts, piece: Piece, name: str, channels: Sequence[str], gain: str | None
 ) -> Texts:
     """Let an instrument sound from channels, in place of where it did. Raises EditError."""
-    texts = texts if piece.mix.routes else _routed(texts, piece)
+    texts = routed(texts, piece)
     to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
     family = next((f for f, members in piece.families.items() if name in members), None)
     routes = items(texts, "mix", "route")
     if family is not None and any(_is_from(node, family) for node in routes):
         raise EditError(f"{name} is routed with all notes of {family}: route {family}")
-    own = [number for number, node in enumerate(routes) if _is_of(node, name)]
+    own = [number for number, node in enumerate(routes) if is_of(node, name)]
     for number in reversed(own[1:]):
         texts = texts.remove(("mix", "route", number))
     if own:
@@ -100,7 +99,7 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     if section == "instruments" and len(path) == 2:
         routes = items(texts, "mix", "route")
         for number in reversed(range(len(routes))):
-            if _is_of(routes[number], name):
+            if is_of(routes[number], name):
                 if len(items(texts, "mix", "route")) == 1:
                     raise EditError(f"{name} is the last instrument that is heard: route another")
                 texts = texts.remove(("mix", "route", number))
@@ -133,8 +132,11 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
     return texts.changed(text + texts.text[after:])
 
 
-def _routed(texts: Texts, piece: Piece) -> Texts:
-    """The routes of a score that says none: each output has a channel of its own."""
+def routed(texts: Texts, piece: Piece) -> Texts:
+    """The routes of a score written out, where it says none: each output has a channel of its
+    own."""
+    if piece.mix.routes:
+        return texts
     channel = 0
     for instrument in piece.instruments.values():
         for output in instrument.outputs:
@@ -177,7 +179,8 @@ def _is_from(route: Node, name: str) -> bool:
     return isinstance(source, Scalar) and source.text == name
 
 
-def _is_of(route: Node, name: str) -> bool:
+def is_of(route: Node, name: str) -> bool:
+    """Whether a route is from an instrument, or from one of its outputs or notes."""
     source = route.get("from") if isinstance(route, document.Mapping) else None
     return isinstance(source, Scalar) and (
         source.text == name or source.text.startswith(f"{name}.")

@@ -15,7 +15,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.memory import Memory
-from ergon.notation.text.sections import Section, alone, lines
+from ergon.notation.text.sections import Section, alone, lines, names
 from ergon.notation.text.syntax import MAX_BYTES, decode
 from ergon.notation.text.window import Window, last_items, one_line
 from ergon.scores.reading.load import Loaded, load
@@ -118,16 +118,36 @@ class Texts:
     ) -> Texts:
         """Edit the lines of one section alone, which takes a tenth of the time.
 
-        Where they cannot stand alone (an alias, a section that is missing) of the whole text.
+        Of a section that is missing these are the lines of the one below which it belongs. Where
+        they cannot stand alone (an alias) edit the whole text.
         """
         if file is None or file == self.path:
             own = lines(self.text, str(section))
+            if own is None and section in SECTIONS:
+                with contextlib.suppress(EditError):
+                    if (text := self._added_below(str(section), change)) is not None:
+                        return self.changed(text)
             if own is not None:
                 first, last = own
                 with contextlib.suppress(EditError):
                     text = change(edit.read(self.text[first:last], self.path))
                     return self.changed(self.text[:first] + text + self.text[last:])
         return self.changed(change(self.document(file)), file)
+
+    def _added_below(self, section: str, change: Callable[[Document], str]) -> str | None:
+        """The text with a section that it lacks; None where its place is not below another that
+        stands between two."""
+        known = names(self.text)
+        rank = SECTIONS.index(section)
+        above = [i for i, (name, *_) in enumerate(known[:-1]) if name in SECTIONS[:rank]]
+        if not above:
+            return None
+        _, first, end = known[above[-1]]
+        below = f"{known[above[-1] + 1][0]}:\n"  # it says where the lines above end
+        text = change(edit.read(self.text[first:end] + below, self.path))
+        if not text.endswith(below):
+            return None
+        return self.text[:first] + text.removesuffix(below) + self.text[end:]
 
     def edited_list(
         self,

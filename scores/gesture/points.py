@@ -86,8 +86,12 @@ def explained_point(word: str, offset: int) -> TextError:
             length=len(word),
         )
     if not _ONLY_POSITION.fullmatch(position):
+        plain = position.replace("\u2212", "-")
         return TextError(
-            f"'{position[:40]}' is not a position such as 6mm", offset=offset, length=len(position)
+            f"'{position[:40]}' is not a position such as 6mm",
+            offset=offset,
+            length=len(position),
+            suggestion=plain if _ONLY_POSITION.fullmatch(plain) else None,
         )
     after = offset + len(position) + 1
     return _explained_time(time, after, word)

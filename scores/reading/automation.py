@@ -9,9 +9,9 @@ from typing import Literal
 from ergon.instruments.model import Module, Target
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables import kinds as k
 from ergon.notation.tables import quantities as q
-from ergon.notation.tables.expressions import literal
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.expressions import literal, with_names
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.document import Scalar
@@ -59,8 +59,8 @@ class Automation:
     place: Place
     at_place: Place
     struck: str = ""  # whose strikes sound with each value, which is there when they fall
-    points: tuple[CurvePoint, ...] = field(default=(), metadata={"untold": True})
-    over: Length | None = field(default=None, metadata={"untold": True})
+    points: tuple[CurvePoint, ...] = field(default=(), metadata={"hash_omits_empty": True})
+    over: Length | None = field(default=None, metadata={"hash_omits_empty": True})
 
     @property
     def name(self) -> str:
@@ -87,7 +87,11 @@ AUTOMATION = Record(
         ),
         Field(
             "to",
-            Text(str, "a value, a curve such as A3@0 smooth C4@2, or values such as A3 C4 E4"),
+            Text(
+                str,
+                "a value, a curve such as A3@0 smooth C4@2, or values such as A3 C4 E4",
+                has_values=True,
+            ),
             "the value that it glides to, its curve, or the pattern of its values",
         ),
         Field("over", k.LENGTH, "how long it glides to a value"),
@@ -96,7 +100,11 @@ AUTOMATION = Record(
         Field("times", k.TIMES, "number of rounds", shown="once, or until `until`"),
         *OF_PATTERN,
         Field("lfo", Reference("a parameter, such as bell.m.K", ("modules",)), "what swings"),
-        Field("range", Text(str, "two values or factors, such as 0.8..1.2"), "between what"),
+        Field(
+            "range",
+            Text(str, "two values or factors, such as 0.8..1.2", has_values=True),
+            "between what",
+        ),
         Field("period", k.LENGTH, "length of one swing"),
         Field("shape", choice(*SHAPES), "the way from one end to the other and back", "sine"),
         Field("phase", k.UNIT_RATIO, "where in its period it begins", 0.0),
@@ -144,7 +152,8 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
     name = "to" if v.written("set") else "range"
     try:
         if v.written("set") and is_curve(v["to"]):
-            points = parse_curve(v["to"], reader(module, parameter))
+            read = reader(module, parameter)
+            points = with_names(_node(v, "to"), lambda text: parse_curve(text, read))
         elif v["over"] is not None:
             node = v.nodes["to"]
             value = (literal(node) if isinstance(node, Scalar) else None) or v["to"]
@@ -154,7 +163,9 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
                 return None
         elif v.written("set"):
             read, is_pitch = reader(module, parameter), parameter == "f"
-            order, amounts = parse_values(v["to"], read, is_pitch=is_pitch)
+            order, amounts = with_names(
+                _node(v, "to"), lambda text: parse_values(text, read, is_pitch=is_pitch)
+            )
             pattern = pattern_of(v.given, order)
             if v["every"] is None and pattern.euclid is None:
                 message = (
@@ -165,15 +176,14 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
                 v.error("E103", message, "to")
                 return None
         else:
-            low, high = parse_range(v["range"], reader(module, parameter))
+            read = reader(module, parameter)
+            low, high = with_names(_node(v, "range"), lambda text: parse_range(text, read))
             swing = Swing(low, high, v["period"], v["shape"], v["phase"])
             if not max(swing.period.bars, swing.period.beats, swing.period.seconds) > 0.0:
                 v.error("E202", "automation: the period must be above 0", "period")
                 return None
     except TextError as error:
-        node = v.nodes[name]
-        assert isinstance(node, Scalar)
-        v.context.text_error(error, node, name, inside=False)
+        v.context.text_error(error, _node(v, name), name, inside=False)
         return None
     return Automation(
         target,
@@ -190,6 +200,12 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
         points=points,
         over=v["over"],
     )
+
+
+def _node(values: Values, name: str) -> Scalar:
+    node = values.nodes[name]
+    assert isinstance(node, Scalar)
+    return node
 
 
 def one_amount(text: str, module: Module, parameter: str) -> Amount:

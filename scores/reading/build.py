@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +11,8 @@ from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.expressions import with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
 from ergon.notation.text.document import Scalar
@@ -18,7 +20,7 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.gesture import midi_file, notation
-from ergon.scores.pattern.order import plain
+from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import mixing
 from ergon.scores.reading.manner import manner
@@ -129,7 +131,9 @@ def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:
         return None
     parse = notation.parse if name == "notation" else notation.parse_table
     try:
-        read = parse(text.text, values["curve"], room)
+        read = with_names(
+            text, lambda said: _at_start(parse(said, values["curve"], room), said, text)
+        )
     except TextError as error:
         values.context.text_error(error, text, name, inside=True)
         return None
@@ -213,11 +217,11 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     order = plain(v.context.name)
     notes: Mapping[str, Amount] = {}
     if v["notes"] is not None:
+        node = v.nodes["notes"]
+        assert isinstance(node, Scalar)
         try:
-            order, notes = parse_values(v["notes"], k.PITCH.parse, is_pitch=True)
+            order, notes = with_names(node, _pitches)
         except TextError as error:
-            node = v.nodes["notes"]
-            assert isinstance(node, Scalar)
             v.context.text_error(error, node, "notes", inside=False)
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
     pattern = pattern_of(v.given, order) if has_pattern else None
@@ -237,6 +241,19 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         pattern=pattern,
         notes=notes,
     )
+
+
+def _at_start(read: notation.Notation, said: str, text: Scalar) -> notation.Notation:
+    """What was read, with its places at the beginning where names of values were replaced."""
+    if said == text.text:
+        return read
+    points = tuple(replace(point, offset=0, length=1) for point in read.points)
+    checks = tuple(replace(check, offset=0) for check in read.bar_checks)
+    return replace(read, points=points, bar_checks=checks)
+
+
+def _pitches(text: str) -> tuple[Group, Mapping[str, Amount]]:
+    return parse_values(text, k.PITCH.parse, is_pitch=True)
 
 
 def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:
@@ -294,7 +311,7 @@ def tempo(values: Values) -> TempoEntry:
     """A line of `tempo:`."""
     bpm, end = values["bpm"] or (None, None)
     place = values.node.place
-    return TempoEntry(values["at"], bpm, end, values["over"], values["meter"], place)
+    return TempoEntry(values["at"] or START, bpm, end, values["over"], values["meter"], place)
 
 
 def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None:
@@ -348,7 +365,15 @@ def mix(values: Values | None, files: Files) -> Mix:
     if isinstance(master, Values):
         m = master
         fade = mixing.fade(m["fade"])
-        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place, fade)
+        master_of_mix = Master(
+            m["normalise"],
+            m["limit"],
+            m["gain"],
+            m.node.place,
+            fade,
+            m["reference"],
+            bool(m.written("gain", "normalise")),
+        )
     return Mix(channels, room, routes, master_of_mix, values.place, rooms)
 
 
@@ -383,7 +408,7 @@ def accuracy(values: Values | None) -> Accuracy:
 def render(values: Values | None, files: Files) -> RenderSpec:
     """What is written; not outside of where the score may write."""
     if values is None:
-        return RenderSpec(None, 24, 5.0, None, None)
+        return RenderSpec(None, 24, "auto", None, None)
     if values["file"] is not None:
         folder, place = values.nodes["file"].document.folder, values.place_of("file")
         files.target(values["file"], folder, place, f"{values.context.of('file')}: ")

@@ -2,42 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from ergon.instruments import rules
-from ergon.instruments.kinds import KINDS, member_count
+from ergon.instruments import modal, rules
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module, Target
+from ergon.instruments.module_kinds import KINDS, member_count
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
-from ergon.instruments.transpose import named_pitch
+from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import lets
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import MISSING, Name
+from ergon.notation.text.document import Document
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import automation, build, leads, melodies, overlay, pressed
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
 from ergon.scores.reading.melody import Voices
-from ergon.scores.reading.mixing import Room
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
     Key,
-    Mix,
     Piece,
     Play,
     Player,
-    Route,
     Strikes,
     TakeFile,
 )
 from ergon.scores.reading.rates import Rates
+from ergon.scores.reading.routing import routed
 from ergon.scores.reading.schedule import schedule
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Entry, Names, Uses
@@ -77,12 +77,20 @@ class Checker:
         self._parts()
         strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
         players = {v.context.name: self._player(v) for v in self._own("players")}
-        mix = self._mix()
+        parts = {name: part for name, (_, part) in self._written.items()}
+        mix = routed(build.mix(score["mix"], self.uses.files), parts, self.scene)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led()
+        included = self._included(times, len(duet))
         self._modules()
         plays = self._plays()
         changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
+        for _, one in included:
+            plays += one.parts
+            strikes += one.strikes
+            changes += one.automation
+            duet += one.duet
+            players |= one.players
         gestures = {n: g for n, g in self.gestures.items() if g is not None}
         piece = Piece(
             title=score["title"],
@@ -111,6 +119,58 @@ class Checker:
         if self.collector.has_errors():
             return piece
         return replace(piece, starts=schedule(piece, begins, self.collector))
+
+    # --- what other scores play ------------------------------------------------------------------
+
+    def _included(self, times: Times, n_links: int) -> list[tuple[Include, Played]]:
+        """What is included, with all that it names."""
+        found: list[tuple[Include, Played]] = []
+        n_lines = 0
+        taken = {v.context.name: None for v in self._own("strikes")}
+        owners: dict[str, Player | None] = {v.context.name: None for v in self._own("players")}
+        for one, names in () if self.uses.is_full else self.names.included:
+            if not times.exists(one.at, one.values.place_of("at")):
+                continue
+            file = names.document.file
+            if file not in self.uses.pieces:
+                self.uses.pieces[file] = Checker(names, self.uses).piece()
+            piece = self.uses.pieces[file]
+            if self.collector.has_errors():
+                continue
+            made = played(piece, one, n_links, self.collector)
+            n_links += len(made.duet)
+            n_lines += len(made)
+            if n_lines > MAX_INCLUDED:
+                message = f"more than {MAX_INCLUDED:,} lines are included"
+                self.collector.error("E105", message, one.place)
+                break
+            clashes = [f"strikes {quote(s.name)}" for s in made.strikes if s.name in taken]
+            clashes += [
+                f"player {quote(name)}"
+                for name, player in made.players.items()
+                if owners.get(name, player) != player
+            ]
+            for clash in clashes:
+                message = f"{clash} of {file} is already defined; give its names a prefix"
+                self.collector.error("E303", message, one.place, help="include: {file: x, as: v2}")
+            taken |= {s.name: None for s in made.strikes}
+            owners |= made.players
+            self._reach_included(piece, one.prefix)
+            found.append((one, made))
+        return found
+
+    def _reach_included(self, piece: Piece, prefix: str) -> None:
+        tables = self.names.tables
+        head = f"{prefix}." if prefix else ""
+        self.scene.reached |= {head + name for name in (*piece.keys, *piece.instruments)}
+        for name in piece.gestures:
+            if (full := head + name) in tables["gestures"]:
+                self._gesture(full, tables["gestures"][full])
+            elif full in tables["takes"]:
+                self._pressed(full, tables["takes"][full])
+        for name in piece.takes:
+            if (full := head + name) in tables["takes"]:
+                self._take(full, tables["takes"][full])
 
     # --- what is there --------------------------------------------------------------------------
 
@@ -194,6 +254,7 @@ class Checker:
     def _part(
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
     ) -> None:
+        values = self._with_modes(values)
         part_object = _called(self._made(section, entry, values), name)
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
@@ -202,6 +263,27 @@ class Checker:
         self._written[name] = (entry, part_object)
         self.bodies[name] = _bodies(values)
         self.written[name] = values
+
+    def _with_modes(self, values: Values) -> Values:
+        """The values with the modes of the files that BANKs name."""
+
+        def read(file: str, place: Place) -> Document | None:
+            files = self.uses.files
+            return files.plain(file, files.documents[place.file].folder, place)
+
+        def filled(owner: Values) -> Values:
+            body = owner.given.get(owner.kind)
+            if owner.kind != "BANK" or not isinstance(body, Values) or not body.written("modes"):
+                return owner
+            said = modal.from_file(body, read, moved, self.collector)
+            return replace(owner, given={**owner.given, "BANK": said})
+
+        own = filled(values)
+        modules = values["modules"] or {}
+        said = {n: filled(one) if isinstance(one, Values) else one for n, one in modules.items()}
+        if any(said[n] is not one for n, one in modules.items()):
+            own = replace(own, given={**own.given, "modules": said})
+        return own
 
     def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
         """An instrument of each note, which is called by it: `string.F3`."""
@@ -227,15 +309,18 @@ class Checker:
             self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
 
     def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
+        make: Callable[[Values], Key | Instrument] = instrument
         if section == "keys":
-            return build.key(values, self.uses.files)
+            make = partial(build.key, files=self.uses.files)
         memory = self.uses.files.memory
-        if memory is None or values is not entry.values:  # what begins with another is merged anew
-            return instrument(values)
+        is_file_read = section == "keys" and values["calib"] is not None
+        # What begins with another is merged anew.
+        if memory is None or values is not entry.values or is_file_read:
+            return make(values)
         # Under its name, for an alias is one node of several names.
         named = tuple(lets(values.node.document).names.items())
-        key = instrument, values.node, values.context.name, named
-        return memory.made(key, partial(instrument, values))
+        key = section, values.node, values.context.name, named
+        return memory.made(key, partial(make, values))
 
     def _modules(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
@@ -251,8 +336,7 @@ class Checker:
             entry, made = self._written[name]
             part = self.scene.parts[name]
             takes = self.names.tables["takes"]
-            laws = self._laws(entry.home, made.modules)
-            modules = rules.modules(part, self.scene, laws, takes, self.bodies[name])
+            modules = self._resolved(part, entry.home, made.modules, takes)
             total += sum(member_count(m.kind, m.fields) for m in modules)
             for module in modules:
                 if isinstance(source := module.fields.get("from"), Name) and source in takes:
@@ -275,6 +359,31 @@ class Checker:
         order = list(self._written)
         self.keys = {n: self.keys[n] for n in order if n in self.keys}
         self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
+
+    def _resolved(
+        self, part: Part, home: Names, written: tuple[Module, ...], takes: dict[str, Entry]
+    ) -> tuple[Module, ...]:
+        """The modules of a part with their names looked up: as before, where nothing that they can
+        reach has changed."""
+
+        def make() -> tuple[tuple[Module, ...], frozenset[str], object]:
+            before, self.scene.reached = self.scene.reached, set()
+            laws = self._laws(home, written)
+            own = rules.modules(part, self.scene, laws, takes, self.bodies[part.name])
+            reached = frozenset(self.scene.reached)
+            self.scene.reached |= before
+            return own, reached, known
+
+        memory = self.uses.files.memory
+        known = [made for _, made in self._written.values()]
+        drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
+        if memory is None or drives or self.scene.broken:
+            return make()[0]
+        # What is kept holds the parts, so that no other has the number of one of them.
+        key = rules.modules, part.name, part.prefix, part.selves, tuple(map(id, known))
+        own, reached, _ = memory.made(key, make)
+        self.scene.reached |= reached
+        return own
 
     def _struck(self, key: Key) -> None:
         names = {module.name: module for module in key.modules}
@@ -340,9 +449,9 @@ class Checker:
             if part is MISSING:
                 continue
             for play in part:
-                for played in play.names:
-                    if isinstance(played, Name):
-                        self._reach_played(played, f"part of {quote(name)}")
+                for word in play.names:
+                    if isinstance(word, Name):
+                        self._reach_played(word, f"part of {quote(name)}")
                 plays.append(play)
         return plays
 
@@ -437,55 +546,6 @@ class Checker:
         who = f"{made.link.kind} of a coupling"
         link = rules.lawful(made.link, laws, values.given[values.kind], who, self.collector)
         return replace(made, link=link, a=a, b=b)
-
-    def _mix(self) -> Mix:
-        mix = build.mix(self.score["mix"], self.uses.files)
-        routes = []
-        written = [r for route in mix.routes for r in self._each_note(route)]
-        for route in written:
-            part, out = str(route.part), None
-            if part not in self._written and "." in part:
-                part, _, out = part.rpartition(".")
-            entry = self._written.get(part)
-            if entry is None or not isinstance(entry[1], Instrument):
-                if part in self.scene.broken:
-                    continue
-                message = f"route: no instrument is called {quote(route.part)}"
-                names = tuple(n for n, (_, m) in self._written.items() if isinstance(m, Instrument))
-                self.collector.error(
-                    "E301", message, route.place, word=str(route.part), names=names
-                )
-                continue
-            names = tuple(output.name for output in entry[1].outputs)
-            if not names or (out is not None and out not in names):
-                message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
-                output_names = tuple(f"{part}.{name}" for name in names if name)
-                self.collector.error(
-                    "E301", message, route.place, word=str(route.part), names=output_names
-                )
-            self.scene.reached.add(part)
-            routes.append(replace(route, part=part, out=out))
-            self._treatment(routes[-1], entry[1], mix.rooms)
-        return replace(mix, routes=tuple(routes))
-
-    def _each_note(self, route: Route) -> list[Route]:
-        """A route, or one from each note of an instrument that has notes."""
-        name = Name(self.scene.spelled(route.part), route.place)
-        return [replace(route, part=each) for each in self.scene.members(name)]
-
-    def _treatment(self, route: Route, instrument: Instrument, rooms: Sequence[Room]) -> None:
-        """A route sends to rooms that there are, and radiates accelerations."""
-        known = tuple(room.name for room in rooms)
-        for name, _ in route.sends:
-            if name not in known:
-                message = f"route: no room is called {quote(name)}"
-                self.collector.error("E301", message, route.place, word=name, names=known)
-        heard = [out for out in instrument.outputs if route.out in (None, out.name)]
-        wrong = next((out for out in heard if out.kind != "SOA"), None)
-        if route.radiation is not None and wrong is not None:
-            message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
-            help = "listen by SOA: the pressure of a small source goes by its acceleration"
-            self.collector.error("E304", message, route.place, help=help)
 
 
 def _called(made: _Named, name: str) -> _Named:

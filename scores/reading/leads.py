@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Instrument, Module
-from ergon.notation.tables import kinds as k
+from ergon.instruments.module_kinds import KINDS
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 

@@ -14,7 +14,7 @@ from ergon.notation.text.lasting import lasting
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading.check import Checker
 from ergon.scores.reading.piece import Piece
-from ergon.scores.reading.uses import Uses
+from ergon.scores.reading.uses import Names, Uses
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,8 @@ class Loaded:
     diagnostics: list[Diagnostic]
     files: Mapping[str, Document]
     left_out: Mapping[Severity, int]
+    names: Names | None = None  # those that the score defines or brings in; None: it has no text
+    uses: Uses | None = None  # what was used to find them
 
     @property
     def has_errors(self) -> bool:
@@ -61,7 +63,7 @@ def load(
         document: Document | None = files.text(str(path), text, where.parent)
     else:
         document = files.open(where, None)
-    piece = None
+    piece, names, uses = None, None, None
     if document is not None and document.root is None and not collector.has_errors():
         collector.error("E103", "the score is empty", document.place(0))
     if document is not None and document.root is not None:
@@ -71,4 +73,4 @@ def load(
             piece = Checker(names, uses).piece()
     if collector.has_errors():
         piece = None
-    return Loaded(piece, collector.finish(), files.documents, collector.left_out())
+    return Loaded(piece, collector.finish(), files.documents, collector.left_out(), names, uses)

@@ -6,15 +6,22 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Either, ListOf, Text, choice
 from ergon.scores.gesture.transforms import parse_chain, parse_do
 from ergon.scores.reading.piece import UNSAID, Manner
 
 DO = Either(
-    scalar=Text(parse_chain, "transformations, such as scale 0.5, mirror", types=("string",)),
-    sequence=ListOf(Text(parse_do, "a transformation, such as scale 0.5", types=("string",))),
+    scalar=Text(
+        parse_chain,
+        "transformations, such as scale 0.5, mirror",
+        types=("string",),
+        has_values=True,
+    ),
+    sequence=ListOf(
+        Text(parse_do, "a transformation, such as scale 0.5", types=("string",), has_values=True)
+    ),
 )
 # What holds where neither says a thing is DEFAULT_MANNER.
 OF_GESTURE = (

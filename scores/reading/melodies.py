@@ -190,5 +190,5 @@ def _hits(rows: Sequence[Row], voices: Voices, who: str) -> tuple[Hit, ...]:
     found = []
     for row in rows:
         what, impulse = " ".join(row.what), row.impulse or (0.0, 0.0)
-        found.append(Hit(row.at, voices.targets(row, who), impulse, row.place, what))
+        found.append(Hit(row.at, voices.targets(row, who), impulse, row.place, what, row.jitter))
     return tuple(found)

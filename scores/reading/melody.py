@@ -11,8 +11,9 @@ from typing import Any
 from ergon.instruments.model import Target
 from ergon.instruments.names import Scene
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import kinds as k
 from ergon.notation.tables import notes
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.expressions import has_name, word_value
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
@@ -32,6 +33,7 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern import words
 
 MAX_ROWS = 100_000  # of one melody
+_STILL = Length()
 MAX_CHORD = 256  # names of one strike
 _IMPULSE = re.compile(r"[-+.0-9]")
 _WORD = re.compile(r"\S+")
@@ -47,6 +49,7 @@ class Row:
     impulse: tuple[float, float] | None
     place: Place
     before: tuple[Name, ...] = ()  # what was written, where a transposition has changed it
+    jitter: Length = _STILL  # how far chance moves it, earlier or later
 
 
 class _WhatShape(Reference):
@@ -121,7 +124,9 @@ class Entries(Shape):
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
         (at, start), rest = cells[0], cells[1:]
         impulse = None
-        if rest and _IMPULSE.match(rest[-1][0]):
+        last = rest[-1][0] if rest else ""
+        # A name of `let:` after what is struck.
+        if _IMPULSE.match(last) or (len(rest) > 1 and has_name(last, node.document)):
             impulse = self._value("impulse", *rest.pop(), node, context)
         when = self._value("at", at, start, node, context)
         if not 1 <= len(rest) <= MAX_CHORD:
@@ -137,7 +142,7 @@ class Entries(Shape):
         shape = self.entry.by_name[field].shape
         assert isinstance(shape, Text)
         try:
-            return shape.parse(word)
+            return word_value(word, node.document, shape.parse)
         except TextError as error:
             error.offset += offset
             context.text_error(error, node, field, inside=False)
@@ -190,6 +195,11 @@ def transformed(
         found = tuple(act(found, transform))
         if transform.word == "stretch":
             length = length.times(transform.amount)
+        if transform.word == "from":
+            length = _less(length, transform)
+            if not found or not max(length.bars, length.beats, length.seconds) > 0.0:
+                message = "'from' begins after the last entry of this phrase"
+                raise TextError(message, offset=transform.offset, length=transform.length)
     return found, length
 
 
@@ -231,6 +241,31 @@ def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
         yield replace(row, at=Length(beats=floor(at.beats / t.amount + 0.5) * t.amount))
 
 
+def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    """Those from an instant on, which becomes the beginning; the first has an impulse by then."""
+    for row in rows:
+        later = _less(_length(row), t)
+        if min(later.beats, later.seconds) >= 0.0:
+            yield replace(row, at=later)
+
+
+def _less(length: Length, t: Transform) -> Length:
+    """A length without the one that `from` leaves out, in its unit."""
+    other = length.seconds if t.time.beats else length.beats
+    if length.bars or other:
+        message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
+        raise TextError(message, offset=t.offset, length=t.length)
+    return Length(0.0, length.beats - t.time.beats, length.seconds - t.time.seconds)
+
+
+def _jitter(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    if t.x:
+        message = "a phrase has instants and no positions to move; write jitter 4ms 0mm"
+        raise TextError(message, offset=t.offset, length=t.length)
+    for row in rows:
+        yield replace(row, jitter=Length(0.0, t.time.beats, t.time.seconds))
+
+
 def _length(row: Row) -> Length:
     assert isinstance(row.at, Length)
     return row.at
@@ -242,6 +277,8 @@ _ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
     "reverse": _reverse,
     "shift": _shift,
     "quantise": _quantise,
+    "from": _from,
+    "jitter": _jitter,
 }
 
 

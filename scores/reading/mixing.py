@@ -9,7 +9,7 @@ from typing import Any
 
 from ergon.instruments.bodies import Decays
 from ergon.notation.clock.positions import Position
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Either, ListOf, NamesOf, Shape, choice
 from ergon.notation.text.values import Place

@@ -15,7 +15,7 @@ _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
     "key": ((("K", "Z"), ("f", "t60"), ("modules", "struck")),),
     "gesture": ((("notation",), ("points",)),),
     "CEL": ((("K", "Z"), ("f", "t60")),),
-    "STRING": ((("inharmonicity",), ("stiffness",)),),
+    "STRING": ((("inharmonicity",), ("stiffness",)), (("tension",), ("f",))),
     "PLATE": ((("radius",), ("sides",)),),
 }
 _LAW = ("law", "damping", "points")
@@ -98,6 +98,12 @@ def _fields(kind: str, base: Any, own: Any) -> Any:
     if not isinstance(base, Values) or not isinstance(own, Values):
         return own
     hidden, free = _hidden(own, kind), {**base.free, **own.free}
+    if kind == "PLATE":  # of what sets its pitch one gives way
+        sets = "tension" if base.written("tension") else "thickness"
+        hidden |= {sets} if own.written("f") and not own.written(sets) else set()
+        hidden |= (
+            {"f"} if own.written("tension", "thickness") and base.written("material") else set()
+        )
     if kind == "LNL" and own.written(*_LAW):  # another law has other constants
         hidden, free = {*_LAW, *base.free, "interval"}, dict(own.free)
     if kind == "BUT" and own["contact"] == "magic":

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.expressions import word_value
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
@@ -99,7 +100,7 @@ class _PlayedShape(Reference):
 _PLAYED = _PlayedShape(
     "a gesture or a take, or several, such as knock lean knock", ("gestures", "takes")
 )
-_TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror")
+_TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror", has_values=True)
 _AT = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
     Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
@@ -213,7 +214,7 @@ def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
         context.error("E108", f"{name!r} is not built yet for a part", _place(word, node))
         return MISSING
     try:
-        return shape.parse(word.text)
+        return word_value(word.text, node.document, shape.parse)
     except TextError as error:
         error.offset += word.offset
         context.text_error(error, node, name, inside=False)

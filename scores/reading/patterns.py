@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ergon.notation.clock.occurrences import MAX_OCCURRENCES
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Text
 from ergon.scores.pattern.order import Group
@@ -17,8 +17,9 @@ _EUCLID = Text(
     parse_euclid,
     "pulses and steps, such as 3 8 or 3 8 rotate 2",
     "^[0-9]+ +[0-9]+( +rotate +[0-9]+)?$",
+    has_values=True,
 )
-_SWING = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%")
+_SWING = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%", is_value=True)
 _SKIP = k.integer(0, MAX_OCCURRENCES, "5")
 # How the places of a pattern follow each other, of gestures and of strikes.
 OF_PATTERN = (

@@ -10,8 +10,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from ergon.instruments.kinds import LATER_FIELDS
 from ergon.instruments.model import Instrument, Layout, Module, Target
+from ergon.instruments.module_kinds import HASH_OMITS_DEFAULTS
 from ergon.notation.clock.meter import SAME, Meter
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
@@ -27,8 +27,10 @@ from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.mixing import Fade, Radiation, Room
 
-# Of a field that came later: where it says nothing, the hash of a score is what it was before.
-UNTOLD = {"untold": True}
+# Fields that came later: the hash of a score omits an empty one, so that it stays what it was.
+OMIT_EMPTY = {"hash_omits_empty": True}
+
+REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
 
 Touch = Literal["open", "tracked"]
 Ergons = Literal["event", "particle"]
@@ -143,6 +145,8 @@ class Hit:
     impulse: tuple[float, float]
     place: Place
     what: str = ""  # as it is written
+    # How far chance moves it, earlier or later.
+    jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,12 +169,12 @@ class Strikes:
     mass: float | None
     speed: float | None
     place: Place
-    pattern: Pattern | None = field(default=None, metadata=UNTOLD)
-    notes: Mapping[str, Amount] = field(default_factory=dict, metadata=UNTOLD)  # of the pattern
+    pattern: Pattern | None = field(default=None, metadata=OMIT_EMPTY)
+    notes: Mapping[str, Amount] = field(default_factory=dict, metadata=OMIT_EMPTY)  # of the pattern
     # Where the notes of the pattern are those of an instrument: what each name of it strikes.
-    voices: Mapping[str, tuple[Target, ...]] = field(default_factory=dict, metadata=UNTOLD)
-    hits: tuple[Hit, ...] = field(default=(), metadata=UNTOLD)
-    length: Length | None = field(default=None, metadata=UNTOLD)
+    voices: Mapping[str, tuple[Target, ...]] = field(default_factory=dict, metadata=OMIT_EMPTY)
+    hits: tuple[Hit, ...] = field(default=(), metadata=OMIT_EMPTY)
+    length: Length | None = field(default=None, metadata=OMIT_EMPTY)
 
     @property
     def who(self) -> str:
@@ -250,7 +254,7 @@ class Play:
     place: Place
     at_place: Place
     until_place: Place | None
-    pattern: Pattern | None = field(default=None, metadata=UNTOLD)  # None: `what` alone
+    pattern: Pattern | None = field(default=None, metadata=OMIT_EMPTY)  # None: `what` alone
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -281,10 +285,12 @@ class Route:
     gain: float
     highpass: float | None
     place: Place
-    pan: tuple[float, float] | None = field(default=None, metadata=UNTOLD)  # gains of two channels
-    sends: tuple[tuple[str, float], ...] = field(default=(), metadata=UNTOLD)  # rooms, ratios
-    fade: Fade = field(default=(), metadata=UNTOLD)
-    radiation: Radiation | None = field(default=None, metadata=UNTOLD)
+    pan: tuple[float, float] | None = field(
+        default=None, metadata=OMIT_EMPTY
+    )  # gains of two channels
+    sends: tuple[tuple[str, float], ...] = field(default=(), metadata=OMIT_EMPTY)  # rooms, ratios
+    fade: Fade = field(default=(), metadata=OMIT_EMPTY)
+    radiation: Radiation | None = field(default=None, metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +301,9 @@ class Master:
     limit: float | None
     gain: float
     place: Place
-    fade: Fade = field(default=(), metadata=UNTOLD)
+    fade: Fade = field(default=(), metadata=OMIT_EMPTY)
+    reference: float | None = field(default=None, metadata=OMIT_EMPTY)
+    is_level_given: bool = field(default=True, metadata=OMIT_EMPTY)  # by gain or normalise
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +315,20 @@ class Mix:
     routes: tuple[Route, ...]
     master: Master | None
     place: Place | None
-    rooms: tuple[Room, ...] = field(default=(), metadata=UNTOLD)
+    rooms: tuple[Room, ...] = field(default=(), metadata=OMIT_EMPTY)
+
+    def reference(self, *, is_measured: bool = False) -> float | None:
+        """The ratio of full scale at which reference quantities are heard.
+
+        None where samples are in SI units: a score gives `gain` or `normalise`, or a file of
+        floats `is_measured`.
+        """
+        master = self.master
+        if master is not None and master.reference is not None:
+            return master.reference
+        if is_measured or (master is not None and master.is_level_given):
+            return None
+        return REFERENCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,7 +384,7 @@ class Piece:
     tempo_map: TempoMap = field(compare=False, repr=False)
     # Of each part: the beats on which it is played; None where a take's file says how long it is.
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
-    automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
+    automation: tuple[Automation, ...] = field(default=(), metadata=OMIT_EMPTY)
     # Lines that a session runs, by the name of their block; nothing else reads them.
     blocks: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False, repr=False)
     # Instruments with notes: the names of their members.
@@ -440,7 +461,7 @@ def _earlier(value: Any) -> Any:
     return {
         name: own
         for name, own in value.items()
-        if name not in LATER_FIELDS or own != LATER_FIELDS[name]
+        if name not in HASH_OMITS_DEFAULTS or own != HASH_OMITS_DEFAULTS[name]
     }
 
 
@@ -452,8 +473,8 @@ def _chunks(value: Any) -> Iterator[bytes]:
         skipped = _NOT_VALUES.get(type(value), ())
         yield b"{" + type(value).__name__.encode()
         for f in fields(value):
-            is_untold = f.metadata.get("untold") and not getattr(value, f.name)
-            if f.name not in skipped and not is_untold:
+            is_omitted = f.metadata.get("hash_omits_empty") and not getattr(value, f.name)
+            if f.name not in skipped and not is_omitted:
                 yield f".{f.name}=".encode()
                 inner = getattr(value, f.name)
                 yield from _chunks(_earlier(inner) if isinstance(value, Module) else inner)

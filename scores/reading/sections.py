@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ergon.instruments.kinds import LINKS, tables
+from ergon.instruments.module_kinds import LINKS, tables
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
 from ergon.instruments.transpose import INTERVAL
-from ergon.notation.tables import kinds as k
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
@@ -30,6 +30,7 @@ from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading import mixing
 from ergon.scores.reading.automation import AUTOMATION
+from ergon.scores.reading.include import INCLUDE
 from ergon.scores.reading.manner import DO, OF_GESTURE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.part import PART
@@ -155,7 +156,11 @@ STRIKES = Record(
         Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
         *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
-        Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
+        Field(
+            "notes",
+            Text(str, "notes, such as A3 C4 E4", has_values=True),
+            "pitch of a CEL at each strike",
+        ),
         Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
         Field("play", Reference("a phrase or a MIDI take"), "what is played, `every` so often"),
         Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
@@ -249,7 +254,7 @@ TEMPO = Record(
     "tempo entry",
     "a tempo, a ramp or a meter from a position on",
     (
-        Field("at", k.WHEN, "where", required=True),
+        Field("at", k.WHEN, "where", shown="the beginning"),
         Field("bpm", k.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
         Field("over", k.LENGTH, "length of the ramp"),
         Field("meter", k.METER, "meter from this position on", shown="4/4"),
@@ -293,6 +298,12 @@ MASTER = Record(
     "all channels together",
     (
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field(
+            "reference",
+            k.GAIN,
+            "level of 0.1 mm, 1 m/s, 10,000 m/s², 10 mN and 1 Pa",
+            shown="-20dB without gain and normalise",
+        ),
         Field("normalise", k.GAIN, "level of the highest peak, in a file"),
         Field("limit", k.GAIN, "ceiling of the limiter"),
         Field("fade", mixing.FADE, "levels at positions of the piece"),
@@ -315,7 +326,7 @@ RENDER = Record(
     (
         Field("file", k.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
-        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", 5.0, shown="5s"),
+        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", "auto"),
         Field("channels", _CHANNEL, "as in the mix"),
     ),
 )
@@ -421,6 +432,11 @@ SCORE = Record(
         Field("title", k.TITLE, "the piece's name", ""),
         Field("seed", k.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
         Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
+        Field(
+            "include",
+            ListOf(INCLUDE, single=True),
+            "other scores, played from a position on",
+        ),
         Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),

@@ -79,6 +79,10 @@ class Times:
             self.collector.error("E305", error.message, place())
             return None
 
+    def exists(self, at: Position, place: Place) -> bool:
+        """Whether a position exists; reports."""
+        return self._beats(at, lambda: place) is not None
+
     def check(self, score: Values, piece: Piece) -> list[float]:
         """Every position in the piece exists, and nothing ends before it begins.
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
 
 from ergon.instruments.transpose import sounding_at
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.kinds import PATH
 from ergon.notation.tables.shapes import MISSING, Context, Name
+from ergon.notation.tables.value_kinds import PATH
 from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
+from ergon.scores.reading.include import YIELDING, Include, includes, transposed
 from ergon.scores.reading.overlay import overlaid
+from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import SCORE
 
 # Sections whose names other files may use.
@@ -23,6 +25,7 @@ SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
 # Sections that say what happens, which a file that is used brings to nobody.
 PLAYED = ("strikes", "automation", "duet", "parts")
 MAX_USES = 20  # files deep
+MAX_NAMES = 20_000  # that other files bring to one
 MAX_LIKE = 32  # things that begin with another
 NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
 
@@ -47,6 +50,7 @@ class Names:
         default_factory=lambda: {section: {} for section in SECTIONS}
     )
     used: dict[str, Names] = field(default_factory=dict)  # by file stem and by prefix, for `from:`
+    included: list[tuple[Include, Names]] = field(default_factory=list)
 
     def names(self, section: str) -> tuple[str, ...]:
         """All names of a section, for did-you-mean."""
@@ -61,6 +65,8 @@ class Uses:
         self.files = files
         self.collector = collector
         self._read: dict[str, Names] = {}
+        self.is_full = False  # files bring more names than are read
+        self.pieces: dict[str, Piece] = {}  # of scores that are included, by file
         self._open: list[tuple[str, Place | None]] = []
 
     def read(self, document: Document, asked: Place | None = None) -> Names:
@@ -80,43 +86,64 @@ class Uses:
         self._open.append((document.file, asked))
         for file, place, prefix in _files(score):
             self._bring(names, file, place, prefix)
+        for one in includes(score):
+            used = self._bring(names, one.file, one.place, one.prefix, one)
+            if used is not None:
+                names.included.append((one, used))
         self._open.pop()
         return names
 
-    def _bring(self, names: Names, file: str, place: Place, prefix: str) -> None:
+    def _bring(
+        self, names: Names, file: str, place: Place, prefix: str, include: Include | None = None
+    ) -> Names | None:
+        """Bring in the names of a file, which are returned; None after a report."""
         if len(self._open) > MAX_USES:
             message = f"`use:` is nested more than {MAX_USES} files deep"
             self.collector.error("E105", message, place)
-            return
+            return None
         document = self.files.required(file, names.document.folder, place)
         if document is None or document.root is None:
             self.collector.lacks_names = True
         if document is None:
-            return
+            return None
         opened = [name for name, _ in self._open]
         if document.file in opened:
             chain = self._open[opened.index(document.file) + 1 :]
             steps = [str(asked) for _, asked in chain if asked] + [str(place)]
             message = f"{document.file} uses itself: {' -> '.join(steps)}"
             self.collector.error("E302", message, place)
-            return
+            return None
         is_new = document.file not in self._read
         used = self.read(document, place)
         if is_new and used.score is not None:
-            self._tell_unplayed(used.score, document.file, place)
+            self._tell_unplayed(used.score, document.file, place, is_played=include is not None)
+        count = sum(len(table) for own in (names, used) for table in own.tables.values())
+        if count > MAX_NAMES:
+            message = f"files bring more than {MAX_NAMES:,} names, many of them more than once"
+            self.collector.error("E105", message, place)
+            self.is_full = True
+            return None
         names.used[PurePath(file).stem] = used
         if prefix:
             names.used[prefix] = used
         for section, table in used.tables.items():
             for word, entry in table.items():
+                values = entry.values
+                if include is not None and section == "instruments":
+                    values = transposed(values, include)
+                if values is not entry.values:
+                    entry = replace(entry, values=values)
                 self._add(names, section, word, entry, place, prefix)
+        return used if used.score is not None else None
 
-    def _tell_unplayed(self, score: Values, file: str, place: Place) -> None:
+    def _tell_unplayed(self, score: Values, file: str, place: Place, *, is_played: bool) -> None:
         """W330 where a file that is used has sections that only a score of its own plays."""
-        unplayed = [section for section in PLAYED if score[section]]
+        unplayed = [section for section in (YIELDING if is_played else PLAYED) if score[section]]
         if unplayed:
             message = f"what {file} says in {_and(unplayed)} is left out"
-            help = f"`use` brings in names of {_and(SECTIONS)}; what is played stands in the score"
+            help = f"`use` brings in names of {_and(SECTIONS)}; `include` brings in what is played"
+            if is_played:
+                help = f"{_and(YIELDING)} of the score that includes it hold"
             self.collector.error("W330", message, place, help=help)
 
     def _add(

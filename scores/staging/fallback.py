@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from ergon.scores.gesture.transforms import Transform
     from ergon.scores.staging.planning import Store
 
-# Ergons are recorded at so many times the audio rate at most: a second then takes some minutes.
-_FINEST = 4096
+# Ergons are recorded at up to so many times the audio rate; and at up to so many where nothing else
+# records them: a second then takes some minutes.
+_FINE, _FINEST = 64, 4096
 
 
 def stage_or_plan(piece: Piece, **options: Any) -> Stage:
@@ -31,12 +32,15 @@ def stage_or_plan(piece: Piece, **options: Any) -> Stage:
 
 
 def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | None = None) -> Stage:
-    """Stage a piece whose simulation records its ergons, which no plan does.
+    """Stage a piece whose simulation records its ergons.
 
     Where the scheme is unstable at the audio rate and a plan plays the piece all the same, the rate
-    of the stage is the lowest of 2, 4, 8 … 4096 times the audio rate that the engine accepts.
+    of the stage is the lowest of 2, 4, 8 … 64 times the audio rate that the engine accepts. Where
+    none of them is enough, contacts are computed several times a frame; where that is not enough
+    either, the simulation is that of the plan, and where ergons strike inside a body of the plan
+    the rate is up to 4096 times the audio rate.
     Raises StageError with the mistakes of the plan where no plan plays the piece, as `check` does,
-    and with those found at the audio rate where none of these rates is enough.
+    and with those found at the audio rate where none of all this is enough.
     """
     try:
         return stage(piece, seed=seed, record=True)
@@ -44,13 +48,21 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
         if any(found.code != "E309" for found in refused.diagnostics if found.severity == "error"):
             raise
         stage(piece, seed=seed, planned=True, store=store)
-        factor = 2
-        while factor <= _FINEST:
+        for ways in _ways(piece, store):
             try:
-                return stage(_at_multiple(piece, factor), seed=seed, record=True)
+                return stage(seed=seed, record=True, **ways)
             except StageError:
-                factor *= 2
+                continue
         raise
+
+
+def _ways(piece: Piece, store: Store | None) -> Iterator[dict[str, Any]]:
+    """Options of `stage` that may record the ergons of a piece, in the order to be tried."""
+    multiples = [2**doubling for doubling in range(1, _FINEST.bit_length())]
+    yield from ({"piece": _at_multiple(piece, times)} for times in multiples if times <= _FINE)
+    yield {"piece": piece, "fine_contacts": True}
+    yield {"piece": piece, "planned": True, "store": store}
+    yield from ({"piece": _at_multiple(piece, times)} for times in multiples if times > _FINE)
 
 
 def _at_multiple(piece: Piece, factor: int) -> Piece:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
-from ergon.instruments.kinds import LINKS
 from ergon.instruments.model import Instrument
+from ergon.instruments.module_kinds import LINKS
 
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly

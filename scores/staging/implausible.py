@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 
-from ergon.instruments.kinds import member_count
 from ergon.instruments.model import Module, Target
+from ergon.instruments.module_kinds import member_count
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Key, Piece
 

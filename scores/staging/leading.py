@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
-from ergon.instruments.kinds import member_count
 from ergon.instruments.model import Module
+from ergon.instruments.module_kinds import member_count
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.gliding import LN_1000, TWO_PI, ties
 

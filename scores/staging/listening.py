@@ -15,18 +15,23 @@ from ergon.scores.reading.mixing import Fade, Room
 from ergon.scores.reading.piece import Piece, Route
 
 _NEVER = 1e9  # [s]
+_PRESSURE = 1.0  # of a route that radiates, at the reference level [Pa]
 _Range = tuple[int, int, float]
 Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """From a tap of the network to a channel (from 0); `gain` is a ratio."""
+    """From a tap of the network to a channel (from 0); `gain` is a ratio.
+
+    `quantity` is what the tap hears at the reference level, in SI units.
+    """
 
     part: str
     tap: int
     channel: int
     gain: float
+    quantity: float
     highpass: float | None
     room: int | None = None  # in place of the channel
     delay: int = 0  # frames
@@ -54,9 +59,19 @@ class Listening:
         return list(dict.fromkeys(way.part for way in self.ways))
 
     def mixer(
-        self, rate: float, n_out: int, *, highpass: float | None = None, part: str | None = None
+        self,
+        rate: float,
+        n_out: int,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        part: str | None = None,
     ) -> _core.Mixer:
-        """A fresh mixer of all ways, or of one part's; `highpass` [Hz] where a way has none."""
+        """A fresh mixer of all ways, or of one part's; `highpass` [Hz] where a way has none.
+
+        `reference` is the ratio of full scale at which reference quantities are heard; None leaves
+        SI units.
+        """
         mixer = _core.Mixer(rate, n_out, self.n_channels)
         for room in self.rooms:
             channels = [c - 1 for c in room.to] or range(self.n_channels)
@@ -71,7 +86,7 @@ class Listening:
                 mixer.route(
                     way.tap,
                     way.channel if way.room is None else way.room,
-                    way.gain,
+                    way.gain if reference is None else way.gain * (reference / way.quantity),
                     cut or None,
                     groups[way.part],
                     delay=way.delay,
@@ -123,7 +138,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
             # As many outputs as channels: one each, in order; else each output to all channels.
             is_one_each = alone[route] == len(route.to) and route.pan is None
             channels = route.to[index : index + 1] if is_one_each else route.to
-            _ways(listening, piece, taps[name], (c - 1 for c in channels), route)
+            _ways(listening, piece, taps[name], (c - 1 for c in channels), route, output)
     used = [way.channel + 1 for way in listening.ways]
     used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *used, 1)
@@ -131,11 +146,16 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
 
 
 def _unsaid(piece: Piece) -> Iterator[Route]:
-    """Without routes every output has a channel of its own, in the order written."""
-    channel = 0
+    """Without routes every output has a channel of its own, in the order written.
+
+    The notes of an instrument are heard from the same ones.
+    """
+    family = {part: name for name, parts in piece.families.items() for part in parts}
+    channels: dict[tuple[str, str], int] = {}
     for instrument in piece.instruments.values():
         for output in instrument.outputs:
-            channel += 1
+            name = family.get(instrument.name, instrument.name), output.name
+            channel = channels.setdefault(name, len(channels) + 1)
             yield Route(instrument.name, output.name, (channel,), 1.0, None, output.place)
 
 
@@ -147,21 +167,36 @@ def _of(piece: Piece, route: Route) -> Iterator[tuple[Instrument, Output]]:
 
 
 def _ways(
-    listening: Listening, piece: Piece, tap: int, channels: Iterable[int], route: Route
+    listening: Listening,
+    piece: Piece,
+    tap: int,
+    channels: Iterable[int],
+    route: Route,
+    output: Output,
 ) -> None:
     gain = route.gain * (piece.mix.master.gain if piece.mix.master else 1.0)
-    delay = 0
+    delay, quantity = 0, output.reference
     if route.radiation is not None:
+        quantity = _PRESSURE
         gain *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _curve(piece, route.fade) or None
-    way = Way(route.part, tap, 0, gain, route.highpass, None, delay, fade)
+    way = Way(route.part, tap, 0, gain, quantity, route.highpass, None, delay, fade)
     for channel, share in zip(channels, route.pan or repeat(1.0), strict=False):
         listening.ways.append(replace(way, channel=channel, gain=gain * share))
     rooms = [room.name for room in piece.mix.rooms]
     for name, share in route.sends:
         room = rooms.index(name)
         listening.ways.append(replace(way, room=room, gain=gain * share))
+
+
+def fades(piece: Piece) -> list[Curve]:
+    """The fades of a piece, by its frames."""
+    master = piece.mix.master
+    return [
+        _curve(piece, master.fade if master else ()),
+        *(_curve(piece, r.fade) for r in piece.mix.routes if r.fade),
+    ]
 
 
 def _curve(piece: Piece, fade: Fade) -> Curve:
@@ -224,7 +259,7 @@ def _nearest(
         heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
         tap = assembly.network.listen(name, **heard, order=output.order)
-        _ways(listening, piece, tap, (speaker,), route)
+        _ways(listening, piece, tap, (speaker,), route, output)
 
 
 def targets_of(instrument: Instrument, output: Output) -> Sequence[Target]:

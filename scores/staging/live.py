@@ -26,6 +26,8 @@ TICK = 1000.0
 _BLOCK = 4096  # frames
 # Positions of a hand that are known beforehand at most: 80 MB, held three times over.
 MAX_TICKS = 10_000_000
+# Frames of a key that moves at most, an hour at 44.1 kHz: their path takes some 20 s of CPU time.
+MAX_FRAMES = 160_000_000
 # Where a key is no longer depends on what was played so long before: it has swung back [s].
 _SETTLED = 5.0
 # Between two gestures so far apart a key that has come to rest is not computed [s].
@@ -44,7 +46,7 @@ class LiveHand:
     key: str
     index: int  # among the hands of the engine
     mat: int
-    every: int  # frames of a tick
+    tick_frames: int
     reach: float
     standin: NDArray[np.float64]
     ticks: int
@@ -76,17 +78,19 @@ def join(
     """Put every real hand on its key; where nobody is there its part plays, or it `rests`."""
     import numpy as np
 
-    every = _every(piece, real, collector)
+    tick_frames = _tick_frames(piece, real, collector)
     for name, positions_known in real.items():
         player = piece.players[name]
         key = piece.keys[player.key]
         if not _is_alone(piece, player, real, collector):
             continue
-        standin_path = np.zeros(2) if rests else standin(piece, player, every, collector)
+        standin_path = np.zeros(2) if rests else standin(piece, player, tick_frames, collector)
         positions = _with_standin(positions_known, standin_path)
         mat = assembly.mats[key.name, key.struck]
-        index = timeline.hand(mat, every, positions=positions * key.reach)
-        yield LiveHand(name, key.name, index, mat, every, key.reach, positions, len(standin_path))
+        index = timeline.hand(mat, tick_frames, positions=positions * key.reach)
+        yield LiveHand(
+            name, key.name, index, mat, tick_frames, key.reach, positions, len(standin_path)
+        )
 
 
 def _with_standin(
@@ -105,7 +109,7 @@ def _with_standin(
     )
 
 
-def _every(piece: Piece, real: Real, collector: Collector) -> int:
+def _tick_frames(piece: Piece, real: Real, collector: Collector) -> int:
     """Frames of a tick: all hands share one."""
     ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real}
     if len(ticks) > 1:
@@ -129,7 +133,9 @@ def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) ->
     return True
 
 
-def standin(piece: Piece, player: Player, every: int, collector: Collector) -> NDArray[np.float64]:
+def standin(
+    piece: Piece, player: Player, tick_frames: int, collector: Collector
+) -> NDArray[np.float64]:
     """Where the player's part, or its stand-in, takes the key by itself, at every tick [m]."""
     import numpy as np
 
@@ -141,32 +147,41 @@ def standin(piece: Piece, player: Player, every: int, collector: Collector) -> N
         hands.standin(player)
     # A part that is shifted to before the beginning is over when the piece begins.
     end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
-    n_ticks = int(end * piece.rate) // every + 2
+    n_ticks = int(end * piece.rate) // tick_frames + 2
     if n_ticks > MAX_TICKS:
-        longest = MAX_TICKS * every / piece.rate
+        longest = MAX_TICKS * tick_frames / piece.rate
         message = (
             f"{quote(player.name)}: the part that plays in place "
             f"of a real hand lasts {end:,.0f} s; "
-            f"with ticks of {piece.rate / every:g} Hz the maximum is {longest:,.0f} s"
+            f"with ticks of {piece.rate / tick_frames:g} Hz the maximum is {longest:,.0f} s"
         )
         help = "write a lower `tick` or a shorter part"
         collector.error("E308", message, player.place, help=help)
         return np.zeros(2)
-    return _sparse_path(network, hands, every, n_ticks)
+    path = _sparse_path(network, hands, tick_frames, n_ticks)
+    if path is None:
+        message = (
+            f"{quote(player.name)}: the part that plays in place of a real hand moves its key "
+            f"for more than {MAX_FRAMES / piece.rate:,.0f} s; that is the maximum, and pauses of "
+            f"more than {_PAUSE:g} s in which the key is at rest do not count"
+        )
+        collector.error("E308", message, player.place, help="write a shorter part")
+        return np.zeros(2)
+    return path
 
 
 def leading(
-    piece: Piece, name: str, spans: Sequence[tuple[Piece, Window]], every: int, ticks: range
+    piece: Piece, name: str, spans: Sequence[tuple[Piece, Window]], tick_frames: int, ticks: range
 ) -> tuple[NDArray[np.float64], list[tuple[float, float]]]:
     """Where a player's part takes its key by itself while stretches of this and other pieces last.
 
     At each of the `ticks` (n_ticks,) [m], and from when to when [s] it plays in them.
     """
     collector = Collector()
-    first = max(0, ticks.start - int(_SETTLED * piece.rate) // every)
+    first = max(0, ticks.start - int(_SETTLED * piece.rate) // tick_frames)
     network, hands = _key(_alone(piece, piece.players[name]), piece.players[name], collector)
     hands.timeline.open()
-    after, end = (tick * every / piece.rate for tick in (first, ticks.stop))
+    after, end = (tick * tick_frames / piece.rate for tick in (first, ticks.stop))
     for piece_of_span, window in spans:
         if name not in piece_of_span.players:
             continue
@@ -175,9 +190,9 @@ def leading(
         span_hands = hands.other(alone, window._replace(until=until, after=after))
         for play, starts in zip(alone.parts, alone.starts, strict=True):
             span_hands.play(play, starts)
-    start = first * every
+    start = first * tick_frames
     simulation = _core.Simulation(network, hands.timeline, start=start, on_fault="mute")
-    path = _path(simulation, every, ticks.stop - first)[ticks.start - first :]
+    path = _path(simulation, tick_frames, ticks.stop - first)[ticks.start - first :]
     return path, [(gesture.start, gesture.stop) for gesture in hands.gestures]
 
 
@@ -195,54 +210,72 @@ def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Netw
     return assembly.network, hands
 
 
-def _path(simulation: _core.Simulation, every: int, n_ticks: int) -> NDArray[np.float64]:
+def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArray[np.float64]:
     """Where it is at each of the next ticks (n_ticks,) [m]."""
     import numpy as np
 
-    block = max(1, _BLOCK // every)
+    block = max(1, _BLOCK // tick_frames)
     positions = np.zeros(n_ticks)
     for at in range(0, n_ticks, block):
         count = min(block, n_ticks - at)
-        path = np.zeros((count * every, 1))
+        path = np.zeros((count * tick_frames, 1))
         simulation.process(path)
-        positions[at : at + count] = path[::every, 0]
+        positions[at : at + count] = path[::tick_frames, 0]
     return positions
 
 
 def _sparse_path(
-    network: _core.Network, hands: Hands, every: int, n_ticks: int
-) -> NDArray[np.float64]:
-    """Where a key is at every tick (n_ticks,) [m]; long pauses at rest are not computed."""
+    network: _core.Network, hands: Hands, tick_frames: int, n_ticks: int
+) -> NDArray[np.float64] | None:
+    """Where a key is at every tick (n_ticks,) [m]; long pauses at rest are not computed.
+
+    None where more than `MAX_FRAMES` would have to be computed.
+    """
     import numpy as np
 
     rate = hands.piece.rate
-    block = max(1, _BLOCK // every)
+    block = max(1, _BLOCK // tick_frames)
+    most = MAX_FRAMES // tick_frames
+    pauses = [*_pauses(hands, tick_frames, n_ticks)]
+    n_moving = n_ticks - sum(begins - busy_until for busy_until, begins in pauses)
+    if n_moving > most:
+        return None
     positions = np.zeros(n_ticks)
     simulation, at = _core.Simulation(network, hands.timeline), 0
-    for busy_until, begins in _pauses(hands, every, n_ticks):
-        positions[at:busy_until] = _path(simulation, every, busy_until - at)
-        at, first = busy_until, begins - round(rate) // every
-        anew = _core.Simulation(network, hands.timeline, start=first * every)
-        rest = _path(anew, every, 2)
+    for busy_until, begins in pauses:
+        positions[at:busy_until] = _path(simulation, tick_frames, busy_until - at)
+        at, first = busy_until, begins - round(rate) // tick_frames
+        anew = _core.Simulation(network, hands.timeline, start=first * tick_frames)
+        rest = _path(anew, tick_frames, 2)
         # A key that does not begin at rest does not begin anew.
+        if np.ptp(rest) > _AT_REST:
+            n_moving += begins - busy_until
         while at < first and np.ptp(rest) <= _AT_REST:
             count = min(block, first - at)
-            known = positions[at : at + count] = _path(simulation, every, count)
+            n_moving += count
+            if n_moving > most:
+                return None
+            known = positions[at : at + count] = _path(simulation, tick_frames, count)
             at += count
             if np.abs(known - rest[0]).max() <= _AT_REST:
                 positions[at : first + 2] = rest[0]
                 simulation, at = anew, first + 2
-    positions[at:] = _path(simulation, every, n_ticks - at)
+    if n_moving > most:
+        return None
+    positions[at:] = _path(simulation, tick_frames, n_ticks - at)
     return positions
 
 
-def _pauses(hands: Hands, every: int, n_ticks: int) -> Iterator[tuple[int, int]]:
+def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int, int]]:
     """Between which ticks no gesture is played for long: after the last one, before the next."""
     rate, stop = hands.piece.rate, 0.0
     for gesture in sorted(hands.gestures, key=lambda gesture: gesture.start):
         if gesture.start > stop + _PAUSE:
             # A throw may take a key on after the end of its gesture.
-            yield int(stop * rate) // every + 1, min(n_ticks, int(gesture.start * rate) // every)
+            yield (
+                int(stop * rate) // tick_frames + 1,
+                min(n_ticks, int(gesture.start * rate) // tick_frames),
+            )
         stop = max(stop, gesture.stop)
 
 

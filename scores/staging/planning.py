@@ -19,8 +19,14 @@ _SHARE, _LOOSER_SHARE = 0.5, 0.125
 # Methods of meshes, whose errors are known from trials alone.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
+# What accuracy by ear allows of pitches, T60 and third octaves.
+_BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
+
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
-_Row = tuple[float | None, float | None, float | None, float | None, str | None, bool]
+_Heard = tuple[float, float, float]
+_Row = tuple[
+    float | None, float | None, float | None, _Heard | None, float | None, str | None, bool
+]
 Told = Sequence[_Row]
 
 
@@ -106,6 +112,7 @@ def _row_of(row: _core.PlanRow) -> _Row:
         row.error_db,
         row.error_s,
         row.spectral_db,
+        row.audible,
         row.left_out_db,
         row.because,
         row.cut_short,
@@ -121,11 +128,14 @@ def make(
     like: _core.Plan | None = None,
     *,
     is_foreseen: bool = True,
+    correction: float = 1.0,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
 
     Where `cpu` alone is given: the most exact plan that it can pay for. What is as in a plan that
-    it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too.
+    it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too. Work
+    takes `correction` times as long here as the table of costs says: so much is told, and asked of
+    `cpu` where the accuracy is given too; what is computed rests on the table alone.
     """
     if pins is not None:
         return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
@@ -133,13 +143,16 @@ def make(
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     missed = _missed(made, accuracy.error, is_foreseen=is_foreseen)
+    if accuracy.method is None and accuracy.error is None:
+        missed += _missed_by_ear(made, accuracy.cents)
     notes = [("W403", sentence) for sentence in missed]
     notes += [("W403", sentence) for sentence in _cut_short(made, accuracy.error)]
-    if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
+    told = 1.0 if is_free else correction
+    if accuracy.cpu is None or (not is_free and told * cost(made) <= accuracy.cpu):
         return Planned(made, accuracy, tuple(notes), planner.are_kept)
     looser = {error: Accuracy(error=error) for error in _LOOSER}
     looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
-    fits = [error for error, other in looser_plans.items() if cost(other) <= accuracy.cpu]
+    fits = [error for error, other in looser_plans.items() if told * cost(other) <= accuracy.cpu]
     if is_free and fits:
         return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.are_kept)
     all_made = ((made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
@@ -147,10 +160,11 @@ def make(
     hint = (
         f"error: {fits[0]:g}dB fits"
         if fits
-        else f"the cheapest plan takes {_percent(cost(cheapest))}"
+        else f"the cheapest plan takes {_percent(told * cost(cheapest))}"
     )
     allowed = _percent(accuracy.cpu)
-    excess = f"the plan takes {_percent(cost(made))} of a core, above the {allowed} allowed; {hint}"
+    taken = _percent(told * cost(made))
+    excess = f"the plan takes {taken} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (made, accuracy)
     return Planned(*chosen, notes_with_cost, planner.are_kept)
@@ -218,6 +232,32 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
             f"whether the {error:g} dB asked for are reached is not known"
         )
     return said
+
+
+def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
+    """Parts of which more is heard of an error than pitch by ear, or to so many cents, allows."""
+    share = 1.0 if cents is None else cents / _BY_EAR[0]
+    most_cents, most_t60, most_db = allowed = [share * value for value in _BY_EAR]
+    islands: dict[tuple[_core.AudibleError, float], list[str]] = {}
+    for row in plan.rows():
+        heard, over = row.audible, row.error_s
+        if heard is None or over is None or row.cut_short:
+            continue
+        if any(own > most for own, most in zip(heard, allowed, strict=True)):
+            islands.setdefault((heard, over), []).extend(row.parts)
+    return [
+        f"{' + '.join(dict.fromkeys(parts))}: over the first {over:.2g} s {said_of(heard)}, above "
+        f"the {most_cents:.2g} cents, {100 * most_t60:.2g}% and {most_db:.2g} dB that are allowed"
+        for (heard, over), parts in islands.items()
+    ]
+
+
+def said_of(heard: _core.AudibleError) -> str:
+    """What is heard of an error, as part of a sentence."""
+    return (
+        f"pitches are off by up to {heard.cents:.2g} cents, T60 by {100 * heard.t60:.2g}% and "
+        f"audible third octaves by {heard.third_octave_db:.2g} dB"
+    )
 
 
 def wished(

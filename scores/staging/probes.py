@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from ergon.instruments.kinds import HOLDERS, member_count
 from ergon.instruments.model import Instrument, Module, Output, Target
+from ergon.instruments.module_kinds import HOLDERS, member_count
 from ergon.scores.reading.piece import Piece, Route
 
 MAX_POINTS = 256  # measured at once; a scene of 10,000 masses is not read line by line

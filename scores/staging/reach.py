@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ergon.instruments.assemble import Assembly
-from ergon.instruments.kinds import LINKS
 from ergon.instruments.model import Module, Target
+from ergon.instruments.module_kinds import LINKS
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import heard, targets_of

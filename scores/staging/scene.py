@@ -10,7 +10,7 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.notation.clock.shifted import Elsewhere
 from ergon.scores.reading.piece import Piece, is_same_scene
-from ergon.scores.staging.listening import Listening, listen
+from ergon.scores.staging.listening import Listening, fades, listen
 
 OVER = -math.inf  # the end of a coupling that acts no longer
 
@@ -31,7 +31,9 @@ class Scene:
 
     def of(self, piece: Piece) -> Scene | None:
         """The same modules as another piece's, if they are the same and heard in the same way."""
-        return replace(self, piece=piece) if is_same_scene(self.piece, piece) else None
+        if not is_same_scene(self.piece, piece) or fades(self.piece) != fades(piece):
+            return None  # the tempo moves fades
+        return replace(self, piece=piece)
 
 
 def build_scene(piece: Piece, silent: Container[str]) -> Scene:

@@ -38,6 +38,7 @@ _BY_METHOD = (
     "reduce K or the law, weaken the strikes, raise the rate, or leave the method to the plan"
 )
 LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
+_LOOKED_AT = 5.0  # [s] of that tail, where nothing is rendered
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
@@ -89,19 +90,39 @@ class Stage:
         return self.piece.rate
 
     @property
+    def n_looked_at(self) -> int:
+        """Frames to the end, or to 5 s after the last event where the sound says the end."""
+        if self.fades_from is None:
+            return self.n_frames
+        return min(self.n_frames, self.fades_from + int(_LOOKED_AT * self.rate + 0.5))
+
+    @property
     def n_channels(self) -> int:
         """Loudspeakers."""
         return self.listening.n_channels
 
-    def mixer(self, *, highpass: float | None = None) -> _core.Mixer:
-        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own."""
-        return self.listening.mixer(self.rate, self.simulation.n_out, highpass=highpass)
+    def mixer(
+        self,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        part: str | None = None,
+    ) -> _core.Mixer:
+        """A fresh mixer, of all instruments or of one `part`.
 
-    def stems(self, *, highpass: float | None = None) -> list[tuple[str, _core.Mixer]]:
+        `highpass` [Hz] is for routes that say nothing of their own; `reference` is the ratio of
+        full scale at which reference quantities are heard, None where samples are in SI units.
+        """
+        return self.listening.mixer(
+            self.rate, self.simulation.n_out, highpass=highpass, reference=reference, part=part
+        )
+
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, _core.Mixer]]:
         """A fresh mixer for every instrument that is heard."""
-        n_out = self.simulation.n_out
         return [
-            (part, self.listening.mixer(self.rate, n_out, highpass=highpass, part=part))
+            (part, self.mixer(highpass=highpass, reference=reference, part=part))
             for part in self.listening.parts()
         ]
 
@@ -225,6 +246,7 @@ def stage(
     ledger: bool = False,
     record: bool = False,
     planned: bool = False,
+    fine_contacts: bool = False,
     pins: Pins | None = None,
     store: Store | None = None,
     threads: int = 1,
@@ -232,14 +254,17 @@ def stage(
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     going: Going | None = None,
+    correction: float = 1.0,
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
-    A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
-    earlier plan, `store` keeps plans, `real` the players whose hands are real, with what is known
-    of them, `silent` the instruments that are not listened to. A part that leaves all bounds ends
-    the run, or is muted alone. What is `going` is to take over from another stage. Raises
-    StageError with every mistake that the engine finds.
+    A ledger is kept of every module alone, a stream of ergons where none strikes inside a body.
+    With `fine_contacts` and no plan contacts are computed several times a frame. `pins` are the
+    choices of an earlier plan, `store` keeps plans, `real` the players whose hands are real, with
+    what is known of them, `silent` the instruments that are not listened to. A part that leaves all
+    bounds ends the run, or is muted alone. Work takes `correction` times as long as the table of
+    costs says. What is `going` is to take over from another stage. Raises StageError with every
+    mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
@@ -256,11 +281,14 @@ def stage(
         if planned:
             other = like.plan if like is not None else None
             parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
-            made = make(*parts, is_foreseen=going.spans is None and not real)
+            is_foreseen = going.spans is None and not real
+            made = make(*parts, is_foreseen=is_foreseen, correction=correction)
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
             _stay(piece, plan, ready.collector)
+        elif fine_contacts:
+            plan = _core.Plan.with_fine_contacts(ready.network, ready.timeline)
         simulation = _core.Simulation(
             ready.network,
             ready.timeline,
@@ -345,7 +373,7 @@ def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> St
 
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
     """When the last of what real hands are to do ends [s]."""
-    return max((hand.every * hand.ticks / piece.rate for hand in live), default=0.0)
+    return max((hand.tick_frames * hand.ticks / piece.rate for hand in live), default=0.0)
 
 
 def _play(
@@ -438,15 +466,15 @@ def _frames(piece: Piece, end: float, collector: Collector) -> int:
 
 
 def _place(piece: Piece, name: str | None) -> Place:
-    """Where the module that the engine names is written."""
+    """Where the module that the engine names is written, or taken from another file."""
     name = name or ""
-    links = [("duet", duet.link) for duet in piece.duet]
-    keys = [(key.name, module) for key in piece.keys.values() for module in key.modules]
-    others = [(i.name, module) for i in piece.instruments.values() for module in i.modules]
-    for part, module in (*keys, *others, *links):
+    links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
+    keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
+    others = [(i.name, module, i.place) for i in piece.instruments.values() for module in i.modules]
+    for part, module, place in (*keys, *others, *links):
         full = ".".join(filter(None, (part, module.name)))
         if name == full or name.startswith(f"{full}."):
-            return module.place
+            return module.place if module.place.file == place.file else place
     return piece.place
 
 

@@ -11,6 +11,7 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Target
 from ergon.notation.clock.occurrences import starts
+from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Time
 from ergon.scores.pattern.steps import Steps
@@ -92,6 +93,10 @@ class Striking:
         tempo, end = self.piece.tempo_map, 0.0
         for beat, number, hit in self.strikes.falls(tempo):
             instant = tempo.seconds(beat)
+            if hit.jitter != Length():
+                chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, number)
+                reach = tempo.seconds(tempo.after(beat, hit.jitter)) - instant
+                instant = max(0.0, instant + chance.uniform(-reach, reach))
             end = max(end, instant)
             if not self.within[0] <= instant < self.within[1]:
                 continue

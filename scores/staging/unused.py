@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ergon.instruments.kinds import HOLDERS, LINKS
 from ergon.instruments.model import Target
+from ergon.instruments.module_kinds import HOLDERS, LINKS
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import heard, targets_of

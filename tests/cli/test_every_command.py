@@ -1,5 +1,6 @@
 """What `check` accepts every other command accepts: scores of all kinds of modules together."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -138,3 +139,60 @@ def test_compile_accepts_what_check_accepts(
         assert said["compile"].splitlines()[0] == said["check"].splitlines()[0]
     else:
         assert "simulation at 2.25792e+07 Hz" in said["compile"]
+
+
+LIGHT_KEY = (
+    "ergon: 1\n"
+    "keys: {k: {M: 1e-9g, K: 60N/m, Z: 1.2Ns/m}}\n"
+    "instruments:\n  bell:\n    modules:\n"
+    "      m: {CEL: {M: 2g, f: A3, t60: 0.5s}}\n"
+    "      b: {BUT: {between: [k, m], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}\n"
+    "    out: {SOX: m}\n"
+    "gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}\n"
+    "players: {ada: {key: k}}\n"
+    "parts: {ada: [{at: 1|1, play: knock}]}\n"
+    "render: {tail: 100ms}\n"
+)
+LIGHT_MASS = (
+    "ergon: 1\n"
+    "keys: {k: {M: 300g, K: 60N/m, Z: 1Ns/m}}\n"
+    "instruments:\n  i:\n    modules:\n"
+    "      wall: {SOL: {}}\n"
+    "      a: {MAS: {M: 1e-13g}}\n"
+    "      r: {RES: {between: [wall, a], K: 1000N/m}}\n"
+    "      c: {CEL: {M: 10g, f: 200Hz, t60: 1s}}\n"
+    "      b: {BUT: {between: [k, c], gap: 0mm, K: 100N/m}}\n"
+    "    out: {o: {SOX: c}, p: {SOX: a}}\n"
+    "gestures: {go: 0mm@0 smooth 1mm@1ms throw 0mm@2ms}\n"
+    "players: {ada: {key: k}}\n"
+    "parts: {ada: [{at: 1|1, play: go}]}\n"
+    "render: {tail: 10ms}\n"
+)
+
+
+@pytest.mark.parametrize("text", [LIGHT_KEY, LIGHT_MASS])
+def test_what_is_unstable_at_every_rate_is_compiled(text: str, capsys: pytest.CaptureFixture[str]):
+    """A contact of 1e-9 g asked for 4 million times the audio rate, where 4096 are the most."""
+    Path("s.yaml").write_text(text)
+    for name in ("check", "info", "compile", "export", "render", "check --simulate"):
+        arguments = COMMANDS.get(name, [name, "s.yaml"])
+        assert app.run(arguments) == 0, (name, capsys.readouterr().err)
+    rows = Path("ergons.csv").read_text().splitlines()
+    assert len(rows) > 40
+    assert all(math.isfinite(float(row.split(",")[0])) for row in rows[-40:])
+
+
+@pytest.mark.parametrize(
+    "entry",
+    ["{at: 3|1, bpm: 120 -> 60, over: 9999999}", "{at: 9999999|1, bpm: 120 -> 60, over: 4}"],
+)
+def test_a_ramp_that_lasts_for_years_is_exported_as_far_as_it_matters(
+    entry: str, capsys: pytest.CaptureFixture[str]
+):
+    """`export` wrote the tempo of ten million beats, in a minute (`commands`, 11257, 11330)."""
+    text = LIGHT_KEY.replace("M: 1e-9g", "M: 300g")
+    Path("s.yaml").write_text(
+        text.replace("keys:", f"tempo: [{{at: 1|1, bpm: 120}}, {entry}]\nkeys:")
+    )
+    assert app.run(["export", "s.yaml", "-o", "exported", "-f"]) == 0, capsys.readouterr().err
+    assert 50 < Path("exported/tempo.mid").stat().st_size < 1_000_000

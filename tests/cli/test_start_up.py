@@ -101,7 +101,7 @@ def test_modules_import_without_side_effects(tmp_path: Path):
     with os.fdopen(read) as report:
         assert done.returncode == 0, done.stderr
         found = json.load(report)
-    assert {"ergon.cli.app", "ergon.scores.reading.load", "ergon.instruments.kinds"} <= set(
+    assert {"ergon.cli.app", "ergon.scores.reading.load", "ergon.instruments.module_kinds"} <= set(
         found["names"]
     )
     assert found["done"] == []

@@ -84,6 +84,18 @@ def test_networks_in_algorithmic_units_agree_with_the_oracle(seed: int):
 
 
 @pytest.mark.parametrize("ca", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_speeds_and_accelerations_of_random_networks_agree_with_the_oracle(seed: int, ca: bool):
+    scene = random_network(seed, ca=ca)
+    (_, one, _), (_, other, _) = scene.outs[0][0], scene.outs[1][0]
+    for order in (1, 2):
+        scene.listen(f"one{order}", positions=[(one, 1.0)], order=order)
+        scene.listen(f"two{order}", positions=[(one, 0.5), (other, -2.0)], order=order)
+    # A rate of change magnifies the rounding of positions.
+    assert deviation(scene, RATE, 22050) < 1e-10
+
+
+@pytest.mark.parametrize("ca", [False, True])
 def test_the_force_on_the_ground_is_that_of_the_written_spring(ca: bool):
     """K·(x - rest) with the network's own K, not the κM/T² that puts the poles right."""
     scene = Scene()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -131,6 +132,19 @@ def test_control_c_in_a_finaliser_is_not_lost():
 
     with signals_as_exceptions(), pytest.raises(KeyboardInterrupt):
         drop()
+
+
+def test_a_termination_that_is_swallowed_comes_again():
+    """Of 60 renders that were stopped while they began, one went on: an import had dropped it."""
+
+    def swallow():
+        with contextlib.suppress(BaseException):
+            signal.raise_signal(signal.SIGTERM)
+        threading.Event().wait(PATIENCE)
+
+    with pytest.raises(Terminated) as ended, signals_as_exceptions():
+        swallow()
+    assert ended.value.number == signal.SIGTERM
 
 
 class Panic(BaseException):

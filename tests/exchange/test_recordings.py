@@ -207,7 +207,7 @@ def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
     def heard(positions: np.ndarray) -> np.ndarray:
         staged = stage(loaded.piece, real={"ada": positions})
         (hand,) = staged.live
-        assert hand.every == 44
+        assert hand.tick_frames == 44
         out = np.zeros((40_000, staged.simulation.n_out))
         staged.simulation.process(out)
         return out

@@ -1,8 +1,7 @@
 """Scores by chance through every command that reads one: no command says that the fault is ergon's.
 
-What `check` accepts every command accepts, but for a part that diverges while it is computed, and
-for `compile` where a scene is unstable at 4096 times the audio rate; what `check` refuses every
-command refuses.
+What `check` accepts every command accepts, but for a part that diverges while it is computed; what
+`check` refuses every command refuses.
 """
 
 from __future__ import annotations
@@ -64,8 +63,6 @@ def read(text: str, folder: Path) -> Iterator[str]:
         for command in commands:
             code, said = _run(*command)
             yield said
-            if command[0] == "compile" and accepted and "unstable at this rate" in said:
-                continue  # no plan records ergons, and 4096 times the audio rate is too slow
             if accepted and command[0] != "plot":
                 assert code in (0, DIVERGED), f"{command[0]} ends with {code}: {said[-300:]}"
             elif not accepted and command[0] != "plot":

@@ -1,11 +1,15 @@
 """What the fuzzers found, each as it was found first."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from one_bell import SCORE
 
 from ergon import _core
 from ergon.common.errors import ErgonError
+from ergon.exchange.safe import FileRefusedError
+from ergon.exchange.together import write_all
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
@@ -94,6 +98,26 @@ def test_pauses_of_a_real_hand_are_not_computed(
     assert np.ptp(whole.standin[-400:]) > 1e-3
 
 
+@pytest.mark.parametrize("key", ["Z: 1.2Ns/m", "Z: 1.2Ns/m, X0: 2mm", "Z: 0Ns/m"])
+def test_a_part_of_a_real_hand_that_moves_for_hours_is_refused(
+    key: str, monkeypatch: pytest.MonkeyPatch
+):
+    """Two hours of a key that moves all the time took minutes (`scores`, case 90888)."""
+    monkeypatch.setattr(live, "MAX_FRAMES", 20 * 44100)
+    # Z: 1.2Ns/m comes to rest within a second: 200 s, of which a few are computed.
+    text = SCORE.replace("hand: virtual", "hand: live").replace("Z: 1.2Ns/m", key)
+    text = text.replace("every: 1, times: 2}", "every: 1, times: 2}\n    - {at: 200s, play: knock}")
+    piece = load("s.yaml", text=text).piece
+    assert piece is not None
+    if key == "Z: 1.2Ns/m":
+        assert prepare(piece, {"ada": None}).live[0].ticks > 200_000
+        return
+    with pytest.raises(StageError, match="moves its key for more than 20 s") as refused:
+        prepare(piece, {"ada": None})
+    (error,) = refused.value.diagnostics
+    assert error.code == "E308"
+
+
 def test_a_tick_is_no_slower_than_a_second():
     """`1e-9kHz` made a tick of 4e10 frames, and the path of the stand-in asked for 300 GB."""
     live = SCORE.replace("hand: virtual", "hand: live, standin: lean, tick: 1e-9kHz")
@@ -133,3 +157,12 @@ def test_a_body_that_is_lost_leaves_its_contacts():
     plan = stage(loaded.piece, planned=True).plan
     assert plan is not None
     assert plan.rows()
+
+
+def test_links_in_a_circle_are_not_written_to(tmp_path: Path):
+    """`save` of a journal that names one was an internal error (`journals`, case 31290)."""
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(FileRefusedError, match="a symbolic link in a circle"):
+        write_all({tmp_path / "a": b"", tmp_path / "c": b""}, lambda path: None)
+    assert not (tmp_path / "c").exists()

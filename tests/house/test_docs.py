@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 from commands import ERGON
-from docs.generators.pages import Block, blocks, merged, put
+from docs.generators.pages import Block, blocks, commands, merged, put
 from patience import PATIENCE
 from tests.scores import test_library
 
@@ -27,6 +27,7 @@ PAGES = [
     ROOT / "README.md",
     *(page for page in sorted((ROOT / "docs").glob("*.md")) if page.name != "reference.md"),
     *sorted((ROOT / "docs" / "howto").glob("*.md")),
+    *sorted((ROOT / "docs" / "instruments").glob("*.md")),
 ]
 _IN_A_ROOM = """ergon: 1
 instruments: {{b: {{BANK: {{count: 9, f: 1kHz, t60: 1s, M: 1g}}, out: {{SOX: b.all}}}}}}
@@ -51,14 +52,9 @@ def check(block: Block, path: Path) -> None:
 
 def run(block: Block, folder: Path) -> None:
     """Run the commands of a console block and compare what they print."""
-    for part in re.split(r"^(?=\$ )", block.text, flags=re.MULTILINE):
-        if not part.startswith("$ "):
-            continue
-        command, _, shown = part[2:].partition("\n")
-        words = command.split(" #")[0].split()
-        assert words[0] == "ergon", f"{block.where}: {command}"
+    for words, shown in commands(block):
         done = subprocess.run(
-            [*ERGON, *words[1:]],
+            [*ERGON, *words],
             cwd=folder,
             env={**os.environ, "NO_COLOR": "1", "COLUMNS": "80"},
             stdout=subprocess.PIPE,
@@ -67,9 +63,9 @@ def run(block: Block, folder: Path) -> None:
             timeout=PATIENCE,
             check=False,
         )
-        pattern = re.escape(shown.strip()).replace("…", ".*")
+        pattern = re.escape(shown).replace("…", ".*")
         ok = re.fullmatch(pattern, done.stdout.strip(), re.DOTALL)
-        assert ok, f"{block.where}: {command}\n{done.stdout}"
+        assert ok, f"{block.where}: {words}\n{done.stdout}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

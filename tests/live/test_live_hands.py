@@ -47,10 +47,10 @@ def heard(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
 
 def test_a_take_stands_in_by_ticks():
     (hand,) = stage(piece(), planned=True).live
-    assert (hand.player, hand.every, hand.reach) == ("remi", 44, 1.0)
+    assert (hand.player, hand.tick_frames, hand.reach) == ("remi", 44, 1.0)
     take = read(TAKES / "hand-point-1.csv")
     spline = _core.Take(take.t, take.x)
-    t = np.arange(len(hand.standin)) * hand.every / 44100.0
+    t = np.arange(len(hand.standin)) * hand.tick_frames / 44100.0
     inside = t < spline.duration - 1e-3
     asked = np.array([spline.at(t[0] + when)[0] for when in t[inside]])
     # The key joins the take from where it rests; from then on it is where the hand was.
@@ -76,7 +76,7 @@ def test_what_a_hand_did_renders_to_what_it_played(planned: bool):
     played, felt = [], []
     for x in ticks:
         live.simulation.hold(hand.index, x)
-        played.append(heard(live.simulation, hand.every))
+        played.append(heard(live.simulation, hand.tick_frames))
         felt.append(live.simulation.felt(hand.index))
     assert min(felt) < -0.5
     again = stage(piece(), planned=planned, real={"remi": ticks})

@@ -7,7 +7,7 @@ import pytest
 from commands import records
 
 from ergon.cli import app
-from ergon.exchange import plan_store
+from ergon.exchange import cache_folder, plan_store
 from ergon.exchange.plan_store import PlanStore, of_user
 from ergon.exchange.wave import hash_samples
 
@@ -91,7 +91,7 @@ def test_whatever_a_plan_depends_on_makes_another(capsys: Capture):
 
 def test_another_version_plans_anew(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     assert not told(capsys)[1]
-    monkeypatch.setattr(plan_store, "_version", lambda: "another")
+    monkeypatch.setattr(cache_folder, "_version", lambda: "another")
     assert not told(capsys)[1]
 
 
@@ -131,7 +131,7 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: P
 def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
     store = PlanStore(plans)
-    one = ([(5, 1, 1, [[1, 2]])], "ab", [(-60.5, 0.3, 0.8, None, None, False)])
+    one = ([(5, 1, 1, [[1, 2]])], "ab", [(-60.5, 0.3, 0.8, (0.5, 0.01, 0.2), None, None, False)])
     stranger = plans / "notes.txt"
     plans.mkdir(parents=True)
     stranger.write_text("mine")
@@ -145,7 +145,7 @@ def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
     choices, digest, rows = store.get("d") or ([], "", [])
     assert (list(map(tuple, choices)), digest, list(rows)) == (one[0], one[1], one[2])
     monkeypatch.setattr(plan_store, "_BYTES_MAX", 10)
-    store.put("e", one)
+    PlanStore(plans).put("e", one)
     assert list(plans.iterdir()) == [stranger]
 
 
@@ -154,4 +154,4 @@ def test_where_plans_are_kept(tmp_path: Path):
     for environment in ({}, {"XDG_CACHE_HOME": ""}, {"XDG_CACHE_HOME": "not/absolute"}):
         store = of_user(environment)
         assert store is not None
-        assert store._folder == Path.home() / ".cache" / "ergon" / "plans"
+        assert store._folder.path == Path.home() / ".cache" / "ergon" / "plans"

@@ -8,7 +8,8 @@ import soundfile
 from checked import codes
 
 import ergon
-from ergon.rendering.quiet import FadeFinder
+from ergon._core import FadeFinder
+from ergon.cli import app
 
 RATE = 44_100
 SCORE = """\
@@ -63,13 +64,13 @@ def test_what_beats_is_not_over(block):
     sound = np.ones((8 * RATE, 1))
     sound[RATE : RATE + RATE // 2] = 5e-5
     sound[2 * RATE :] = 5e-5
-    finder, n = FadeFinder(RATE, 0), 8 * RATE if block > 1 else 4 * RATE
+    finder, n = FadeFinder(RATE, 1, 0), 8 * RATE if block > 1 else 4 * RATE
     ends = (finder.take(sound[at : at + block]) for at in range(0, n, block))
     assert next(end for end in ends if end is not None) == 2 * RATE + 4410
 
 
 def test_no_end_before_the_last_event():
-    finder = FadeFinder(RATE, 3 * RATE)
+    finder = FadeFinder(RATE, 2, 3 * RATE)
     assert finder.take(np.zeros((10 * RATE, 2))) == 3 * RATE + 4410
 
 
@@ -78,3 +79,16 @@ def test_a_tail_is_a_time_or_auto():
     assert codes(text.replace("TAIL", "auto")) == []
     assert codes(text.replace("TAIL", "7s")) == []
     assert codes(text.replace("TAIL", "atuo")) != []
+
+
+def test_a_performance_ends_there_too(tmp_path, monkeypatch):
+    """Where nothing is written of a tail: the frames of the file, and no more."""
+    monkeypatch.chdir(tmp_path)
+    path = score(tmp_path, "auto")
+    path.write_text(path.read_text().replace("render: {tail: auto}\n", ""), encoding="utf-8")
+    rendered = ergon.render(path)
+    assert app.run(["play", str(path), "--audio", "file:played.wav", "--plain"]) == 0
+    played, _ = soundfile.read("played.wav")
+    # The second that shows that it has faded is heard, to the end of its tick.
+    assert 0.9 <= (len(played) - len(rendered.frames)) / RATE <= 0.91
+    assert np.abs(played[: len(rendered.frames)] - rendered.frames[:, 0]).max() < 1e-6

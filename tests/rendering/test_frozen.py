@@ -159,6 +159,8 @@ def test_the_same_bytes_for_any_number_of_threads(folder: Path):
 
 
 def test_a_preflight_hears_what_is_frozen(folder: Path, capsys: Capture):
+    text = SCORE.replace("mix:\n", "mix:\n  master: {normalise: -1dB}\n")
+    Path("s.yaml").write_text(text, encoding="utf-8")
     frozen("gong,sky")
     gains = []
     for more in ([], ["--frozen", "s.frozen"]):

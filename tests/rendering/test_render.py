@@ -48,11 +48,13 @@ class Stage:
         self.simulation = Simulation(fail_at)
         self.highpass: list[float | None] = []
 
-    def mixer(self, *, highpass: float | None = None) -> Matrix:
+    def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Matrix:
         self.highpass.append(highpass)
         return Matrix([list(row) for row in self.matrix])
 
-    def stems(self, *, highpass: float | None = None) -> list[tuple[str, Matrix]]:
+    def stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, Matrix]]:
         first, second = (list(row) for row in self.matrix)
         silent = [0.0] * 3
         return [("ada", Matrix([first, silent])), ("re mi/2", Matrix([silent, second]))]
@@ -159,7 +161,7 @@ def test_stems_add_up_to_the_mix(tmp_path: Path, bits) -> None:
 
 def test_stems_never_clip_though_the_mix_cancels(tmp_path: Path) -> None:
     class Cancelling(Stage):
-        def mixer(self, *, highpass: float | None = None) -> Matrix:
+        def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Matrix:
             return Matrix([[0.1, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
     done = render(
@@ -217,14 +219,6 @@ def test_a_foreign_file_is_refused_before_any_work(tmp_path: Path) -> None:
         render(stage, order(tmp_path / "x.wav", stems=folder), quiet)
     assert stage.simulation.frame == 0
     assert not (tmp_path / "x.wav").exists()
-
-
-def test_what_the_score_says_of_level() -> None:
-    assert Level.unsaid(24).normalise == pytest.approx(10 ** (-1 / 20))
-    assert Level.unsaid(16).highpass == 8.0
-    assert Level.unsaid("float") == Level()
-    assert Level.said(24, normalise=None, limit=None) == Level(highpass=8.0)
-    assert Level.said("float", normalise=0.5, limit=0.7) == Level(0.5, 0.7)
 
 
 def test_routes_hear_of_the_default_highpass(tmp_path: Path) -> None:

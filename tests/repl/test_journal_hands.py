@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,15 +15,18 @@ import numpy as np
 import pytest
 import soundfile
 from paced_board import Paced, paced
-from patience import until
+from patience import PATIENCE, until
 from tests.repl.test_repl_live import ok
 
+from ergon import _core
 from ergon.live.boards import Board
 from ergon.live.perform import PlaybackConfig
+from ergon.repl.session.clock import Clock
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart
 from ergon.repl.session.journal_hands import JournalHand, JournalTake
 from ergon.repl.session.live import LiveEngine
+from ergon.repl.session.running import begin, follow
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -75,21 +79,50 @@ class Played:
         periods = round(1e3 * seconds)
         while periods > 0:
             some = min(periods, 20)
-            for board in self.boards:
-                board.may(some)
-            for board in self.boards:
-                board.wait()
-            self.session.pump()
-            if (path := self.session.guidance.due()) is not None:
-                self.session.guidance.hand(*path)
+            self.step(some)
             periods -= some
+
+    def step(self, periods: int) -> None:
+        """The boards go on, and the session once."""
+        for board in self.boards:
+            board.may(periods)
+        for board in self.boards:
+            board.wait()
+        self.session.pump()
+        if (path := self.session.guidance.due()) is not None:
+            self.session.guidance.hand(*path)
+
+    def lose(self, board: Paced, player: str) -> None:
+        """A board answers no more, until its player's key is gone; the others go on."""
+        board.ways.silent = True
+        board.may(1)
+        self.boards.remove(board)
+        self._until(lambda: player in self.session.commits.engine.status().away)
+
+    def find(self, board: Paced) -> None:
+        """A board answers again, until no key is gone."""
+        board.ways.silent = False
+
+        def is_back() -> bool:
+            board.may(20)
+            return not self.session.commits.engine.status().away
+
+        self._until(is_back)
+        board.hold()
+        self.boards.append(board)
+
+    def _until(self, is_so: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not is_so():
+            self.step(20)
+            assert time.monotonic() < end, "a board was not lost, or not found"
 
 
 @contextmanager
-def playing(folder: Path) -> Iterator[Played]:
+def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
     """Two hands on two devices; every frame that is computed stands in heard.wav."""
     path = folder / "score.yaml"
-    path.write_text(SCORE, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     texts = Texts.read(path)
     version = Version(0, "", texts, piece_of(texts))
     journal = Journal(folder / "session.jsonl")
@@ -290,3 +323,30 @@ def test_silences_that_cannot_be_are_refused(short: Path, tmp_path: Path, silenc
     done = rendered(tmp_path)
     assert done.returncode == 2
     assert "silences neither overlap" in done.stderr
+
+
+def test_what_one_hand_plays_on_two_instruments_goes_on_to_the_last_bit(tmp_path: Path):
+    """Two islands begin with the hand's key, and each must take over from itself."""
+    text = SCORE.replace("gestures:", "  other: {like: drum, transpose: -4st}\ngestures:", 1)
+    path = tmp_path / "score.yaml"
+    path.write_text(text, encoding="utf-8")
+    texts = Texts.read(path)
+    version = Version(0, "", texts, piece_of(texts))
+    real = {"remi": None, "zoe": None}
+    begun = begin(version, Clock(), real, None)
+    zoe = next(hand.index for hand in begun.stage.live if hand.player == "zoe")
+
+    def played(simulation: _core.Simulation, first: int, last: int) -> np.ndarray:
+        frames = np.zeros((44 * (last - first), simulation.n_out))
+        for tick in range(first, last):
+            simulation.hold(zoe, 3e-3 * np.sin(0.02 * tick))
+            simulation.process(frames[44 * (tick - first) : 44 * (tick + 1 - first)])
+        return frames
+
+    simulation = begun.stage.simulation
+    played(simulation, 0, 100)
+    wanted = played(simulation.fork(), 100, 300)
+    assert np.abs(wanted).max() > 1e-4
+    after = follow(begun, version, Clock(), 4400, leave=0.0, enter=0.0, real=real, extends=True)
+    after.stage.simulation.take_over(simulation)
+    assert np.array_equal(played(after.stage.simulation, 100, 300), wanted)

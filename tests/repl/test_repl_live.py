@@ -247,7 +247,7 @@ def test_a_hostile_journal_is_refused_by_a_sentence(tmp_path: Path, event: str, 
     """Nobody's journal makes a render fall over, run on, or read another file."""
     with closing(session_on(tmp_path, "null")) as session:
         ok(session, "play")
-        ok(session, "ada plays knock now")
+        ok(session, "ada plays knock every 1 now")
         until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
     path = tmp_path / "session.jsonl"
     events = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]

@@ -11,7 +11,7 @@ import pytest
 from sessions import Stepped
 from tests.repl.test_repl_session import SCORE
 
-from ergon.live.midi_clock import ClockFollower
+from ergon.live.clock_follower import ClockFollower
 from ergon.live.midi_messages import Transport, message, song_position
 from ergon.live.midi_ports import ArrivalStamps, MidiError, chosen
 from ergon.live.midi_sender import ECHO, TimedSender

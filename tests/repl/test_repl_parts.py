@@ -141,6 +141,10 @@ def test_after_hush_no_ergon_begins(at):
             if strikes.pattern and not ends:
                 places = strikes.steps(silent)
                 ends.append(places.beat(len(places)))
+            elif strikes.hits and not ends:
+                # A phrase that has begun plays to its end, as a gesture does.
+                falls = [beat for beat, _, _ in strikes.falls(tempo)]
+                ends.append(max(falls if strikes.length is None else strikes.rounds(tempo)))
             elif strikes.every and strikes.times:
                 ends.append(
                     tempo.after(tempo.resolve(strikes.at), strikes.every.times(strikes.times - 1))

@@ -11,7 +11,7 @@ from edited import SCORES, begun, opened, piece_of
 from sessions import Stepped
 
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits import keeping, matter, scenes
+from ergon.scores.edits import automation, keeping, matter, scenes
 from ergon.scores.edits.scenes import Scene
 
 SCORE = """\
@@ -395,3 +395,55 @@ def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
             again = struck(back, f"{name}-", begin, begin + 16.0)
             assert [note for _, note in again] == [note for _, note in once]
             assert [at for at, _ in again] == pytest.approx([at for at, _ in once])
+
+
+def test_a_scene_ends_automation_that_is_not_its_own(at: Stepped):
+    """An lfo, a pattern and a glide that began after the bars were kept went on for ever."""
+    at.ok("lfo drum.m.K 0.5..2 period 2bar")
+    a_verse(at)
+    at.ok("lfo bell.m.K 0.8..1.2 period 1bar\nset drum.m.M 10g 20g every 1")
+    at.ok("set bell.b.K 2kN/m over 8bar")
+    to_bar(at, 8)
+    reply = at.ok("scene verse")
+    assert reply.text == (
+        "ok 9|1 verse, from its beginning, again and again; "
+        "bell.m.K, drum.m.M, bell.b.K have their own values again"
+    )
+    at.run(4.0)
+    piece = at.session.commits.running.version.piece
+    running = [one for one in piece.automation if automation.leads_from(piece, one, 40.0)]
+    assert [one.name for one in running] == ["drum.m.K"]
+    assert running[0].swing is not None
+    assert running[0].swing.phase == 0.0  # bar 3: a whole period has passed
+    assert piece.tempo_map.resolve(running[0].at) == 32.0
+    kept = opened(str(Path(at.session.commits.head.texts.path).with_name("verse.yaml")))[1]
+    own = [[*matter.quantities(one)] for one in piece.instruments["bell"].modules]
+    assert own == [[*matter.quantities(one)] for one in kept.instruments["bell"].modules]
+    at.ok("undo")
+    at.run(1.3)
+    back = at.session.commits.running.version.piece
+    ended = {one.name for one in back.automation if automation.leads_from(back, one, 60.0)}
+    assert ended == {"drum.m.K", "bell.m.K", "drum.m.M", "bell.b.K"}
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_automation_of_a_scene_begins_with_it_and_ends_where_another_begins(at: Stepped):
+    at.ok("play")
+    to_bar(at, 2)
+    at.ok("ada plays knock every 1")
+    at.ok("set bell.m.f 220Hz 330Hz 440Hz every 1")
+    to_bar(at, 5)
+    at.ok("keep 2bar as verse")
+    at.ok("leo plays knock every 1\nset bell.m.f 200Hz")
+    at.run(2.0)
+    at.ok("keep 1bar as refrain")
+    reply = at.ok("scene verse -> refrain over 2bar")
+    assert reply.text.endswith("verse, then refrain, from its beginning, again and again")
+    piece = at.session.commits.head.piece
+    found = [one for one in piece.automation if one.pattern is not None]
+    begin, stop = (piece.tempo_map.resolve(when) for when in (found[-1].at, found[-1].until))
+    assert stop - begin == 8.0
+    at.run(5.0)
+    at.close()
+    assert np.array_equal(at.again(), at.sound)

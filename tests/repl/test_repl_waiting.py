@@ -91,3 +91,17 @@ def test_a_line_that_takes_a_name_from_one_that_waits_is_refused(session: Steppe
     session.run(2.0)
     session.ok("rename leo mia now")
     same(session)
+
+
+def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
+    at = Stepped(SCORE, tmp_path)
+    at.ok("play")
+    at.run(1.0)
+    at.engine.process(int(200.0 * at.rate))  # as where the program is stopped, and the sound is not
+    at.session.pump()
+    said = [one for one in at.session.messages() if "stood still" in one]
+    assert len(said) == 1
+    assert said[0].startswith("the session stood still: nothing began from ")
+    at.run(1.0)
+    assert not at.session.messages()
+    at.close()

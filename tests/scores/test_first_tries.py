@@ -92,3 +92,48 @@ def test_an_entry_of_a_melody_says_what_is_struck():
     assert (first.code, first.place.line) in (("E101", 11), ("E103", 11))
     unknown = [d for d in read(tap, "{tap: [{at: 1|1, to: bell.hum}]}").diagnostics if d.help]
     assert "an entry says `what` is struck" in (unknown[0].help or "")
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words", "suggestion"),
+    [
+        (
+            "strikes: {h: {to: bell.all, at: 0, impulse: 1mNs}}",
+            "E304",
+            "write a list: [bell.a, bell.b]",
+            None,
+        ),
+        ("gestures: {k: 0mm@0 \u22123mm@1}", "E204", "is not a position", "-3mm"),
+        ("tempo: [{at: 0, bpm: 72..108, over: 4}]", "E204", "is not a tempo", "72 -> 108"),
+        ("tempo: [{at: 0, bpm: 72 -> 80, over: 2 bars}]", "E204", "not a length", "2bars"),
+        ("strikes: {h: {to: bell.a, at: [0, 1], impulse: 1mNs}}", "E106", "is a list", None),
+        ("mix: {route: {from: bell, to: 1, gain: 0.5}}", "E203", "has no unit", "x0.5"),
+    ],
+)
+def test_what_is_typed_first_is_answered_once(text, code, words, suggestion):
+    modules = "{a: {CEL: {M: 2g, f: 440Hz, t60: 1s}}, b: {CEL: {M: 2g, f: 550Hz, t60: 1s}}}"
+    score = (
+        f"ergon: 1\ninstruments: {{bell: {{modules: {modules}, out: {{SOX: [a, b]}}}}}}\n{text}\n"
+    )
+    (found,) = [d for d in load("s.yaml", text=score).diagnostics if d.code[0] == "E"]
+    assert (found.code, found.suggestion) == (code, suggestion)
+    assert words in found.message
+
+
+def test_a_misspelt_field_is_one_mistake():
+    """A field that is needed, and resembles an unknown one, is not missing too."""
+    score = (
+        "ergon: 1\nkeys: {k: {M: 400g, K: 60N/m}}\ngestures: {g: 0mm@0 3mm@1}\n"
+        "players: {ada: {key: k}}\nparts: {ada: [{at: 0, pley: g}]}\n"
+    )
+    assert [(d.code, d.suggestion) for d in load("s.yaml", text=score).diagnostics] == [
+        ("E101", "play")
+    ]
+
+
+def test_a_tempo_begins_at_the_beginning():
+    first = load("s.yaml", text="ergon: 1\ntempo: {bpm: 72}\n").piece
+    written = load("s.yaml", text="ergon: 1\ntempo: [{at: 1|1, bpm: 72}]\n").piece
+    assert first is not None
+    assert written is not None
+    assert first.tempo_map.seconds(5.0) == written.tempo_map.seconds(5.0) == 5.0 * 60 / 72

@@ -88,7 +88,8 @@ def test_a_measurement_may_be_soft(tmp_path):
     for bits, master, wanted in (
         ("float", "", []),
         ("float", "mix: {route: {from: bell, to: 1}, master: {gain: 0dB}}\n", ["W325"]),
-        ("24", "", []),
+        ("24", "", ["W325"]),
+        ("24", "mix: {route: {from: bell, to: 1}, master: {normalise: -1dB}}\n", []),
     ):
         path.write_text(text + master + f"render: {{tail: 100ms, bits: {bits}}}\n")
         heard.clear()

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -284,7 +285,8 @@ def test_the_digest_is_that_of_earlier_versions():
     digest = "a2898cbdf3a77701bf2c5d822b87760138fa714f800a00ab90089d7248db3fc8"
     piece = load("s.yaml", text=BODIES).piece
     assert piece is not None
-    assert piece.digest() == digest
+    spec = replace(piece.render, tail=5.0)  # which was the default
+    assert replace(piece, render=spec).digest() == digest
     stiff = load("s.yaml", text=BODIES.replace("t60: 2s", "t60: 2s, inharmonicity: 1e-4")).piece
     assert stiff is not None
     assert stiff.digest() != digest

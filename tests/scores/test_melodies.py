@@ -260,8 +260,20 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
             f"{CALL}strikes: {{s: {{play: call, at: 0, do: jitter 1ms 1mm}}}}",
             (
                 "E306",
-                "do of strikes 's': 'jitter' moves the points of a gesture; a phrase has scale, "
-                "stretch, reverse, shift, quantise, mirror",
+                "do of strikes 's': a phrase has instants and no positions to move; write "
+                "jitter 4ms 0mm",
+            ),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, do: from 4}}}}",
+            ("E306", "do of strikes 's': 'from' begins after the last entry of this phrase"),
+        ),
+        (
+            f"{CALL}strikes: {{s: {{play: call, at: 0, do: from 1s}}}}",
+            (
+                "E306",
+                "do of strikes 's': 'from' needs entries and a length in its own unit: all in "
+                "beats or in seconds",
             ),
         ),
         (
@@ -363,3 +375,46 @@ def test_kept_bars_keep_their_part_of_a_melody():
     assert falling(keep(*texts(phrase), "kept", 4.0, 12.0)) == [
         *((0.0, 1), (0.5, 2), (3.0, 1), (4.0, 1), (4.5, 2), (7.0, 1)),
     ]
+
+
+def test_a_phrase_begins_inside():
+    """Two beats are left out, of its length too; what is left out first gave the impulse."""
+    inside = falls(f"{CALL}strikes: {{s: {{play: call, at: 0, times: 2, do: from 1/2}}}}")
+    assert inside == [
+        (0.0, ("cell.E3", "cell.G3"), (3e-3, 3e-3)),
+        (2.5, ("cell.C#3",), (1e-3, 2e-3)),
+        (3.5, ("cell.E3", "cell.G3"), (3e-3, 3e-3)),
+        (6.0, ("cell.C#3",), (1e-3, 2e-3)),
+    ]
+
+
+def onsets(do: str, seed: int = 7) -> list[float]:
+    """Instants at which strikes of different cells begin, from the sound [s]."""
+    entries = "0 C3 1mNs, 1 E3 1mNs, 2 G3 1mNs, 3 B3 1mNs".replace(", ", "\n      ")
+    phrase = f"phrases:\n  p:\n    to: cell\n    length: 4\n    entries: |\n      {entries}\n"
+    text = f"{phrase}strikes: {{s: {{play: p, at: 1, do: '{do}'}}}}"
+    loaded = check(CELLS.replace("seed: 7", f"seed: {seed}") + text)
+    assert loaded.piece is not None, loaded.diagnostics
+    staged = stage(loaded.piece)
+    out = np.zeros((staged.n_frames, staged.simulation.n_out))
+    staged.simulation.process(out)
+    heard = [np.flatnonzero(column) for column in out.T]
+    return sorted(own[0] / staged.rate for own in heard if len(own))
+
+
+def test_jitter_moves_each_strike_of_a_phrase_by_a_draw_of_its_own():
+    plain, moved = onsets("scale 1"), onsets("jitter 20ms 0mm")
+    apart = [a - b for a, b in zip(moved, plain, strict=True)]
+    assert all(0 < abs(one) <= 0.0201 for one in apart)
+    assert len({round(one, 6) for one in apart}) == 4
+    assert moved == onsets("jitter 20ms 0mm")
+    assert moved != onsets("jitter 20ms 0mm", seed=8)
+    assert onsets("jitter 0ms 0mm") == plain
+
+
+def test_the_notes_of_an_instrument_are_heard_from_the_same_channels():
+    """Without routes: a channel for each output of an instrument, whatever its notes."""
+    made = piece(f"{CALL}strikes: {{s: {{play: call, at: 0}}}}")
+    staged = stage(made)
+    assert staged.n_channels == 3  # cell, string, lone
+    assert {way.channel for way in staged.listening.ways if way.part.startswith("cell.")} == {0}

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
 import time
+from collections.abc import Iterator
 
 import pytest
 
 from ergon.notation.tables.expressions import MAX_LENGTH, Amount, evaluate
-from ergon.notation.text.errors import TextError
+from ergon.notation.tables.fields import Record
+from ergon.notation.tables.shapes import MISSING, Context, Shape, Text
+from ergon.notation.text.document import Mapping, compose
+from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading.load import load
+from ergon.scores.reading.sections import SCORE as TABLE
 
 SCORE = """\
 ergon: 1
@@ -186,3 +192,126 @@ def test_expressions_are_bounded():
         assert time.process_time() - began < 0.1
         assert caught.value.offset <= max(len(text), MAX_LENGTH)
     assert evaluate("(" * 15 + "1" + ")" * 15, {}).number == 1
+
+
+def texts(shape: Shape, path: str, seen: set[int]) -> Iterator[tuple[str, Text]]:
+    """Every scalar of the tables, with where it stands."""
+    if id(shape) in seen:
+        return
+    seen.add(id(shape))
+    if isinstance(shape, Text):
+        yield path, shape
+        return
+    if isinstance(shape, Record):
+        for field in shape.fields:
+            yield from texts(field.shape, f"{shape.noun}.{field.name}", seen)
+        for kind, own in shape.kinds.items():
+            yield from texts(own, f"{shape.noun}/{kind}", seen)
+    for own in vars(shape).values():
+        if isinstance(own, Shape):
+            yield from texts(own, path, seen)
+
+
+# Words, names, texts and positions, whose names are those of marks.
+NO_VALUES = (
+    *("score.ergon", "score.title", "tempo entry.meter", "key.calib", "module.clamp"),
+    *("module.law", "score.blocks", "tempo entry.at", "route.to", "include.file", "include.at"),
+)
+
+
+def test_a_name_stands_wherever_a_value_does():
+    """In each field of the tables that takes a value."""
+    n_values = 0
+    for path, shape in texts(TABLE, "score", set()):
+        if shape.choices or path in NO_VALUES:
+            continue
+        assert shape.is_value or shape.has_values, path
+        for example in re.findall(r"such as ([^ ,]+)", shape.what) if shape.is_value else ():
+            if example[:1] == "x" or ".." in example or "->" in example:
+                continue
+            collector = Collector()
+            document = compose(f"let: {{own: {example}}}\nx: own", "f", collector)
+            assert isinstance(document.root, Mapping)
+            node = document.root.entries["x"][1]
+            found = shape.read(node, "x", Context(collector))
+            assert found is not MISSING, (path, example)
+            assert found == shape.parse(example) or path.endswith("at"), (path, example)
+            n_values += 1
+    assert n_values > 40
+
+
+WORDS = """\
+ergon: 1
+LETkeys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments: {bell: {modules: {m: {CEL: {M: 2g, f: A4, t60: 1s}}}, out: {SOX: m}}}
+gestures:
+  knock: 0mm@0 DEEP@1 (DEEPER@1/3 0mm@1)*2
+  table:
+    points: |
+      0  0mm
+      1  DEEP
+  soft: {like: knock, do: [scale HALF, stretch TWICE]}
+players: {ada: {key: k}}
+parts:
+  ada: |
+    0  knock every LENGTH times COUNT
+strikes:
+  hit: {to: bell.m, at: 0, every: 1, times: 2, impulse: 1mNs, notes: LOW C4 HIGH}
+  tune:
+    entries: |
+      1|1  bell.m  SOFT
+      1|2  bell.m  STRONG
+automation:
+  - {at: 0, set: bell.m.f, to: A3@0 smooth LOW@2 line HIGH@3}
+  - {at: 4, set: bell.m.f, to: LOW C4 HIGH, every: 1}
+  - {at: 12, lfo: bell.m.t60, range: HALFLONG..LONG, period: 1}
+"""
+LITERALS = {
+    **{"DEEPER": "6mm", "DEEP": "3mm", "HALFLONG": "1s", "HALF": "0.5", "TWICE": "2"},
+    **{"LENGTH": "1/2", "COUNT": "3", "LOW": "A2", "HIGH": "E3", "SOFT": "1mNs"},
+    **{"STRONG": "2mNs", "LONG": "2s"},
+}
+BY_NAME = {
+    **{"DEEPER": "2*deep", "DEEP": "deep", "HALFLONG": "half*long", "HALF": "half", "TWICE": "2"},
+    **{"LENGTH": "half", "COUNT": "n", "LOW": "low", "HIGH": "low+7st", "SOFT": "soft"},
+    **{"STRONG": "2*soft", "LONG": "long"},
+}
+
+
+def written(words: dict[str, str], let: str = "") -> str:
+    text = WORDS
+    for word, said in words.items():
+        text = text.replace(word, said)
+    return text.replace("LET", let)
+
+
+def test_names_stand_in_notations_tables_curves_and_patterns():
+    plain = load("s.yaml", text=written(LITERALS))
+    let = "let: {deep: 3mm, half: 0.5, n: 3, low: A2, soft: 1mNs, long: 2s}\n"
+    named = load("s.yaml", text=written(BY_NAME, let))
+    assert plain.piece is not None
+    assert [one.message for one in named.diagnostics if one.code[0] == "E"] == []
+    assert named.piece is not None
+    one, two = plain.piece, named.piece
+    for mine, other in zip(one.gestures.values(), two.gestures.values(), strict=True):
+        points = [[(p.at, p.x, p.curve) for p in own.points] for own in (mine, other)]
+        assert points[0] == points[1]
+        assert mine.do == other.do
+    assert one.starts == two.starts
+    assert [[hit.impulse for hit in s.hits] for s in one.strikes] == [
+        [hit.impulse for hit in s.hits] for s in two.strikes
+    ]
+    for mine, other in zip(one.automation, two.automation, strict=True):
+        assert mine.points == other.points
+        assert list(mine.amounts.values()) == list(other.amounts.values())
+        assert mine.swing == other.swing
+
+
+def test_a_mistake_beside_a_name_is_told_where_it_is_written():
+    text = written(BY_NAME, "let: {deep: 3mm, half: 0.5, n: 3, low: A2, soft: 1mNs, long: 2s}\n")
+    text = text.replace("line low+7st@3", "lime low+7st@3")
+    found = [d for d in load("s.yaml", text=text).diagnostics if d.code[0] == "E"]
+    assert [(d.code, d.suggestion) for d in found] == [("E204", "line")]
+    place = found[0].place
+    assert place is not None
+    assert text.splitlines()[place.line - 1][place.column - 1 :].startswith("lime")

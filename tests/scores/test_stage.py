@@ -155,3 +155,14 @@ def test_nothing_is_left_of_a_take_that_begins_after_its_end():
     (found,) = raised.value.diagnostics
     assert (found.code, found.place.line) == ("E308", 8)
     assert "is no part of a take that lasts" in found.message
+
+
+def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_path: Path):
+    score = tmp_path / "score.yaml"
+    score.write_text("ergon: 1\ninstruments:\n  small: {from: bell/bell, transpose: 60st}\n")
+    piece = load(score).piece
+    assert piece is not None
+    with pytest.raises(StageError) as refused:
+        stage(piece)
+    (found,) = (one for one in refused.value.diagnostics if one.severity == "error")
+    assert (found.code, found.place.file, found.place.line) == ("E309", str(score), 3)

@@ -62,6 +62,12 @@ class Paced:
         with self._changed:
             assert self._changed.wait_for(lambda: self._may == 0, PATIENCE), "nobody asks"
 
+    def hold(self) -> None:
+        """From now on it waits to be told."""
+        with self._changed:
+            self._may = 0
+            self._free = False
+
     def free(self) -> None:
         """From now on it answers at once."""
         with self._changed:

@@ -24,7 +24,11 @@ def _scope() -> Scope:
     piece = load(ROOT / "tests/data/duet-2.2.yaml").piece
     assert piece is not None
     known = scope_of(piece)
-    added = {"takes": {**known.takes, "solo": "take"}, "blocks": {"fill": "block, 1 line"}}
+    added = {
+        "takes": {**known.takes, "solo": "take"},
+        "blocks": {"fill": "block, 1 line"},
+        "rooms": {"hall": "room"},
+    }
     return dataclasses.replace(known, **added)
 
 
@@ -178,6 +182,13 @@ OTHERS = [
     ("mia takes k3 like k1 in 2", c.Takes("mia", "k3", "k1", when=Length(beats=2))),
     ("route bell 3 4 gain -6dB", c.Route("bell", ("3", "4"), pytest.approx(0.501187, rel=1e-4))),
     ("route gong nearest", c.Route("gong", ("nearest",))),
+    ("route bell 1 2 pan -0.3", c.Route("bell", ("1", "2"), pan=-0.3)),
+    ("route bell pan 0.5", c.Route("bell", None, pan=0.5)),
+    ("route bell gain x0.5", c.Route("bell", None, 0.5)),
+    ("route bell send hall -12dB", c.Route("bell", None, send=("hall", "-12dB"))),
+    ("room hall t60=2s size=12m", c.Room("hall", {"t60": "2s", "size": "12m"})),
+    ("fade bell out over 8bar", c.Fade("bell", False, Length(bars=8.0))),
+    ("fade master in over 2bar", c.Fade(None, True, Length(bars=2.0))),
     ("remove bell.b", c.Remove("bell.b")),
     ("rename lean tilt", c.Rename("lean", "tilt")),
     ("reload", c.Reload()),

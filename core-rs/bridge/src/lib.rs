@@ -3,6 +3,7 @@
 //! A function here does three things: check shapes, let go of the GIL, call the engine. What may take
 //! long is called by `work::computing`, which ends it on Ctrl-C. Anything longer belongs in `ergon-engine`.
 
+mod arrays;
 mod audio;
 mod chance;
 mod curve;
@@ -22,6 +23,7 @@ mod network;
 mod pcm;
 mod perform;
 mod plan;
+mod quiet;
 mod recording;
 mod simulation;
 mod status;
@@ -65,6 +67,7 @@ mod _core {
     #[pymodule_export]
     use super::maths::{decibels, exp, ln, pow};
     #[pymodule_export]
+    #[pymodule_export]
     use super::meter::Meter;
     #[pymodule_export]
     use super::mixer::Mixer;
@@ -77,9 +80,11 @@ mod _core {
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
     #[pymodule_export]
+    use super::quiet::FadeFinder;
+    #[pymodule_export]
     use super::recording::{Recording, read_recording};
     #[pymodule_export]
-    use super::simulation::{Energy, Report, Simulation, Snapshot};
+    use super::simulation::{Energy, IslandStretch, Report, Simulation, Snapshot, StorableIsland};
     #[pymodule_export]
     use super::status::{HandLimit, HandStatus, Status};
     #[pymodule_export]

@@ -93,6 +93,8 @@ results! {
     }
     /// A part with its own rate that is computed at every frame, and why.
     FullRatePart { name: String, why: String }
+    /// What is heard of an error: of a pitch [cents], of a T60 as a part of it, of a third octave [dB].
+    AudibleError { cents: f64, t60: f64, third_octave_db: f64 }
     /// Work of a plan's trials, by the table of costs [s].
     TrialWork { done: f64, allowed: f64 }
     /// A part that became non-finite and was muted.

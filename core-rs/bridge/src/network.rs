@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use ergon_engine::generator::{self, BankForm, Decay, GeneratorError, Shape, Topology};
+use ergon_engine::generator::{self, BankCell, BankForm, Decay, GeneratorError, Shape, Topology};
 use ergon_engine::network::{self, But, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
@@ -12,6 +12,7 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::arrays::load_numpy;
 use crate::error::{from_engine, hertz, refused, word};
 use crate::law::{Law, entry, named_row};
 use crate::named::{LawUse, Mode, Place};
@@ -36,7 +37,8 @@ pub(crate) struct Network(pub(crate) network::Network);
 #[pymethods]
 impl Network {
     #[new]
-    fn new() -> Self {
+    fn new(py: Python<'_>) -> Self {
+        load_numpy(py);
         Self::default()
     }
 
@@ -187,6 +189,7 @@ impl Network {
         };
         let rim = word("rim", rim, &words::RIMS)?;
         let topology = computing(py, || match bending {
+            None if shape == Shape::Disc => generator::round_membrane(radius, rim),
             None => generator::plate(shape, radius, rim),
             Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
         })?;
@@ -225,6 +228,35 @@ impl Network {
             )
         })?
         .map_err(from_engine)
+    }
+
+    /// CELs with a frequency, a decay and a mass each.
+    #[pyo3(signature = (name, *, cells, place="line"))]
+    fn cells(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        cells: Vec<(f64, f64, f64)>,
+        place: &str,
+    ) -> PyResult<usize> {
+        let place = word("place", place, &words::PLACES)?;
+        let masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
+        let n = cells.len();
+        let each = cells.iter().enumerate();
+        let cells: Vec<BankCell> = each
+            .map(|(i, (f, t60, _))| BankCell {
+                f: *f,
+                t60: *t60,
+                position: place.position(i, n),
+            })
+            .collect();
+        computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
+    }
+
+    /// The highest mode of a STRING or PLATE [Hz], by the index of its first MAT.
+    fn highest_mode(&self, py: Python<'_>, first: usize) -> PyResult<f64> {
+        self.there(first)?;
+        computing(py, || self.0.highest_mode(first))
     }
 
     /// How many MATs the module that begins at index `first` has.

@@ -5,7 +5,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use ergon_engine::mix::limiter::Limiter;
-use ergon_engine::simulation::Carry;
+use ergon_engine::mix::quiet::FadeFinder;
+use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{
@@ -60,7 +61,7 @@ pub(crate) struct Performance {
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new()))]
+    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new()))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
@@ -70,6 +71,7 @@ impl Performance {
         gain: f64,
         limit: f64,
         n_frames: Option<u64>,
+        fades_from: Option<u64>,
         hands: Vec<HandOf<'_>>,
         boards: Vec<BoardOf>,
         bars: Vec<u64>,
@@ -94,6 +96,7 @@ impl Performance {
             gain,
             limiter: Limiter::new(rate, n_channels, limit).map_err(said)?,
             n_frames,
+            fades: fades_from.map(|from| FadeFinder::new(rate, n_channels, from)),
             tick_frames: tick_frames.max(1),
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
@@ -289,8 +292,8 @@ impl Performance {
         py.detach(|| {
             change.simulation = new.map(|new| {
                 // Without a simulation to take over, the new one begins in its own state.
-                let carry = old.map_or_else(Carry::default, |old| Carry::new(old, new));
-                (new.fork(), carry)
+                let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
+                (new.fork(), takeover)
             });
             self.with(|own| own.change(at, change).map_err(said))?
         })

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use ergon_engine::plan::{self, Budget, CachedReport, Computed, Measured, ModeKind, Reason};
+use ergon_engine::plan::{
+    self, Audible, Budget, CachedReport, Computed, Measured, ModeKind, Reason,
+};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, refused, word};
-use crate::named::{FullRatePart, IslandChoice, ModeCount, TrialWork};
+use crate::named::{AudibleError, FullRatePart, IslandChoice, ModeCount, TrialWork};
 use crate::network::Network;
 use crate::timeline::Timeline;
 use crate::words;
@@ -15,12 +17,13 @@ use crate::work::computing;
 
 /// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
 type Pin = (usize, u32, usize, Vec<Vec<u32>>);
-/// What was told of a row: error [dB] over [s], by spectrum [dB], modes left out [dB], why it is stepped, whether its
-/// trials were cut short.
+/// What was told of a row: error [dB] over [s], by spectrum [dB], what is heard of it [cents, of T60, dB], modes left out
+/// [dB], why it is stepped, whether its trials were cut short.
 type Said = (
     Option<f64>,
     Option<f64>,
     Option<f64>,
+    Option<(f64, f64, f64)>,
     Option<f64>,
     Option<String>,
     bool,
@@ -86,6 +89,22 @@ impl Plan {
         })
     }
 
+    /// Every module stepped as written, with contacts computed several times a frame.
+    #[staticmethod]
+    fn with_fine_contacts(
+        py: Python<'_>,
+        network: &Network,
+        timeline: &Timeline,
+    ) -> PyResult<Self> {
+        timeline.fits(network)?;
+        let network = Arc::new(network.0.clone());
+        computing(py, || {
+            plan::Plan::with_fine_contacts(network, &timeline.inner)
+        })?
+        .map(|plan| Self(Arc::new(plan)))
+        .map_err(from_engine)
+    }
+
     /// What it does, part by part.
     fn rows(&self) -> Vec<PlanRow> {
         self.0.rows().iter().map(PlanRow::of).collect()
@@ -131,11 +150,14 @@ fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
     }
 }
 
-fn said((db, over, spectral, left_out, because, is_cut_short): Said) -> CachedReport {
+fn said((db, over, spectral, audible, left_out, because, is_cut_short): Said) -> CachedReport {
     CachedReport {
-        error: db
-            .zip(over)
-            .map(|(db, over)| Measured { db, over, spectral }),
+        error: db.zip(over).map(|(db, over)| Measured {
+            db,
+            over,
+            spectral,
+            audible: audible.map(|(cents, t60, level)| Audible { cents, t60, level }),
+        }),
         left_out,
         because,
         is_cut_short,
@@ -188,6 +210,7 @@ pub(crate) struct PlanRow {
     error_db: Option<f64>,
     error_s: Option<f64>,
     spectral_db: Option<f64>,
+    audible: Option<AudibleError>,
     cost: f64,
     guarantee: Option<&'static str>,
     because: Option<String>,
@@ -240,6 +263,14 @@ impl PlanRow {
             error_db: row.error.map(|error| error.db),
             error_s: row.error.map(|error| error.over),
             spectral_db: row.error.and_then(|error| error.spectral),
+            audible: row
+                .error
+                .and_then(|error| error.audible)
+                .map(|own| AudibleError {
+                    cents: own.cents,
+                    t60: own.t60,
+                    third_octave_db: own.level,
+                }),
             cost: row.cost,
             guarantee: row.word.map(|word| match word {
                 StabilityGuarantee::Proved => "proved",

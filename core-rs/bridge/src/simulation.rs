@@ -1,9 +1,9 @@
 //! Simulations: what moves.
 
 use ergon_engine::simulation;
-use numpy::{IntoPyArray, PyArray1, PyReadwriteArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 
 use crate::error::{from_engine, from_fault, refused, word};
 use crate::frames::rows_mut;
@@ -53,8 +53,12 @@ impl Simulation {
             unchecked,
         };
         if let Some(plan) = plan {
-            if ledger || record {
-                let message = "`ledger` and `record` are not available with a plan";
+            if ledger {
+                return Err(refused("plan", "`ledger` is not available with a plan"));
+            }
+            if record && !plan.0.records(&timeline.inner) {
+                let message =
+                    "`record` is not available with this plan: ergons strike inside bodies";
                 return Err(refused("plan", message));
             }
             let plan = plan.0.clone();
@@ -161,9 +165,9 @@ impl Simulation {
     /// of its outputs has become.
     fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<Vec<Option<usize>>> {
         let done = py.detach(|| {
-            let mut carry = simulation::Carry::new(&old.0, &self.0);
-            let done = self.0.take_over(&mut old.0, &mut carry);
-            done.then(|| carry.outputs().to_vec())
+            let mut takeover = simulation::Takeover::new(&old.0, &self.0);
+            let done = self.0.take_over(&mut old.0, &mut takeover);
+            done.then(|| takeover.outputs().to_vec())
         });
         if let Some(outputs) = done {
             return Ok(outputs);
@@ -261,6 +265,57 @@ impl Simulation {
             .collect()
     }
 
+    /// The islands whose stretches can be stored.
+    fn storable(&self, py: Python<'_>) -> Vec<StorableIsland> {
+        let islands = py.detach(|| self.0.storable());
+        islands.into_iter().map(StorableIsland).collect()
+    }
+
+    /// A hash of all that an island is a function of from frame 0 to `stop` (64 hex digits); `before` is that up to `start`.
+    fn island_key(
+        &self,
+        py: Python<'_>,
+        island: &StorableIsland,
+        start: u64,
+        stop: u64,
+        before: &str,
+    ) -> String {
+        py.detach(|| self.0.island_key(&island.0, (start, stop), before))
+    }
+
+    /// Take the sound of an island (n_frames · its n_out,) from here on instead of computing it.
+    fn recall(
+        &mut self,
+        island: &StorableIsland,
+        sound: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<()> {
+        let sound = sound
+            .as_slice()
+            .map_err(|error| refused("recall", error.to_string()))?;
+        self.0.recall(&island.0, sound.to_vec());
+        Ok(())
+    }
+
+    /// Compute an island from here on, and keep its sound.
+    fn record(&mut self, island: &StorableIsland) {
+        self.0.record(&island.0);
+    }
+
+    /// The sound of an island since `record`, and its state now.
+    fn recorded(&mut self, py: Python<'_>, island: &StorableIsland) -> IslandStretch {
+        let (sound, state) = self.0.recorded(&island.0);
+        IslandStretch {
+            sound: sound.into_pyarray(py).unbind(),
+            state: PyBytes::new(py, &state).unbind(),
+        }
+    }
+
+    /// Put an island into the state that an equal one had at this frame, and compute it from here on.
+    fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> PyResult<()> {
+        let done = self.0.set_state(&island.0, state);
+        done.map_err(|error| refused("set_state", error.to_string()))
+    }
+
     /// Parts with frames that were computed finer.
     fn finer(&self) -> Vec<FinerPart> {
         let finer = self.0.finer().into_iter();
@@ -274,7 +329,30 @@ impl Simulation {
     }
 }
 
-/// A time to fade within [s], if it is one.
+/// An island whose stretches can be stored.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct StorableIsland(simulation::StorableIsland);
+
+#[pymethods]
+impl StorableIsland {
+    #[getter]
+    fn n_out(&self) -> usize {
+        self.0.n_out
+    }
+
+    #[getter]
+    fn cost(&self) -> f64 {
+        self.0.cost
+    }
+}
+
+/// A stretch of an island that was computed.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct IslandStretch {
+    sound: Py<PyArray1<f64>>,
+    state: Py<PyBytes>,
+}
+
 /// An impulse [N·s] that is a finite number.
 pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
     if impulse.is_finite() {
@@ -284,6 +362,7 @@ pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
     }
 }
 
+/// A time to fade within [s], if it is one.
 pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     match t60 {
         Some(t60) if !(t60.is_finite() && t60 > 0.0) => {

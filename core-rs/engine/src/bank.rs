@@ -3,11 +3,11 @@
 //! Each follows its own two-term recurrence, which gives exact samples of its continuous motion. Isolated CELs are such
 //! oscillators, and so are the modes of a linear body.
 
-mod carry;
 mod script;
 mod sleep;
+mod takeover;
 
-pub(crate) use carry::are_same;
+pub(crate) use takeover::are_same;
 
 use std::ops::Range;
 use std::sync::Arc;

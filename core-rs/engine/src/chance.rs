@@ -1,5 +1,7 @@
 //! Chance that does not spread: every draw has a key of its own.
 
+use std::fmt::Write as _;
+
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use sha2::{Digest, Sha256};
@@ -25,7 +27,8 @@ pub struct Chance(Pcg64);
 impl Chance {
     /// The chance of one occurrence of one member of something named.
     pub fn new(seed: i128, kind: &str, name: &str, member: u64, occurrence: u64) -> Self {
-        let key = format!("{seed}/{kind}/{name}/{member}/{occurrence}");
+        let mut key = String::with_capacity(kind.len() + name.len() + 96);
+        let _ = write!(key, "{seed}/{kind}/{name}/{member}/{occurrence}");
         let digest: [u8; 32] = Sha256::digest(key.as_bytes()).into();
         let half = |from: usize| u128::from_le_bytes(std::array::from_fn(|i| digest[from + i]));
         Self(Pcg64::new(half(0), half(16)))

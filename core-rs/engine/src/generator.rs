@@ -9,6 +9,7 @@ mod fit;
 mod loss;
 mod plate;
 mod rectangle;
+mod round_membrane;
 mod sparse;
 mod stiff_string;
 mod string;
@@ -20,6 +21,7 @@ pub use bank::{BankCell, BankForm, Place, Spread, bank};
 pub use bent_plate::bent_plate;
 pub use loss::{Decay, Losses, tune_points};
 pub use plate::{Rim, Shape, plate};
+pub use round_membrane::round_membrane;
 pub use stiff_string::stiff_string;
 pub use string::{Ends, string};
 pub use tune::{Tuned, tune};
@@ -117,11 +119,9 @@ pub enum GeneratorError {
         /// What can be had [s].
         nearest: f64,
     },
-    /// A shape that only a plate with bending has.
-    #[error(
-        "A disc is a plate that bends: write `bending: true` beside it, or take the shape hex."
-    )]
-    Flat,
+    /// A disc is no lattice.
+    #[error("A disc has rings, not the rows of a lattice.")]
+    Rings,
     /// No two masses can move against each other.
     #[error("A body of one free mass has no mode to tune; give it more masses, or fix its edge.")]
     NoMode,

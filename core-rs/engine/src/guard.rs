@@ -12,6 +12,7 @@ mod watch;
 pub(crate) use finer::{Motion, Stage};
 pub(crate) use kernel_stage::KernelStage;
 
+use crate::archive::{Archive, Damaged, State, state_of};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -67,6 +68,8 @@ pub(crate) struct FinerFrames {
     pub(crate) mat: usize,
 }
 
+crate::archive::state!(FinerFrames { frames, most, mat });
+
 impl FinerFrames {
     /// The count in whole frames, where one frame has `steps` guarded steps.
     pub(crate) fn per_frame(self, steps: u32) -> Self {
@@ -120,6 +123,33 @@ pub(crate) struct Guard {
     ties: [Vec<f64>; 2],
     /// MATs whose path in the frame is imposed: (MAT, from [m], to [m]).
     imposed: Vec<(usize, f64, f64)>,
+}
+
+crate::archive::option!(Guard, fixed);
+crate::archive::option!(Box<Guard>, fixed);
+
+impl State for Guard {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        archive.list(&mut self.imposed)?;
+        state_of!(
+            self,
+            archive,
+            margin,
+            steps,
+            previous_steps,
+            calm_frames,
+            finer_frames,
+            lead,
+            x,
+            d,
+            outside,
+            travel,
+            link_steps,
+            sums,
+            rises,
+            ties
+        )
+    }
 }
 
 impl Guard {

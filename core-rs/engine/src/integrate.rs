@@ -26,6 +26,7 @@ pub(crate) use bm4::STAGES;
 pub(crate) use certify::certify;
 pub(crate) use method::MeshMethod;
 
+use crate::archive::{Archive, Damaged, State};
 use std::sync::Arc;
 
 use crate::guard::{FinerFrames, Guard};
@@ -90,6 +91,18 @@ enum Motion {
     Trapezoid(trapezoid::Trapezoid),
 }
 
+impl State for Motion {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        match self {
+            Self::Ca(it) => it.archive(archive),
+            Self::Ca2p(it) => it.archive(archive),
+            Self::Bm4(it) => it.archive(archive),
+            Self::Ieq(it) => it.archive(archive),
+            Self::Trapezoid(it) => it.archive(archive),
+        }
+    }
+}
+
 impl Motion {
     fn stepper(&self) -> &dyn Stepper {
         match self {
@@ -118,6 +131,8 @@ pub(crate) struct Integrator {
     motion: Motion,
     substeps: u32,
 }
+
+crate::archive::state!(Integrator { motion });
 
 /// Elongations [m] and rates [m/s] at which a law's damping is asked whether it gives energy.
 const ACTIVE: (f64, f64) = (1e-2, 10.0);

@@ -1,43 +1,44 @@
 //! A network that plays: what is constant, what changes, and what can be read of it. `step` moves it on.
 
 mod build;
-mod carry;
 mod coast;
 mod fault;
 pub(crate) mod fine;
 pub(crate) mod gain;
 mod glide;
-pub(crate) mod hand;
-mod hands;
 pub(crate) mod inside;
 mod ledger;
 mod live_strikes;
 pub(crate) mod mesh;
 pub(crate) mod modal;
+mod real_hands;
 pub(crate) mod record;
 pub(crate) mod slow;
 mod step;
+mod stored;
+mod takeover;
+pub(crate) mod written_hand;
 
 pub use build::Options;
 pub(crate) use build::at_rest;
-pub(crate) use carry::Through;
 pub use fault::{Fault, OnFault};
 pub(crate) use gain::Gain;
 pub use ledger::Energy;
 pub use record::Record;
 pub(crate) use record::{FramedErgon, Stream};
+pub(crate) use takeover::ItemTakeover;
 
 use std::sync::Arc;
 
 use crate::gesture::report::Report;
 use crate::guard::{FinerFrames, Guard};
-use crate::island::hand::voice::{Voice, VoiceScript};
+use crate::island::written_hand::voice::{Voice, VoiceScript};
 use crate::kernel::Laws;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use crate::timeline::{Drive, Ergon, Gate, GateContinuation, Push};
-use hand::framed::FramedGesture;
+use written_hand::framed::FramedGesture;
 
 use fault::Mutes;
 use ledger::Ledger;
@@ -49,12 +50,13 @@ pub(crate) struct Script {
     pub(crate) gestures: Vec<FramedGesture>,
     pub(crate) voices: Vec<VoiceScript>,
     pushes: Vec<Push>,
-    ergons: Vec<Ergon>,
+    /// By rising frame.
+    ergons: Vec<(u64, Ergon)>,
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
     glides: Vec<glide::Glide>,
     led: Vec<glide::Led>,
-    pub(crate) hand_bindings: Vec<hands::HandBinding>,
+    pub(crate) hand_bindings: Vec<real_hands::HandBinding>,
     strike_points: Vec<live_strikes::StrikePoint>,
     n_keys: usize,
     on_fault: OnFault,
@@ -86,7 +88,7 @@ struct State {
     fine: Option<fine::Fine>,
     /// Impulses that act in the next step [N·s]   (n_strike_points)
     impulses: Vec<f64>,
-    hand_states: Vec<hands::HandState>,
+    hand_states: Vec<real_hands::HandState>,
     ledger: Option<Ledger>,
     mutes: Mutes,
     /// Where links stiffen.

@@ -23,6 +23,9 @@ pub use parse::Constants;
 pub use runs::Scratch;
 pub use table::Row;
 
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+
 use points::Points;
 use program::Program;
 
@@ -51,6 +54,29 @@ pub struct Law {
     /// q of q·S·d, S the sum of the squares of all elongations of its run [N/m³]; 0 for a law of one link.
     shared: f64,
     native: Option<native::Native>,
+    asked: Asked,
+}
+
+/// What [`Law::is_active`] was first asked (the law's reach included), and its answer: a session asks all laws at each of
+/// its lines. Copies of a law share it.
+#[derive(Clone, Default)]
+struct Asked(Arc<OnceLock<(Question, bool)>>);
+
+/// A law's reach, and the greatest elongation and rate that are asked for, by their bits.
+type Question = [u64; 3];
+
+impl fmt::Debug for Asked {
+    /// The same whatever was asked: networks are known again by what `Debug` writes.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Asked")
+    }
+}
+
+impl PartialEq for Asked {
+    /// Always: it follows from the law.
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// The constants of a hardening spring, f = k·d + q·d³ + z·v.
@@ -126,6 +152,7 @@ impl Law {
             hardening: None,
             shared: 0.0,
             native: None,
+            asked: Asked::default(),
         })
     }
 
@@ -139,6 +166,7 @@ impl Law {
             hardening: None,
             shared: q,
             native: None,
+            asked: Asked::default(),
         }
     }
 
@@ -321,6 +349,17 @@ impl Law {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn is_active(&self, d_max: f64, v_max: f64) -> bool {
+        let question: Question = [self.reach, d_max, v_max].map(f64::to_bits);
+        let answer = || (question, self.gives_energy(d_max, v_max));
+        let known = self.asked.0.get_or_init(answer);
+        if known.0 == question {
+            known.1
+        } else {
+            self.gives_energy(d_max, v_max)
+        }
+    }
+
+    fn gives_energy(&self, d_max: f64, v_max: f64) -> bool {
         const ELONGATIONS: i32 = 16;
         const EVEN: i32 = 75;
         const OCTAVES: usize = 21;

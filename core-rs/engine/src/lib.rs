@@ -62,6 +62,7 @@
 //! | stepping, snapshots, taking over from another version | [`simulation`] |
 //! | outputs to channels, limiter, levels | [`mix`] |
 
+mod archive;
 mod bank;
 pub mod cell;
 pub mod chance;

@@ -7,4 +7,5 @@ pub mod limiter;
 pub mod meter;
 pub mod mixer;
 pub mod pcm;
+pub mod quiet;
 pub mod room;

@@ -14,9 +14,11 @@ mod trial;
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
 pub use passes::audible::ModeKind;
-pub(crate) use passes::mode_shapes::{ModeShapes, Sight};
+pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
 pub use report::cache::{CachedReport, key};
+pub(crate) use report::content::Content;
 pub use report::row::{Computed, Measured, Reason, Row};
+pub use trial::audible::Audible;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,7 +26,7 @@ use std::sync::Arc;
 use crate::bank::{Oscillator, Strikes};
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, Network};
-use crate::scheme::Scheme;
+use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;
 
 /// One island as it will be computed: modules that can touch each other, and their events.
@@ -148,20 +150,65 @@ impl Plan {
         unchecked: bool,
     ) -> Result<Self, Error> {
         let mut plan = Self::empty(network.clone(), timeline);
-        let island_plan = IslandPlan {
-            network: network.clone(),
-            timeline: timeline.clone(),
-            bodies: Vec::new(),
-            contact_substeps: 1,
-            oversampling: 1,
-            to_whole: Whole::default(),
-        };
+        let island_plan = plan.stepped(timeline, 1);
         if !unchecked {
             let certificate = Scheme::new(&network, timeline.rate)?.certify(&network)?;
             plan.rows.push(Row::stepped(&island_plan, certificate));
         }
         plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
         Ok(plan)
+    }
+
+    /// Everything stepped as written, with contacts computed between frames: for networks whose contacts are too stiff
+    /// for [`Plan::plain`].
+    ///
+    /// # Errors
+    ///
+    /// Those of a network that is unstable without its contacts.
+    pub fn with_fine_contacts(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
+        let (budget, most) = (Budget::default(), Budget::STEPS_MAX);
+        let (contact_substeps, _, certificate) =
+            passes::assemble::hub(&network, timeline, &budget, most, Refusal::Explained)?;
+        let mut plan = Self::empty(network, timeline);
+        let island_plan = plan.stepped(timeline, contact_substeps);
+        plan.rows.push(Row::stepped(&island_plan, certificate));
+        plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
+        Ok(plan)
+    }
+
+    /// All of the network as one island, module by module.
+    fn stepped(&self, timeline: &Timeline, contact_substeps: usize) -> IslandPlan {
+        IslandPlan {
+            network: self.network.clone(),
+            timeline: timeline.clone(),
+            bodies: Vec::new(),
+            contact_substeps,
+            oversampling: 1,
+            to_whole: Whole::default(),
+        }
+    }
+
+    /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, and
+    /// none what the plan leaves out.
+    pub fn records(&self, timeline: &Timeline) -> bool {
+        let count = |timeline: &Timeline| {
+            [
+                timeline.gestures.len(),
+                timeline.strikes.len(),
+                timeline.ergons.len(),
+            ]
+        };
+        let mut recorded = [0; 3];
+        for unit in &self.units {
+            if let Unit::IslandPlan(island_plan) = unit {
+                let own = count(&island_plan.timeline);
+                recorded
+                    .iter_mut()
+                    .zip(own)
+                    .for_each(|(all, own)| *all += own);
+            }
+        }
+        recorded == count(timeline)
     }
 
     /// No more than is heard and moved, each island by the cheapest method within the budget; or as it was

@@ -4,12 +4,11 @@
 //! on the number of threads nor on the size of blocks.
 
 mod bodies;
-mod carry;
 mod group;
-mod heirs;
 mod response;
 mod side;
-mod take_over;
+mod stored;
+mod takeover;
 
 use std::sync::Arc;
 
@@ -22,8 +21,10 @@ use crate::network::{Error, Network};
 use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
+pub use crate::archive::Damaged;
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
-pub use carry::Carry;
+pub use stored::StorableIsland;
+pub use takeover::Takeover;
 
 use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};
 
@@ -386,7 +387,7 @@ impl Simulation {
                     mat: whole(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
                     ..record.record
                 },
-                ..record
+                frame: record.frame / u64::from(island_plan.oversampling),
             }));
         }
         // By the frame that they struck in; within it island by island.

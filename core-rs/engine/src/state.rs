@@ -21,12 +21,26 @@ pub(crate) struct Body {
     pub(crate) previous: Option<Box<PreviousState>>,
 }
 
+crate::archive::state!(Body {
+    x,
+    d,
+    force,
+    link,
+    inner,
+    outside,
+    previous
+});
+
 /// Positions and last steps a frame ago [m]   (n_mat each).
 #[derive(Clone, Debug)]
 pub(crate) struct PreviousState {
     pub(crate) x: Vec<f64>,
     pub(crate) d: Vec<f64>,
 }
+
+crate::archive::option!(Box<PreviousState>, fixed);
+
+crate::archive::state!(PreviousState { x, d });
 
 impl PreviousState {
     pub(crate) fn new(n_mat: usize) -> Box<Self> {
@@ -72,7 +86,7 @@ impl Body {
 }
 
 /// A MAT whose next position is imposed for this step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Target {
     pub(crate) mat: usize,
     /// Position at the next frame [m].
@@ -80,3 +94,5 @@ pub(crate) struct Target {
     /// Position at this frame [m], kept by the MAT phase.
     pub(crate) previous: f64,
 }
+
+crate::archive::state!(Target { mat, x, previous });

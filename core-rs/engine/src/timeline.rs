@@ -14,7 +14,7 @@ use crate::gesture::error::GestureError;
 use crate::gesture::script::Gesture;
 use crate::interrupt;
 use crate::network::Network;
-use crate::units::Rate;
+use crate::units::{Rate, score_frame};
 
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
@@ -109,6 +109,8 @@ pub struct Timeline {
     pub(crate) drives: Vec<Drive>,
     pub(crate) glides: Vec<Glide>,
     pub(crate) leads: Vec<Lead>,
+    /// Frames of this rate in a frame of the score: events that act by frame fall on the first of them.
+    pub(crate) oversampling: u32,
     /// Whether more events may be added while it plays (a session).
     pub(crate) is_open: bool,
 }
@@ -126,6 +128,7 @@ impl Timeline {
             drives: Vec::new(),
             glides: Vec::new(),
             leads: Vec::new(),
+            oversampling: 1,
             is_open: false,
         }
     }
@@ -135,18 +138,20 @@ impl Timeline {
         self.is_open = true;
     }
 
-    /// The timeline at `oversampling` times the rate; `None` where a gesture does not allow that rate.
+    /// The frame on which an event at `at` [s] acts: the same instant at every oversampling.
+    pub(crate) fn frame(&self, at: f64) -> u64 {
+        score_frame(at, self.rate.hertz(), self.oversampling)
+    }
+
+    /// The timeline at `oversampling` times the rate; `None` where there is no such rate.
     pub(crate) fn faster(&self, oversampling: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() * f64::from(oversampling)).ok()?;
-        let mut gestures = self.gestures.iter();
-        if !gestures.all(|gesture| gesture.check_rate(rate.hertz()).is_ok()) {
-            return None;
-        }
         let gates = self.gates.iter();
         let glides = self.glides.iter();
         let leads = self.leads.iter();
         Some(Self {
             rate,
+            oversampling: self.oversampling * oversampling,
             gates: gates
                 .map(|gate| gate.faster(u64::from(oversampling)))
                 .collect(),
@@ -270,10 +275,17 @@ impl Timeline {
             return Err(StrikeError::TooMany);
         }
         let mut n_strikes = 0;
+        // Strikes are drawn in the order of time: what comes after the window need not be drawn.
+        let stop = rain.stop.min(rain.within.1);
+        if rain.start >= stop || rain.within.0 >= stop {
+            return Ok(0);
+        }
         for (member, &mat) in mats.iter().enumerate() {
-            interrupt::poll();
+            if member % 64 == 0 {
+                interrupt::poll();
+            }
             let mut chance = chance(member as u64);
-            let mut times = chance.poisson_times(rain.rate, rain.start, rain.stop);
+            let mut times = chance.poisson_times(rain.rate, rain.start, stop);
             while let Some(at) = times.next() {
                 let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
                 if (rain.within.0..rain.within.1).contains(&at) {

@@ -54,6 +54,12 @@ pub(crate) fn frame(t: f64, rate: f64) -> u64 {
     floor_frame(t * rate + 0.5)
 }
 
+/// The same at a rate [Hz] of so many frames for each frame of the score: an event acts at the same instant at each.
+pub(crate) fn score_frame(t: f64, rate: f64, oversampling: u32) -> u64 {
+    let times = u64::from(oversampling);
+    (frame(t, rate / f64::from(oversampling)) * times).min(FRAME_MAX as u64)
+}
+
 /// The last frame at or before a number of frames, clamped to 0 … `FRAME_MAX`.
 pub(crate) fn floor_frame(frames: f64) -> u64 {
     frames.clamp(0.0, FRAME_MAX) as u64

@@ -14,7 +14,7 @@ use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Computed, Method, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use scene::{Scene, options};
@@ -135,9 +135,9 @@ fn a_take_over_does_not_allocate() {
         let mut out = vec![0.0; at * old.n_out()];
         assert_eq!(allocations(&mut old, &mut out), 0, "{seed}");
         let mut new = Simulation::planned_from(plan, options, at as u64).unwrap();
-        let mut carry = Carry::new(&old, &new);
+        let mut takeover = Takeover::new(&old, &new);
         reset_violation_count();
-        assert!(assert_no_alloc(|| new.take_over(&mut old, &mut carry)));
+        assert!(assert_no_alloc(|| new.take_over(&mut old, &mut takeover)));
         assert_eq!(violation_count(), 0, "{seed}");
         assert_eq!(allocations(&mut new, &mut out), 0, "{seed}");
     }
@@ -172,9 +172,9 @@ fn finer_frames_do_not_allocate() {
         assert_eq!(allocations(&mut old, &mut out), 0);
         let mut fork = old.fork();
         let mut new = Simulation::planned_from(plan, options, 100).unwrap();
-        let mut carry = Carry::new(&old, &new);
+        let mut takeover = Takeover::new(&old, &new);
         reset_violation_count();
-        assert!(assert_no_alloc(|| new.take_over(&mut old, &mut carry)));
+        assert!(assert_no_alloc(|| new.take_over(&mut old, &mut takeover)));
         assert_eq!(violation_count(), 0);
         for mut going in [new, fork.fork()] {
             assert_eq!(allocations(&mut going, &mut out), 0);
@@ -229,9 +229,9 @@ fn a_body_that_changes_does_not_allocate() {
             old.skip(1_000).unwrap();
             let new = Arc::new(plan(1.1, after));
             let mut new = Simulation::planned_from(new, options, 1_000).unwrap();
-            let mut carry = Carry::new(&old, &new);
+            let mut takeover = Takeover::new(&old, &new);
             reset_violation_count();
-            assert!(assert_no_alloc(|| new.take_over(&mut old, &mut carry)));
+            assert!(assert_no_alloc(|| new.take_over(&mut old, &mut takeover)));
             assert_eq!(violation_count(), 0, "{before:?} {after:?}");
             let mut out = [0.0; 500];
             assert_eq!(allocations(&mut new, &mut out), 0, "{before:?} {after:?}");

@@ -2,8 +2,6 @@
 
 #[path = "scenes/blocks.rs"]
 mod blocks;
-#[path = "scenes/carry.rs"]
-mod carry;
 #[path = "scenes/coasting.rs"]
 mod coasting;
 #[path = "scenes/crews.rs"]
@@ -28,5 +26,7 @@ mod plans;
 mod scene;
 #[path = "scenes/stiff.rs"]
 mod stiff;
+#[path = "scenes/takeover.rs"]
+mod takeover;
 #[path = "scenes/turned.rs"]
 mod turned;

@@ -34,6 +34,7 @@ use std::path::PathBuf;
 
 use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::mixer::Mixer;
+use ergon_engine::mix::quiet::FadeFinder;
 use ergon_engine::simulation::Simulation;
 
 use crate::audio;
@@ -53,6 +54,8 @@ pub struct Stage {
     pub limiter: Limiter,
     /// Frames to play; `None`: until it is stopped.
     pub n_frames: Option<u64>,
+    /// The end of the sound, where it ends before these frames.
+    pub fades: Option<FadeFinder>,
     /// Frames of a tick.
     pub tick_frames: usize,
     /// Real hands, in the order of the simulation's.

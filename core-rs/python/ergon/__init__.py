@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ergon.api.options import AccuracyOptions, ReadOptions, SessionOptions
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
-    from ergon.api.session import Session, open_session
+    from ergon.api.open_session import Session, open_session
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
@@ -95,12 +95,12 @@ _PLACES = {
     "Reply": "repl.session_protocol",
     "Report": "common.report",
     "ScoreError": "api.errors",
-    "Session": "api.session",
+    "Session": "api.open_session",
     "SessionOptions": "api.options",
     "State": "repl.session_protocol",
     "check": "api.check",
     "freeze": "api.freeze",
-    "open_session": "api.session",
+    "open_session": "api.open_session",
     "plan": "api.plan",
     "render": "api.render",
     "render_to_file": "api.files",

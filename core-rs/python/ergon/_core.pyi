@@ -21,6 +21,18 @@ FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer scen
 FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played with (0 to 1)
 
 _Floats = NDArray[np.float64]
+_LinkFactor = tuple[int, float]  # (LIA, factor of its force)
+_NativeLaw = tuple[int, int]  # (index in Network.laws(), address of its machine code)
+# What a row of a plan says of an island: (error_db, error_s, spectral_db, audible, left_out_db, because, cut_short)
+_IslandErrors = tuple[
+    float | None,
+    float | None,
+    float | None,
+    tuple[float, float, float] | None,
+    float | None,
+    str | None,
+    bool,
+]
 
 class Range(NamedTuple):
     """The lowest and the highest of some positions, [m] or [rad]."""
@@ -258,14 +270,14 @@ class Network:
         held: Sequence[int] = ...,
         without: Sequence[int] = ...,
         ties: Sequence[MatValues | tuple[int, float, float, float]] = ...,
-        factors: Sequence[tuple[int, float]] = ...,
+        factors: Sequence[_LinkFactor] = ...,
         depth: float = ...,
     ) -> ReachableScene:
         """The part of the network that a hand on a MAT can move, at `rate` [Hz].
 
         Every contact is closed, and every law is the stiffest spring that it is within `depth` [m].
-        `held`: MATs that other hands hold; `without`: LIAs that do not act. `ties` and `factors` (LIA,
-        factor of its force) replace the network's own values during a glide.
+        `held`: MATs that other hands hold; `without`: LIAs that do not act. `ties` and `factors`
+        replace the network's own values during a glide.
         Raises EngineError.
         """
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int:
@@ -328,7 +340,7 @@ class Network:
 
         `hex` and `disc` have `radius` rings around the centre, `square` has 2·radius+1 masses a side, a rectangle has
         `sides` (across, up). `bending` is Poisson's ratio of a plate that resists curvature, on a rim that is free, or
-        held at rest and free to turn; a disc takes no other. `t60` may be (f [Hz], t60 [s]) of two modes or more,
+        held at rest and free to turn. `t60` may be (f [Hz], t60 [s]) of two modes or more,
         within 1 %.
         """
     def bank(
@@ -347,6 +359,19 @@ class Network:
 
         When even, t60 [s] goes from the second value at the lowest f to the first at the highest;
         when random, f and t60 are drawn with `seed`.
+        """
+    def cells(
+        self,
+        name: str,
+        *,
+        cells: Sequence[tuple[float, float, float]],
+        place: Literal["line", "spiral"] = "line",
+    ) -> int:
+        """CELs side by side, each with f [Hz], t60 [s] and M [kg]; the index of the first."""
+    def highest_mode(self, first: int) -> float:
+        """Frequency [Hz] of the highest mode of the STRING or PLATE that begins at index `first`.
+
+        It is that of the body by itself, without losses.
         """
     def count(self, first: int) -> int:
         """Number of MATs of the module that begins at index `first`: 1, or those of a generator."""
@@ -388,8 +413,8 @@ class Network:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
     def laws(self) -> list[LawUse]:
         """Every different law that has rows, and how many links have it."""
-    def native(self, entries: Sequence[tuple[int, int]]) -> None:
-        """Compute `laws()[index]` by native code, for each (index, address). Raises IndexError."""
+    def native(self, entries: Sequence[_NativeLaw]) -> None:
+        """Compute laws by native code. Raises IndexError."""
     def impose(self, index: int) -> None:
         """Impose the MAT's position (ENX): Timeline.drive says where it goes."""
     def listen(
@@ -413,9 +438,11 @@ class Network:
     def certify(self, rate: float) -> Certificate:
         """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
     def modes(self, part: str, n_modes: int) -> list[Mode]:
-        """The lowest modes of a linear part, of the continuous network.
+        """The lowest modes of a linear part, of the continuous network, whatever its damping.
 
-        Raises EngineError where no part has this name.
+        A mode beyond critical damping has f 0 and the T60 of its slower pole. Where damping couples
+        the modes of more than 120 masses, the 120 lowest undamped ones alone are taken. Raises
+        EngineError where no part has this name.
         """
 
 @final
@@ -708,6 +735,16 @@ class FullRatePart(NamedTuple):
     name: str
     why: str
 
+class AudibleError(NamedTuple):
+    """What is heard of an error, at its worst: of the strongest partials and of third octaves.
+
+    `t60` is a part of the T60; `third_octave_db` counts those that the others do not mask.
+    """
+
+    cents: float
+    t60: float
+    third_octave_db: float
+
 class TrialWork(NamedTuple):
     """Work of a plan's trials, and the most allowed, by the table of costs [s]."""
 
@@ -741,6 +778,7 @@ class PlanRow:
     error_db: float | None  # of the waveform, as a pilot measured it over
     error_s: float | None  # so many seconds from the start
     spectral_db: float | None  # chaotic after that: mean difference of third octaves
+    audible: AudibleError | None  # what is heard of it, where pitch is what counts
     cost: float  # seconds of work for a second of sound, by the table of costs
     guarantee: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
@@ -770,16 +808,12 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[IslandChoice | tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
-        told: Sequence[
-            tuple[float | None, float | None, float | None, float | None, str | None, bool]
-        ]
-        | None = None,
+        told: Sequence[_IslandErrors] | None = None,
         like: Plan | None = None,
         share: float = 1.0,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, which are used again;
-        `told`: error_db, error_s, spectral_db, left_out_db, because and cut_short of each of that
-        plan's rows; `like`: a plan of another version, whose modes of unchanged bodies are used
+        `told`: what each of that plan's rows says; `like`: a plan of another version, whose modes of unchanged bodies are used
         again; `share` (0 to 1): the part of the allowance of work that the trials may take."""
 
     @staticmethod
@@ -794,6 +828,11 @@ class Plan:
         share: float = 1.0,
     ) -> str:
         """Hash of everything that determines a plan: 64 hex digits. Raises EngineError."""
+    @staticmethod
+    def with_fine_contacts(network: Network, timeline: Timeline) -> Plan:
+        """Every module stepped as written, with contacts computed several times a frame.
+
+        A simulation of this plan records its ergons. Raises EngineError."""
     def rows(self) -> list[PlanRow]:
         """The parts of the plan."""
     def choices(self) -> list[IslandChoice]:
@@ -862,10 +901,30 @@ class FinerPart(NamedTuple):
     steps: int  # most steps of one frame
 
 @final
+class StorableIsland:
+    """An island of a simulation whose stretches can be stored; made by Simulation.storable.
+
+    `n_out` outputs hear it. `cost` is its work by the table of costs [ns a frame].
+    """
+
+    n_out: int
+    cost: float
+
+@final
+class IslandStretch:
+    """A stretch of an island: its sound (n_frames · n_out,) [m or N], and its state at the end."""
+
+    @property
+    def sound(self) -> _Floats: ...
+    @property
+    def state(self) -> bytes: ...
+
+@final
 class Simulation:
     """Computes a network and its timeline, by a plan or, without one, every module as written.
 
-    `ledger` and `record` need a simulation without a plan. Raises EngineError, UnstableError and
+    `ledger` needs a simulation without a plan, `record` one in which no ergon strikes inside a body
+    of the plan. Raises EngineError, UnstableError and
     StoppedError.
     """
 
@@ -938,6 +997,26 @@ class Simulation:
         """Links and meshes that made energy, a single one of many by its own name."""
     def finer(self) -> list[FinerPart]:
         """The parts with frames of more than one step."""
+    def storable(self) -> list[StorableIsland]:
+        """The islands whose stretches can be stored; none with `ledger` or `record`."""
+    def island_key(self, island: StorableIsland, start: int, stop: int, before: str) -> str:
+        """A hash of all that an island is a function of from frame 0 to `stop` (64 hex digits).
+
+        `before` is the one up to frame `start`, empty at 0. It is equal in another version of a
+        score whose events differ only later.
+        """
+    def recall(self, island: StorableIsland, sound: _Floats) -> None:
+        """Take the sound of an island (n_frames · its n_out,) [m or N] from here on instead of
+        computing it; its state stands still. Raises EngineError where `sound` is not contiguous."""
+    def record(self, island: StorableIsland) -> None:
+        """Compute an island from here on, and keep its sound."""
+    def recorded(self, island: StorableIsland) -> IslandStretch:
+        """The sound of an island since `record`, and its state now; no more is kept."""
+    def set_state(self, island: StorableIsland, state: bytes) -> None:
+        """Put an island into the state that an equal one had at this frame, and compute it.
+
+        Raises EngineError where the bytes are not such a state; the simulation is then of no use.
+        """
 
 # --- from outputs to loudspeakers ---------------------------------------------------------------
 
@@ -1012,6 +1091,18 @@ class Meter:
     loudness: float  # LUFS; -inf for silence
     momentary: float  # of the last 400 ms, without gating; LUFS
 
+@final
+class FadeFinder:
+    """Looks for the first tenth of a second, after frame `start`, that begins a quiet second.
+
+    Quiet is 80 dB below the highest peak before. The place does not depend on the size of blocks.
+    """
+
+    def __new__(cls, rate: float, n_channels: int, start: int) -> Self:
+        """Of frames at `rate` [Hz], counted from 0."""
+    def take(self, frames: _Floats) -> int | None:
+        """Take (n_frames, n_channels); the frame at which it has faded, once that is known."""
+
 def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
     """frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
 
@@ -1083,7 +1174,10 @@ class AudioBackend:
 
 @final
 class JackCapture:
-    """A JACK client that records another client, at most `n_frames` frames. Raises EngineError."""
+    """A JACK client that records another client from its first sound on, at most `n_frames` frames.
+
+    Raises EngineError.
+    """
 
     def __new__(cls, name: str, n_channels: int, n_frames: int) -> Self: ...
     recorded: int  # frames so far
@@ -1258,6 +1352,7 @@ class Performance:
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
+        fades_from: int | None = None,
         hands: Sequence[LiveHand] = ...,
         boards: Sequence[LiveBoard] = ...,
         bars: Sequence[int] = ...,
@@ -1268,7 +1363,8 @@ class Performance:
         """Begin to play a copy of the simulation, through a copy of the mixer.
 
         `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
-        `stop`; `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
+        `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
+        FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
         over. Raises EngineError.
         """
     def status(self) -> Status:

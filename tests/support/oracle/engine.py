@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oracle import kernel
+from oracle import derivative, kernel
 from oracle.gesture import ergons, path
 from oracle.scene import Link, Point, Scene
 
@@ -156,6 +156,8 @@ def simulate(scene: Scene, rate: float, n_frames: int, *, link_start: bool = Tru
         np.array(paths).reshape(len(path_at), n_frames + 1).T.copy(),
         hits,
     )
+    for column, order in enumerate(scene.orders):
+        out[:, column] = derivative.differentiated(out[:, column], order, rate)
     return Result(out, x, d)
 
 

@@ -70,6 +70,7 @@ class Scene:
     mats: list[Point] = field(default_factory=list)
     lias: list[Link] = field(default_factory=list)
     outs: list[list[tuple[int, int, float]]] = field(default_factory=list)
+    orders: list[int] = field(default_factory=list)  # how often each is differentiated
     keys: list[int] = field(default_factory=list)
     gestures: list[Gesture] = field(default_factory=list)
     strikes: list[tuple[int, float, float, float, float]] = field(default_factory=list)
@@ -196,10 +197,12 @@ class Scene:
         positions: Sequence[tuple[Mat, float]] = (),
         forces: Sequence[tuple[Lia, float]] = (),
         ground_forces: Sequence[tuple[Mat, float]] = (),
+        order: int = 0,
     ) -> int:
-        """An output: sums of (index, weight)."""
+        """An output: sums of (index, weight), differentiated `order` times by time."""
         taps = [(0, int(i), w) for i, w in positions] + [(1, int(j), w) for j, w in forces]
         self.outs.append(taps + [(2, int(i), w) for i, w in ground_forces])
+        self.orders.append(order)
         self._call(
             "net",
             "listen",
@@ -207,6 +210,7 @@ class Scene:
             positions=[(i, 1, w) for i, w in positions],
             forces=[(j, 1, w) for j, w in forces],
             ground_forces=[(i, 1, w) for i, w in ground_forces],
+            order=order,
         )
         return len(self.outs) - 1
 

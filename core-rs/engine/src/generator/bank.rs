@@ -22,6 +22,21 @@ pub enum Place {
     Spiral,
 }
 
+impl Place {
+    /// (x, y) [m] of member `i` of `count`.
+    pub fn position(self, i: usize, count: usize) -> [f64; 2] {
+        let share = (i as f64 + 0.5) / count as f64;
+        match self {
+            Self::Line => [share - 0.5, 0.0],
+            Self::Spiral => {
+                let radius = 0.5 * sqrt(share);
+                let angle = GOLDEN_ANGLE * i as f64;
+                [radius * cos(angle), radius * sin(angle)]
+            }
+        }
+    }
+}
+
 /// The parameters of a bank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BankForm {
@@ -85,14 +100,7 @@ pub fn bank(
             Spread::Even if form.count == 1 => (0.0, 1.0),
             Spread::Even => (i as f64 / (n - 1.0), 1.0 - i as f64 / (n - 1.0)),
         };
-        let position = match form.place {
-            Place::Line => [(i as f64 + 0.5) / n - 0.5, 0.0],
-            Place::Spiral => {
-                let radius = 0.5 * sqrt((i as f64 + 0.5) / n);
-                let angle = GOLDEN_ANGLE * i as f64;
-                [radius * cos(angle), radius * sin(angle)]
-            }
-        };
+        let position = form.place.position(i, form.count);
         BankCell {
             f: between(form.f, pitch),
             t60: between(form.t60, length),

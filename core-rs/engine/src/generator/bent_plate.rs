@@ -80,15 +80,15 @@ fn held(membrane: Topology) -> Result<Topology, GeneratorError> {
 }
 
 /// Where masses lie, and how much of the plate each stands for.
-struct Sites {
+pub(super) struct Sites {
     /// Masses, then fixed points [spacings]   (n_mat + n_fixed,)
-    places: Vec<[f64; 2]>,
-    n_mat: usize,
+    pub(super) places: Vec<[f64; 2]>,
+    pub(super) n_mat: usize,
     /// Area [spacings²]   (n_mat + n_fixed,)
-    areas: Vec<f64>,
+    pub(super) areas: Vec<f64>,
     /// On the bench, in metres   (n_mat + n_fixed,)
-    positions: Vec<[f64; 2]>,
-    centre: usize,
+    pub(super) positions: Vec<[f64; 2]>,
+    pub(super) centre: usize,
 }
 
 impl Sites {
@@ -129,7 +129,7 @@ impl Sites {
 }
 
 /// Rings of 6, 12, 18 … masses round the middle, the outermost on the edge.
-fn disc(radius: usize, rim: Rim) -> Sites {
+pub(super) fn disc(radius: usize, rim: Rim) -> Sites {
     let mut places = vec![[0.0, 0.0]];
     let mut areas = vec![PI / 4.0];
     for ring in 1..=radius {

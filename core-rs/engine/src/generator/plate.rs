@@ -20,7 +20,8 @@ pub enum Shape {
         /// Rows.
         up: usize,
     },
-    /// Rings of 6, 12, 18 … masses; only with bending.
+    /// Rings of 6, 12, 18 … masses: see [`round_membrane`](super::round_membrane) and
+    /// [`bent_plate`](super::bent_plate).
     Disc,
 }
 
@@ -102,7 +103,7 @@ const NOWHERE: usize = usize::MAX;
 pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, GeneratorError> {
     match shape {
         Shape::Rectangle { across, up } => return rectangle(across, up, rim == Rim::Fixed),
-        Shape::Disc => return Err(GeneratorError::Flat),
+        Shape::Disc => return Err(GeneratorError::Rings),
         Shape::Hex | Shape::Square => {}
     }
     let most = (0..)

@@ -25,13 +25,15 @@ pub struct Knot {
 /// let piece = Quintic::joining(at_rest(0.0, 0.0), at_rest(1.0, 4e-3));
 /// assert!((piece.at(0.5).0 - 2e-3).abs() < 1e-12); // symmetric
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Quintic {
     start: f64,
     length: f64,
     /// Coefficients in s = (t - start)/length: dimensionless time keeps 1 ms and 10 s alike.
     c: [f64; 6],
 }
+
+crate::archive::state!(Quintic { start, length, c });
 
 impl Quintic {
     /// The piece from one knot to a later one. With no time between them it rests at `to`.

@@ -33,6 +33,23 @@ pub struct Report {
     pub first_point_missed: bool,
 }
 
+crate::archive::state!(Report {
+    n_ergons,
+    start,
+    stop,
+    worst,
+    worst_at,
+    pushed_by,
+    square,
+    compared,
+    low,
+    high,
+    strongest,
+    force_max,
+    missed,
+    first_point_missed
+});
+
 impl Default for Report {
     fn default() -> Self {
         Self {

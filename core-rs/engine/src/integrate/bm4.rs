@@ -46,6 +46,14 @@ pub(super) struct Bm4 {
     room: Room,
 }
 
+crate::archive::state!(Bm4 {
+    x,
+    v,
+    force,
+    viscous,
+    midway
+});
+
 impl Bm4 {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Self {
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));

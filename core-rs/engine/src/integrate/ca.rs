@@ -26,6 +26,8 @@ pub(super) struct Ca {
     guard: Option<Guard>,
 }
 
+crate::archive::state!(Ca { body, guard });
+
 impl Ca {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Result<Self, Error> {
         let mut scheme = mesh.scheme.clone();

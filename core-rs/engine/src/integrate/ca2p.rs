@@ -38,6 +38,19 @@ pub(super) struct Ca2p {
     room: Room,
 }
 
+crate::archive::state!(Ca2p {
+    x,
+    d,
+    previous,
+    guard,
+    there,
+    v,
+    elastic,
+    viscous,
+    elastic_before,
+    force
+});
+
 /// Steps back over one frame, to start from: with them the start's error is far below the method's.
 const STEPS_BACK: usize = 8;
 

@@ -44,6 +44,15 @@ pub(super) struct Ieq {
     forces: Vec<f64>,
 }
 
+crate::archive::state!(Ieq {
+    state,
+    x,
+    d,
+    s,
+    right,
+    inverse
+});
+
 impl Ieq {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
         takes(&mesh, network)?;

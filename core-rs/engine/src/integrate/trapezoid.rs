@@ -28,6 +28,8 @@ pub(super) struct Trapezoid {
     room: Room,
 }
 
+crate::archive::state!(Trapezoid { x, v, force, u });
+
 impl Trapezoid {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
         linear(&mesh, network)?;

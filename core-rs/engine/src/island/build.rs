@@ -5,17 +5,17 @@ use std::sync::Arc;
 use super::fault::Mutes;
 use super::fine::Fine;
 use super::gain::Gains;
-use super::hand::framed::FramedGesture;
-use super::hands::{HandState, hand_bindings};
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::strike_points;
+use super::real_hands::{HandState, hand_bindings};
+use super::written_hand::framed::FramedGesture;
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
 use crate::guard::{Guard, Limit};
-use crate::island::hand::free::{FreeKey, Motion};
-use crate::island::hand::voice::{Voice, VoiceScript};
+use crate::island::written_hand::free::{FreeKey, Motion};
+use crate::island::written_hand::voice::{Voice, VoiceScript};
 use crate::kernel::Laws;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
@@ -128,8 +128,11 @@ impl Island {
         let pushes = pushes(&network, timeline, |mat| {
             network.degree(mat) == touches(mat)
         });
-        let mut ergons = timeline.ergons.clone();
-        ergons.sort_by_key(|ergon| frame(ergon.at, timeline.rate.hertz()));
+        let ergons = timeline.ergons.iter();
+        let mut ergons: Vec<_> = ergons
+            .map(|ergon| (timeline.frame(ergon.at), *ergon))
+            .collect();
+        ergons.sort_by_key(|(frame, _)| *frame);
         let ledger = options
             .ledger
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
@@ -312,10 +315,10 @@ fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
 
 /// The gestures of a timeline at its rate.
 fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
-    let rate = timeline.rate.hertz();
+    let (rate, oversampling) = (timeline.rate.hertz(), timeline.oversampling);
     let gestures = timeline.gestures.iter();
     gestures
-        .map(|gesture| FramedGesture::new(gesture, rate))
+        .map(|gesture| FramedGesture::new(gesture, rate, oversampling))
         .collect()
 }
 

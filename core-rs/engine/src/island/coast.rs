@@ -8,7 +8,6 @@ use super::step::StepOutputs;
 use super::{Island, inside};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::units::frame;
 
 /// Fewer steps are not worth the look.
 const LEAST: usize = 2;
@@ -44,7 +43,7 @@ impl Island {
         };
         let push = script.pushes.get(state.pushed).map(|push| push.frame);
         let ergon = script.ergons.get(state.ergons);
-        let ergon = ergon.map(|ergon| frame(ergon.at, scheme.rate));
+        let ergon = ergon.map(|(frame, _)| *frame);
         let events = push.into_iter().chain(ergon);
         let quiet = events.map(|at| at.saturating_sub(n) as usize);
         let modals = state.bodies.iter().filter_map(inside::RunningBody::modal);

@@ -62,6 +62,12 @@ pub(super) struct Mutes {
     outputs: Vec<Option<u64>>,
 }
 
+crate::archive::state!(Mutes {
+    since,
+    last,
+    outputs
+});
+
 impl Mutes {
     pub(super) fn new(scheme: &Scheme) -> Self {
         Self {

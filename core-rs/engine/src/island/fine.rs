@@ -14,6 +14,7 @@ mod march;
 use std::sync::Arc;
 
 use super::inside::RunningBody;
+use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::network::Network;
 use crate::scheme::{Kind, Run, Scheme};
@@ -81,12 +82,39 @@ pub(crate) struct Fine {
     forces: Vec<f64>,
     /// K and Z of each link at the start of this frame, and at its end   (n_links)
     numbers: Vec<[[f64; 2]; 2]>,
-    /// Whether a joint is no longer what the tables of laws were made for.
-    has_glided: bool,
+    /// Whether each joint is no longer what the tables of laws were made for   (n_joints)
+    has_glided: Vec<bool>,
     /// Whether one has been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
     work: FineWork,
+}
+
+crate::archive::option!(Fine, fixed);
+
+/// All that is not found anew in each frame.
+impl State for Fine {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        state_of!(
+            self,
+            archive,
+            laws,
+            later,
+            rests,
+            has_glided,
+            has_touched,
+            work
+        )?;
+        if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
+            // The next frame tunes them again.
+            let joints = &mut Arc::make_mut(&mut self.script).joints;
+            let glided = joints.iter_mut().zip(&self.has_glided);
+            for (joint, _) in glided.filter(|(_, has_glided)| **has_glided) {
+                joint.numbers = [[f64::NAN; 3]; 2];
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Work of contacts that are computed finely, counted.
@@ -97,6 +125,8 @@ pub(crate) struct FineWork {
     /// Sums of products.
     pub(crate) products: u64,
 }
+
+crate::archive::state!(FineWork { instants, products });
 
 impl Fine {
     /// `links` leave the scheme: single contacts and laws whose ends are masses or ports.
@@ -181,7 +211,7 @@ impl Fine {
             located: vec![false; n_links],
             forces: vec![0.0; n_links],
             numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
-            has_glided: false,
+            has_glided: vec![false; n_joints],
             has_touched: false,
             work: FineWork {
                 instants: 0,
@@ -260,7 +290,7 @@ impl Fine {
             return;
         };
         // A copy is made where a version of this simulation was kept, once.
-        self.has_glided |= Arc::make_mut(&mut self.script).retune(joint, numbers);
+        self.has_glided[joint] |= Arc::make_mut(&mut self.script).retune(joint, numbers);
     }
 
     /// K and Z of a link at an instant of this frame, 0 to 1.
@@ -359,7 +389,7 @@ impl Fine {
         self.pushed.fill(0.0);
         self.ways(&script, scheme, bodies, body, &next);
         self.tell_laws(&script, &laws, gates, body);
-        if any || self.has_glided {
+        if any || self.has_glided.contains(&true) {
             self.given.fill(0.0);
             let n = script.basis.n();
             for (values, way) in self.values.chunks(n).zip(self.way.chunks_mut(n)) {

@@ -29,8 +29,12 @@ pub(crate) struct Account {
     most: f64,
 }
 
+crate::archive::option!(Account, maybe);
+
+crate::archive::state!(Account { held, most });
+
 /// Energy that something made [J].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub(crate) struct Gain {
     /// What it gave or stores beyond what it took.
     pub(crate) made: f64,
@@ -39,6 +43,10 @@ pub(crate) struct Gain {
     /// The step at which it was found.
     pub(crate) frame: u64,
 }
+
+crate::archive::option!(Gain, maybe);
+
+crate::archive::state!(Gain { made, of, frame });
 
 impl Account {
     /// Of what stores so much.
@@ -129,6 +137,12 @@ struct Taken {
     account: Account,
 }
 
+crate::archive::state!(Taken {
+    stretch,
+    force,
+    account
+});
+
 /// A link whose account is looked at.
 #[derive(Clone, Debug)]
 struct Watched {
@@ -141,6 +155,12 @@ struct Watched {
     worst: Option<Gain>,
 }
 
+crate::archive::state!(Watched {
+    from,
+    is_whole,
+    worst
+});
+
 /// All links that may make energy.
 #[derive(Clone, Debug)]
 pub(super) struct Gains {
@@ -149,6 +169,14 @@ pub(super) struct Gains {
     /// Whether accounts begin at this step.
     is_fresh: bool,
 }
+
+crate::archive::option!(Box<Gains>, fixed);
+
+crate::archive::state!(Gains {
+    taken,
+    links,
+    is_fresh
+});
 
 impl Gains {
     /// `None` where nothing can make energy.

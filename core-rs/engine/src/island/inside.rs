@@ -4,6 +4,7 @@ use super::gain::Gain;
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
+use crate::archive::{Archive, Damaged, State};
 use crate::guard::FinerFrames;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
@@ -25,6 +26,16 @@ pub(crate) enum RunningBody {
     Slow(Box<slow::RunningSlow>),
 }
 
+impl State for RunningBody {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        match self {
+            Self::Modal(it) => it.archive(archive),
+            Self::Mesh(it) => it.archive(archive),
+            Self::Slow(it) => it.archive(archive),
+        }
+    }
+}
+
 impl BodyPlan {
     /// At frame 0, against forces that act on its ports there (n_mat of the island); `body` is the island as if its
     /// ports were masses alone.
@@ -36,6 +47,35 @@ impl BodyPlan {
             Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh)?)),
             Self::Slow(slow) => RunningBody::Slow(Box::new(slow::RunningSlow::new(slow, body))),
         })
+    }
+
+    /// The same body where nothing strikes it.
+    pub(crate) fn without_strikes(&self) -> Self {
+        let mut own = self.clone();
+        match &mut own {
+            Self::Modal(modal) => modal.struck.iter_mut().for_each(|own| own.blows.clear()),
+            Self::Mesh(mesh) => mesh.strikes.clear(),
+            Self::Slow(_) => {}
+        }
+        own
+    }
+
+    /// Its strikes: the frame of each, the point that is struck, and its numbers.
+    pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
+        match self {
+            Self::Modal(modal) => {
+                Box::new(modal.struck.iter().enumerate().flat_map(|(at, own)| {
+                    let blows = own.blows.iter();
+                    blows.map(move |&(frame, part, impulse)| (frame, at, [part, impulse]))
+                }))
+            }
+            Self::Mesh(mesh) => {
+                let strikes = mesh.strikes.iter();
+                Box::new(strikes.map(|&(frame, mat, impulse)| (frame, mat, [0.0, impulse])))
+            }
+            // What is struck of it is a port.
+            Self::Slow(_) => Box::new(std::iter::empty()),
+        }
     }
 
     /// How many modes the body is computed by.

@@ -1,6 +1,7 @@
 //! A body inside an island that goes on by a method of its own: a non-linear mesh, or a linear body that has no
 //! modes here.
 
+use crate::archive::{Archive, Damaged, State, state_of};
 use std::sync::Arc;
 
 use super::gain::{Account, Gain};
@@ -44,6 +45,15 @@ pub(crate) struct RunningMesh {
     /// What it took, where its method may make energy, and the most that it made.
     account: Option<Account>,
     worst: Option<Gain>,
+}
+
+impl State for RunningMesh {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        archive.list(&mut self.impulses)?;
+        state_of!(
+            self, archive, integrator, previous, own, next, damped, account, worst
+        )
+    }
 }
 
 impl Mesh {

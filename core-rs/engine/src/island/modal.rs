@@ -53,6 +53,23 @@ pub(crate) struct RunningModal {
     is_damped: bool,
 }
 
+crate::archive::state!(RunningModal {
+    motions,
+    saved,
+    seen,
+    at,
+    until,
+    was,
+    kicks,
+    pending,
+    has_pending,
+    forces,
+    quiet,
+    next,
+    damped,
+    is_damped
+});
+
 /// Frames in `seen`: the present, and what follows.
 const ROOM: usize = AHEAD + 1;
 

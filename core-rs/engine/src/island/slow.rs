@@ -69,6 +69,20 @@ pub(crate) struct RunningSlow {
     damped: f64,
 }
 
+crate::archive::state!(RunningSlow {
+    x,
+    v,
+    kick,
+    was,
+    since,
+    first,
+    bent,
+    undone,
+    is_struck,
+    given,
+    damped
+});
+
 impl Slow {
     /// The same body of the key alone, with its ports at other MATs.
     pub(crate) fn alone(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {

@@ -2,15 +2,14 @@
 //!
 //! A step does not allocate (but for a recorded stream of ergons), lock or panic.
 
-use super::{Fault, Island, Record, Script, State, gain, glide, hands, live_strikes};
+use super::{Fault, Island, Record, Script, State, gain, glide, live_strikes, real_hands};
 use crate::guard;
 use crate::interrupt;
-use crate::island::hand::voice::{Scene, Voice, VoiceScript};
+use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 use crate::timeline::GateContinuation;
-use crate::units::frame;
 
 /// Steps between two looks at whether a computation is to end: of half a million masses they take 50 ms.
 const LOOK: usize = 16;
@@ -112,7 +111,7 @@ impl Island {
                 body.place(&mut state.body); // they fade by themselves
             }
         }
-        hands::arrive(
+        real_hands::arrive(
             &script.hand_bindings,
             &mut state.hand_states,
             n,
@@ -151,7 +150,7 @@ impl Island {
             fine.step(scheme, gates, targets, bodies, body);
         }
         voices(script, scheme, state, n, Voice::settle);
-        hands::feel(
+        real_hands::feel(
             &script.hand_bindings,
             &mut state.hand_states,
             n,
@@ -303,10 +302,10 @@ fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
             .iter_mut()
             .for_each(|body| body.struck(mat, push.force));
     }
-    while let Some(ergon) = script
+    while let Some((_, ergon)) = script
         .ergons
         .get(state.ergons)
-        .filter(|ergon| frame(ergon.at, scheme.rate) <= n)
+        .filter(|(frame, _)| *frame <= n)
     {
         state.ergons += 1;
         let mat = ergon.mat as usize;

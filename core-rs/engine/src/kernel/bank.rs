@@ -14,6 +14,8 @@ pub(crate) const SUMS: usize = 8;
 #[repr(align(64))]
 pub(crate) struct Lanes(pub(crate) [f64; LANES]);
 
+crate::archive::state!(Lanes { 0 });
+
 impl Lanes {
     pub(crate) const ZERO: Self = Self([0.0; LANES]);
 }
@@ -33,6 +35,8 @@ pub(crate) struct Rates {
     pub(crate) a: Lanes,
     pub(crate) b: Lanes,
 }
+
+crate::archive::state!(Rates { a, b });
 
 impl Rates {
     /// Write to `into` the coefficients of a group whose poles have `by` times the modulus.
@@ -54,6 +58,8 @@ pub(crate) struct Motion {
     /// x[n−1]
     pub(crate) before: Lanes,
 }
+
+crate::archive::state!(Motion { now, before });
 
 /// Advance a group by `sums.len()` frames and add its sum at each frame to `sums`.
 pub(crate) fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {

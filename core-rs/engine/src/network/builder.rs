@@ -7,7 +7,7 @@ use super::kinds::{Error, Tie};
 use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
 use crate::cell::{self, Cell};
 use crate::chance::Chance;
-use crate::generator::{self, BankForm, Decay, Losses, Topology};
+use crate::generator::{self, BankCell, BankForm, Decay, Losses, Topology};
 use crate::interrupt;
 use crate::law::Law;
 use crate::units::Rate;
@@ -116,10 +116,29 @@ impl Network {
         };
         let cells =
             generator::bank(form, draw).map_err(|error| self.refused(name, &error.to_string()))?;
+        let masses = vec![m; cells.len()];
+        self.cells(name, &masses, &cells)
+    }
+
+    /// Add the CELs of a bank, each with its own mass [kg]; returns the index of the first.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range, or the network is full.
+    pub fn cells(
+        &mut self,
+        name: &str,
+        masses: &[f64],
+        cells: &[BankCell],
+    ) -> Result<usize, Error> {
+        for (m, cell) in masses.iter().zip(cells) {
+            self.check(name, &[("M", *m, Rule::Positive)])?;
+            self.check_tuning(name, cell.f, Some(cell.t60))?;
+        }
+        let full = self.full_name(name);
         self.room(name, cells.len())?;
         let first = self.n_mat();
         let part = self.current();
-        for (at, cell) in cells.iter().enumerate() {
+        for (at, (&m, cell)) in masses.iter().zip(cells).enumerate() {
             if at.is_multiple_of(1024) {
                 interrupt::poll();
             }

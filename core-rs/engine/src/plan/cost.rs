@@ -108,12 +108,17 @@ fn times(mesh: &Mesh) -> f64 {
 }
 
 /// What a body takes in a trial a frame beyond [`body_cost`] [ns]: rows of a small plate are shorter than what the
-/// table was measured with.
+/// table was measured with. A step of CA goes through the rows once, those of the other methods several times.
 pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     const ROW: f64 = 2.5;
+    const ROW_OF_STAGES: f64 = 6.0;
     match inside {
         BodyPlan::Mesh(mesh) => {
-            times(mesh) * (ROW * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
+            let row = match mesh.way {
+                MeshMethod::Ca => ROW,
+                _ => ROW_OF_STAGES,
+            };
+            times(mesh) * (row * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
         }
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }

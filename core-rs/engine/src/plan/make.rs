@@ -14,7 +14,7 @@ use crate::plan::passes::body;
 use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
 use crate::plan::passes::linear::NoModes;
-use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, PortedBody as Body};
 use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
@@ -293,24 +293,25 @@ impl Maker<'_> {
     ) -> Result<Solved, Error> {
         let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
-            let assemble = |how: (u32, Ways<'_>)| {
+            let assemble = |how: (u32, MethodChoice<'_>)| {
                 let island = Assembled::new(&subset, own, self.budget, how, pin, &self.memo);
                 self.allowance.spend(self.memo.take_work());
                 island
             };
             // What grows at once is not worth a pilot.
             let has_slow_parts = subset.network.has_slow_parts();
-            let judged = has_slow_parts.then(|| assemble((1, Ways::Budget)));
+            let judged = has_slow_parts.then(|| assemble((1, MethodChoice::ByBudget)));
             let mut judged = match judged {
                 Some(Ok(island)) => multirate::certify(&island, &self.allowance),
                 _ => Ok(None),
             };
             if judged.is_ok() {
                 let found = match pin {
-                    Some(pin) => {
-                        pilot::pinned(assemble((pin.oversampling.max(1), Ways::Budget))?, pin)
-                            .ok_or_else(another)?
-                    }
+                    Some(pin) => pilot::pinned(
+                        assemble((pin.oversampling.max(1), MethodChoice::ByBudget))?,
+                        pin,
+                    )
+                    .ok_or_else(another)?,
                     None => pilot::pilot(&assemble, self.budget, &self.allowance)?,
                 };
                 // Where all of it goes more often its map is another.

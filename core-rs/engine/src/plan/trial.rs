@@ -1,12 +1,14 @@
 //! The beginning of an island is played to measure what its plan costs in accuracy.
 
 pub(in crate::plan) mod allowance;
+pub(in crate::plan) mod audible;
 pub(in crate::plan) mod chaos;
+pub(in crate::plan) mod horizon;
 pub(in crate::plan) mod macrostep;
 pub(in crate::plan) mod multirate;
 pub(in crate::plan) mod pilot;
+pub(in crate::plan) mod pilot_run;
 pub(in crate::plan) mod prune_modes;
 pub(in crate::plan) mod search;
-pub(in crate::plan) mod take;
 pub(in crate::plan) mod third_octaves;
 pub(in crate::plan) mod waveform_error;

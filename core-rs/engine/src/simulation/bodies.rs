@@ -7,7 +7,7 @@ use super::side::{At, MatLocation, Side, others};
 use super::{RunningUnit, Simulation};
 use crate::island::inside::{self, BodyPlan};
 use crate::network::Network;
-use crate::plan::{ModeShapes, Sight};
+use crate::plan::{ModalTransform, ModeShapes};
 
 /// Where a body is computed: a bank of its modes, or which body of an island.
 #[derive(Clone, Copy, Debug)]
@@ -113,11 +113,11 @@ impl<'a> Candidate<'a> {
     }
 
     /// Given a place in the room.
-    fn body(self, side: &Side<'_>, sight: Sight, room: &mut Room) -> Option<Body> {
+    fn body(self, side: &Side<'_>, transform: ModalTransform, room: &mut Room) -> Option<Body> {
         let first = room.mats.len();
         let how = match self.what {
             Wanted::Modes(network, kept) => {
-                let seen = ModeShapes::new(network, kept, side.rate, sight)?;
+                let seen = ModeShapes::new(network, kept, side.rate, transform)?;
                 let n = room.now.len().max(seen.n_modes());
                 room.now.resize(n, 0.0);
                 room.before.resize(n, 0.0);
@@ -148,7 +148,7 @@ pub(super) fn bodies(
     same: [&[bool]; 2],
     without: &HashSet<(At, usize)>,
     wanted: impl Fn(&str) -> bool,
-    sight: Sight,
+    transform: ModalTransform,
     room: &mut Room,
 ) -> (Vec<(String, MatLocation)>, Vec<Body>) {
     let (mut spots, mut found) = (Vec::new(), Vec::new());
@@ -157,7 +157,7 @@ pub(super) fn bodies(
             continue;
         }
         let names = known.names.clone();
-        let Some(body) = known.body(side, sight, room) else {
+        let Some(body) = known.body(side, transform, room) else {
             continue;
         };
         let slots = names.into_iter().zip(body.first..);

@@ -25,12 +25,46 @@ pub(super) struct Group {
     /// Index of the first in the plan.
     pub(super) first: usize,
     pub(super) units: Vec<RunningUnit>,
+    /// Of each unit, whether its sound is kept or known   (n_units)
+    pub(super) sources: Vec<SoundSource>,
     /// Threads that compute its large meshes together.
     pub(super) team: usize,
     /// (STRETCH or LONG · n_out)
     pub(super) sum: Vec<f64>,
     /// One island's   (STRETCH · its n_out)
     sound: Vec<f64>,
+}
+
+/// Where the sound of a unit comes from.
+#[derive(Clone, Debug)]
+pub(super) enum SoundSource {
+    /// It is computed.
+    Computed,
+    /// It is computed, and kept here   (n_frames · its n_out)
+    Recorded(Vec<f64>),
+    /// It is known from an earlier run: these frames, from this sample on; nothing of the unit moves.
+    Recalled(Vec<f64>, usize),
+}
+
+impl SoundSource {
+    /// The next frames, where they are known and there are so many.
+    fn recall(&mut self, sound: &mut [f64]) -> bool {
+        let Self::Recalled(known, at) = self else {
+            return false;
+        };
+        let Some(next) = known.get(*at..*at + sound.len()) else {
+            return false;
+        };
+        sound.copy_from_slice(next);
+        *at += sound.len();
+        true
+    }
+
+    fn keep(&mut self, sound: &[f64]) {
+        if let Self::Recorded(kept) = self {
+            kept.extend_from_slice(sound);
+        }
+    }
 }
 
 /// A running unit of a plan.
@@ -52,6 +86,7 @@ impl Group {
             first: range.start,
             team: 1,
             units: Vec::with_capacity(range.len()),
+            sources: vec![SoundSource::Computed; range.len()],
             sum: vec![0.0; room],
             sound: Vec::new(),
         };
@@ -97,13 +132,20 @@ impl Group {
         let sum = &mut self.sum[..n_out * n_frames];
         sum.fill(0.0);
         let mut fault: Option<Fault> = None;
-        for (running, unit) in self.units.iter_mut().zip(&plan.units[self.first..]) {
+        let units = self.units.iter_mut().zip(&mut self.sources);
+        for ((running, source), unit) in units.zip(&plan.units[self.first..]) {
             let team = if running.is_shared() { self.team } else { 1 };
             let found = ThreadTeam::with(team, |team| {
                 (0..n_frames).step_by(STRETCH).find_map(|from| {
                     let n_frames = STRETCH.min(n_frames - from);
                     let out = &mut sum[n_out * from..n_out * (from + n_frames)];
-                    running.go_on(unit, &mut self.sound, out, (n_out, n_frames), team)
+                    running.go_on(
+                        (unit, source),
+                        &mut self.sound,
+                        out,
+                        (n_out, n_frames),
+                        team,
+                    )
                 })
             });
             let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);
@@ -117,7 +159,7 @@ impl RunningUnit {
     /// A few frames, added to `out` (n_frames · n_out); `sound` is room for its own.
     fn go_on(
         &mut self,
-        unit: &Unit,
+        (unit, source): (&Unit, &mut SoundSource),
         sound: &mut [f64],
         out: &mut [f64],
         (n_out, n_frames): (usize, usize),
@@ -128,8 +170,11 @@ impl RunningUnit {
             (Self::Island(island), Unit::IslandPlan(island_plan)) => {
                 let own = island.n_out();
                 let sound = &mut sound[..own * n_frames];
-                if let Err(fault) = island.process(sound, n_frames, team) {
-                    return Some(fault.at_frame(island.oversampling()));
+                if !source.recall(sound) {
+                    if let Err(fault) = island.process(sound, n_frames, team) {
+                        return Some(fault.at_frame(island.oversampling()));
+                    }
+                    source.keep(sound);
                 }
                 add(sound, own, island_plan, out, n_out);
             }

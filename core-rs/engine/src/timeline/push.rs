@@ -3,7 +3,7 @@
 use super::Timeline;
 use crate::cell::Cell;
 use crate::network::{MatKind, Network};
-use crate::units::{floor_frame, frame};
+use crate::units::floor_frame;
 
 /// A force on a MAT at one frame: part of a strike.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +54,7 @@ pub(crate) fn pushes(
             }
         };
         if is_whole[mats.part[mat] as usize] {
-            push(frame(at, rate.hertz()), impulse * rate.hertz(), impulse);
+            push(timeline.frame(at), impulse * rate.hertz(), impulse);
             continue;
         }
         let n = floor_frame(at * rate.hertz());

@@ -8,7 +8,7 @@ use super::scene::options;
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{Network, Term};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -91,8 +91,8 @@ fn taken_over_and_damped() {
             for plan in &versions[1..] {
                 let (plan, at) = (plan.clone(), playing.frame());
                 let mut new = Simulation::planned_from(plan, by(threads), at).unwrap();
-                let mut carry = Carry::new(&playing, &new);
-                assert!(new.take_over(&mut playing, &mut carry));
+                let mut takeover = Takeover::new(&playing, &new);
+                assert!(new.take_over(&mut playing, &mut takeover));
                 playing = new;
                 playing.damp(Some(0.1));
                 all.extend(play(&mut playing, N, blocks));

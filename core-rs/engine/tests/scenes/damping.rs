@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -120,8 +120,8 @@ fn an_extra_viscosity_adds_up() {
             );
             let from = simulation.frame();
             let mut next = Simulation::planned_from(plan.clone(), plain(), from).unwrap();
-            let mut carry = Carry::new(&simulation, &next);
-            assert!(next.take_over(&mut simulation, &mut carry));
+            let mut takeover = Takeover::new(&simulation, &next);
+            assert!(next.take_over(&mut simulation, &mut takeover));
             let found = t60(&mut next, output, 0.5);
             assert!(
                 (found / own - 1.0).abs() < 0.02,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Computed, Method, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -55,8 +55,8 @@ fn joined(old: &Arc<Plan>, new: &Arc<Plan>, at: u64, n_frames: u64) -> Vec<f64> 
     let (before, after) = sound.split_at_mut(at as usize * n_out);
     old.process(before).unwrap();
     let mut new = Simulation::planned_from(new.clone(), plain(), at).unwrap();
-    let mut carry = Carry::new(&old, &new);
-    assert!(new.take_over(&mut old, &mut carry));
+    let mut takeover = Takeover::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut takeover));
     new.process(after).unwrap();
     sound
 }
@@ -112,8 +112,8 @@ fn a_cell_glides_to_another_stiffness() {
     simulation.skip(end - AT).unwrap();
     let mut kept = simulation.fork();
     let mut next = Simulation::planned_from(after, plain(), end).unwrap();
-    let mut carry = Carry::new(&simulation, &next);
-    assert!(next.take_over(&mut simulation, &mut carry));
+    let mut takeover = Takeover::new(&simulation, &next);
+    assert!(next.take_over(&mut simulation, &mut takeover));
     let (mut a, mut b) = (vec![0.0; 5_000], vec![0.0; 5_000]);
     kept.process(&mut a).unwrap();
     next.process(&mut b).unwrap();

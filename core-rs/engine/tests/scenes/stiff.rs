@@ -9,7 +9,7 @@ use ergon_engine::law::{Law, LawText};
 use ergon_engine::maths::log10;
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -268,8 +268,8 @@ fn it_goes_on_through_everything() {
         let mut old = begin();
         assert!(play(&mut old, 480, &[37]) == before);
         let mut new = Simulation::planned_from(plan.clone(), plain(), 480).unwrap();
-        let mut carry = Carry::new(&old, &new);
-        assert!(new.take_over(&mut old, &mut carry));
+        let mut takeover = Takeover::new(&old, &new);
+        assert!(new.take_over(&mut old, &mut takeover));
         assert!(play(&mut new, N, &[N]) == after, "{method:?}");
         assert_eq!(new.finer(), told);
     }
@@ -289,8 +289,8 @@ fn another_takes_over() {
     let before = play(&mut old, 480, &[480]);
     let other = Arc::new(gong(Some(0.5)));
     let mut new = Simulation::planned_from(plan(&other), plain(), 480).unwrap();
-    let mut carry = Carry::new(&old, &new);
-    assert!(new.take_over(&mut old, &mut carry));
+    let mut takeover = Takeover::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut takeover));
     new.damp(Some(0.02));
     let after = play(&mut new, N, &[N]);
     let loudest = |bits: &[u64]| {

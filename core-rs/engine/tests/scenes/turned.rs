@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{But, Contact, Network, Side, Term};
 use ergon_engine::plan::{Budget, Computed, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -138,8 +138,8 @@ fn another_version_goes_on_from_turned_modes() {
         let mut old = Simulation::planned(closed, alone()).unwrap();
         heard(&mut old, N / 2);
         let mut new = Simulation::planned_from(open, alone(), (N / 2) as u64).unwrap();
-        let mut carry = Carry::new(&old, &new);
-        assert!(new.take_over(&mut old, &mut carry));
+        let mut takeover = Takeover::new(&old, &new);
+        assert!(new.take_over(&mut old, &mut takeover));
         let found = heard(&mut new, N / 2);
         assert!(
             apart(&found, &wanted) < by.apart(),

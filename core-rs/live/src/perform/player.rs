@@ -4,7 +4,7 @@
 //! another version in place.
 
 pub(super) mod change;
-mod hands;
+mod exchange;
 mod sound;
 mod telling;
 

@@ -7,7 +7,7 @@ use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::law::Law;
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{Carry, OnFault, Options};
+use ergon_engine::simulation::{OnFault, Options, Takeover};
 use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
 
@@ -103,6 +103,7 @@ fn stage() -> Stage {
         gain: 1.0,
         limiter: Limiter::new(RATE, 2, 1.0).unwrap(),
         n_frames: None,
+        fades: None,
         tick_frames: EVERY,
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
@@ -149,7 +150,7 @@ fn changes_are_done_at_their_frames() {
     };
     tick_by_hand(50);
     let change = |at: usize, old: &Simulation, gain: f64| Change {
-        simulation: Some((versions[at].fork(), Carry::new(old, &versions[at]))),
+        simulation: Some((versions[at].fork(), Takeover::new(old, &versions[at]))),
         mixer: Some(mixer(gain)),
         gain: Some(0.7),
         bars: Some(vec![0, 1_000]),
@@ -197,8 +198,8 @@ fn changes_are_done_at_their_frames() {
         for (at, part) in [(0, 0.9), (1, 0.4)] {
             if tick * every == frames[at] {
                 let mut next = versions[at].fork();
-                let mut carry = Carry::new(&offline, &next);
-                assert!(next.take_over(&mut offline, &mut carry));
+                let mut takeover = Takeover::new(&offline, &next);
+                assert!(next.take_over(&mut offline, &mut takeover));
                 offline = next;
                 let mut other = mixer(part);
                 other.take_over(&mix, None);

@@ -360,8 +360,8 @@ impl Watched {
 }
 
 #[cfg(test)]
-mod hands;
-#[cfg(test)]
 mod played;
+#[cfg(test)]
+mod playing_hands;
 #[cfg(test)]
 mod tests;

@@ -179,5 +179,30 @@ fn plates_that_cannot_bend_are_refused() {
     assert!(refused(Shape::Disc, 5, 0.6).contains("`poisson`"));
     assert!(refused(Shape::Rectangle { across: 9, up: 2 }, 0, 0.3).contains("`sides`"));
     let flat = plate(Shape::Disc, 5, Rim::Free).expect_err("refused");
-    assert!(flat.to_string().contains("bending"));
+    assert!(flat.to_string().contains("rings"));
+}
+
+#[test]
+fn a_round_membrane_has_the_modes_of_bessel_functions() {
+    let disc = round_membrane(12, Rim::Fixed).expect("membrane");
+    assert_eq!((disc.n_mat, disc.n_fixed), (397, 72));
+    assert!(disc.runs.iter().all(|run| run.factor > 0.0));
+    // In coordinates √M·x.
+    let mut matrix = dense(&disc);
+    for (i, j) in (0..397).flat_map(|i| (0..397).map(move |j| (i, j))) {
+        matrix[(i, j)] /= (disc.share(i) * disc.share(j)).sqrt();
+    }
+    let mut values: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
+    values.sort_by(f64::total_cmp);
+    let zeros = [
+        2.404_826, 3.831_706, 3.831_706, 5.135_622, 5.135_622, 5.520_078,
+    ];
+    for (value, zero) in values.iter().zip(zeros) {
+        assert!(
+            close((value / values[0]).sqrt(), zero / zeros[0], 0.01),
+            "{value} {zero}"
+        );
+    }
+    assert!(close(disc.lowest().expect("mode"), values[0], 1e-10));
+    assert!(round_membrane(1, Rim::Free).is_err());
 }

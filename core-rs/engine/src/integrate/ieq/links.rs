@@ -29,6 +29,8 @@ pub(super) struct State {
     pub(super) c: Vec<f64>,
 }
 
+crate::archive::state!(State { psi, g, c });
+
 /// Refuses a link whose energy is not known in closed form, or has no lower bound at rest.
 pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Error> {
     let refuse = |a: usize, b: usize, message: &str| {

@@ -85,6 +85,16 @@ pub(super) struct LawState {
     room: Vec<f64>,
 }
 
+crate::archive::state!(LawState {
+    force,
+    elongation,
+    rate,
+    begin,
+    largest,
+    inverse,
+    known,
+});
+
 /// A law at one instant.
 #[derive(Clone, Copy)]
 struct LawNow<'a> {

@@ -8,7 +8,7 @@ use crate::network::{Error, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::linear::NoModes;
-use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, Cut, PortedBody};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
@@ -37,7 +37,7 @@ impl Assembled {
         subset: &Subset,
         own: &OwnTimeline,
         budget: &Budget,
-        (oversampling, ways): (u32, Ways<'_>),
+        (oversampling, choice): (u32, MethodChoice<'_>),
         pin: Option<&Choice>,
         memo: &Memo<'_>,
     ) -> Result<Self, Error> {
@@ -54,7 +54,7 @@ impl Assembled {
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);
-        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways, memo);
+        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
         let mut found = None;
         if let Some(cut) = cut {
             // A contact that is followed between frames takes a port for a free mass: it swings up with a mesh that
@@ -114,16 +114,19 @@ impl Assembled {
             certificate,
             because,
             may_collocate,
-            is_stepped: matches!(ways, Ways::Stepped),
+            is_stepped: matches!(choice, MethodChoice::Stepped),
         })
     }
 
-    /// The same at another rate; `ways`: how its meshes go.
-    pub(in crate::plan) fn again<'a>(&self, ways: &'a [Option<(MeshMethod, u32)>]) -> Ways<'a> {
+    /// The choice that makes the same island at another rate; `methods`: how its meshes go.
+    pub(in crate::plan) fn again<'a>(
+        &self,
+        methods: &'a [Option<(MeshMethod, u32)>],
+    ) -> MethodChoice<'a> {
         if self.is_stepped {
-            Ways::Stepped
+            MethodChoice::Stepped
         } else {
-            Ways::As(ways)
+            MethodChoice::AsBefore(methods)
         }
     }
 
@@ -135,7 +138,7 @@ impl Assembled {
     }
 
     /// How its bodies go that are meshes, in order.
-    pub(in crate::plan) fn ways(&self) -> Vec<Option<(MeshMethod, u32)>> {
+    pub(in crate::plan) fn mesh_methods(&self) -> Vec<Option<(MeshMethod, u32)>> {
         let bodies = self.island_plan.bodies.iter();
         let way = |body: &BodyPlan| match body {
             BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
@@ -181,7 +184,7 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
 
 /// How finely the contacts of a network are computed, `most` times a frame at most, whether laws may be too, and whether
 /// the rest of it is stable.
-fn hub(
+pub(in crate::plan) fn hub(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,

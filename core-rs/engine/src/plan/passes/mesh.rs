@@ -28,15 +28,15 @@ pub(in crate::plan) const LADDER: [(MeshMethod, u32, f64); 10] = [
     (MeshMethod::Ieq, 2, 28.0),
 ];
 
-/// How meshes are to go.
+/// Which methods the meshes of an island are computed by.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) enum Ways<'a> {
+pub(in crate::plan) enum MethodChoice<'a> {
     /// By the budget.
-    Budget,
-    /// By what cannot diverge.
-    Safe,
+    ByBudget,
+    /// By a method that is stable at any step.
+    Unconditional,
     /// As the meshes among these bodies do, in order: an island at another rate.
-    As(&'a [Option<(MeshMethod, u32)>]),
+    AsBefore(&'a [Option<(MeshMethod, u32)>]),
     /// All by one method.
     All((MeshMethod, u32)),
     /// Neither they nor linear bodies by themselves: all of the island module by module.
@@ -61,7 +61,7 @@ pub(in crate::plan) fn mesh(
     body: &Body,
     budget: &Budget,
     pin: Option<&[u32]>,
-    (ways, index): (Ways<'_>, usize),
+    (choice, index): (MethodChoice<'_>, usize),
 ) -> Option<Mesh> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
     if is_discrete(network, &subset.network) {
@@ -78,15 +78,15 @@ pub(in crate::plan) fn mesh(
     let (way, substeps) = match pin {
         Some(&[way, substeps]) => (*MeshMethod::ALL.get(way as usize)?, substeps),
         Some(_) => return None,
-        None => match ways {
-            Ways::As(bodies) => (*bodies.get(index)?)?,
-            Ways::All((way, substeps)) => {
+        None => match choice {
+            MethodChoice::AsBefore(bodies) => (*bodies.get(index)?)?,
+            MethodChoice::All((way, substeps)) => {
                 let way = if is_led { MeshMethod::Bm4 } else { way };
                 certify(&stiffest, rate, way, substeps).ok()?;
                 (way, substeps)
             }
-            Ways::Stepped => return None,
-            Ways::Safe if !is_led => choose(&stiffest, rate, budget, true)?,
+            MethodChoice::Stepped => return None,
+            MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
             _ if is_led => choose_led(&stiffest, rate, budget)?,
             _ => choose(&stiffest, rate, budget, false)?,
         },

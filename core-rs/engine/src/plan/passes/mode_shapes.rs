@@ -4,13 +4,13 @@ use crate::network::Network;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
 
-/// Which way a body is seen: tables lie so that they are read in order.
+/// Which transform a table of mode shapes is for: it is stored in the order in which that transform reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Sight {
+pub(crate) enum ModalTransform {
     /// From amplitudes to positions.
-    Positions,
+    ToPositions,
     /// From positions to amplitudes.
-    Amplitudes,
+    ToAmplitudes,
 }
 
 /// Every mass of a body and every mode that is computed of it.
@@ -32,7 +32,7 @@ impl ModeShapes {
         network: &Network,
         (kept, turned): (&[u32], Option<&[usize]>),
         rate: Rate,
-        sight: Sight,
+        transform: ModalTransform,
     ) -> Option<Self> {
         let kinds = network.mats().kind.iter().enumerate();
         let moving = kinds.filter(|(_, kind)| kind.moves());
@@ -50,12 +50,12 @@ impl ModeShapes {
         let rest = |shape: &Vec<f64>| shape.iter().zip(&modes.rest).map(|(a, b)| a * b).sum();
         let share = |mat: usize, mode: u32| modes.shapes[mat][mode as usize];
         let all = 0..mats.len();
-        let shapes = match sight {
-            Sight::Positions => kept
+        let shapes = match transform {
+            ModalTransform::ToPositions => kept
                 .iter()
                 .flat_map(|&mode| all.clone().map(|mat| share(mat, mode)).collect::<Vec<_>>())
                 .collect(),
-            Sight::Amplitudes => all
+            ModalTransform::ToAmplitudes => all
                 .flat_map(|mat| {
                     kept.iter()
                         .map(|&mode| share(mat, mode))

@@ -70,17 +70,13 @@ impl Modes {
         }
         let (lambda, mut seen) = whole(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
         let top = lambda.last().copied().unwrap_or(0.0);
-        // A body that nothing holds has a mode at 0, to rounding.
-        let lambda: Vec<f64> = lambda
-            .into_iter()
-            .map(|lambda| {
-                if lambda <= 1e-13 * top * n as f64 {
-                    0.0
-                } else {
-                    lambda
-                }
-            })
-            .collect();
+        // A body that nothing holds has a mode at 0, to rounding; below it a mode grows.
+        let least = 1e-13 * top * n as f64;
+        if lambda.iter().any(|lambda| *lambda < -least) {
+            return Err(NoModes::Diverges);
+        }
+        let loose = |lambda: f64| if lambda <= least { 0.0 } else { lambda };
+        let lambda: Vec<f64> = lambda.into_iter().map(loose).collect();
         let zeta = match linear.proportion {
             Some([alpha, beta]) => lambda.iter().map(|lambda| alpha + beta * lambda).collect(),
             None => {

@@ -14,7 +14,7 @@ use crate::plan::passes::body::{blows, heard};
 use crate::plan::passes::complex_body::{self, Part};
 use crate::plan::passes::complex_modes::Sum;
 use crate::plan::passes::linear::NoModes;
-use crate::plan::passes::mesh::{self, Ways};
+use crate::plan::passes::mesh::{self, MethodChoice};
 use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::slow::slow;
 use crate::plan::passes::solved_modes::Memo;
@@ -56,14 +56,15 @@ pub(in crate::plan) fn cut(
     timeline: &Timeline,
     budget: &Budget,
     pin: Option<&Choice>,
-    ways: Ways<'_>,
+    choice: MethodChoice<'_>,
     memo: &Memo<'_>,
 ) -> (Option<Cut>, Option<NoModes>) {
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
     // What was decided before has no bodies then.
-    let has_bodies = !matches!(ways, Ways::Stepped) && pin.is_none_or(|pin| !pin.kept.is_empty());
+    let has_bodies =
+        !matches!(choice, MethodChoice::Stepped) && pin.is_none_or(|pin| !pin.kept.is_empty());
     for (body, slow) in slow(network, timeline).bodies {
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
@@ -92,7 +93,7 @@ pub(in crate::plan) fn cut(
         for body in wiring.bodies(network, true, is_asked) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
             if let Some(mesh) =
-                mesh::mesh(network, timeline, &body, budget, pin, (ways, found.len()))
+                mesh::mesh(network, timeline, &body, budget, pin, (choice, found.len()))
             {
                 found.push((body, BodyPlan::Mesh(mesh)));
             }

@@ -32,11 +32,19 @@ pub fn key(network: &Network, timeline: &Timeline, budget: &Budget, share: f64) 
     let mut sink = Sink(Sha256::new());
     // A hash takes everything: nothing can fail.
     let _ = write!(sink, "{network:?}\n{timeline:?}\n{budget:?}\n{share:?}");
-    let digest = sink.0.finalize();
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    sink.hex()
 }
 
-struct Sink(Sha256);
+/// What is written is hashed.
+pub(in crate::plan) struct Sink(pub(in crate::plan) Sha256);
+
+impl Sink {
+    /// The hash (64 hex digits).
+    pub(in crate::plan) fn hex(self) -> String {
+        let digest = self.0.finalize();
+        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
 
 impl Write for Sink {
     fn write_str(&mut self, text: &str) -> fmt::Result {
@@ -52,8 +60,14 @@ pub(in crate::plan) fn recall(rows: &mut [Row], reports: &[CachedReport]) -> Res
     }
     for (row, reports) in rows.iter_mut().zip(reports) {
         let numbers = reports.error.iter();
-        let numbers =
-            numbers.flat_map(|reports| [Some(reports.db), Some(reports.over), reports.spectral]);
+        let numbers = numbers.flat_map(|reports| {
+            let audible = reports.audible;
+            let heard = audible.map(|audible| [audible.cents, audible.t60, audible.level]);
+            let heard = heard.into_iter().flatten().map(Some);
+            [Some(reports.db), Some(reports.over), reports.spectral]
+                .into_iter()
+                .chain(heard)
+        });
         let is_number = numbers
             .flatten()
             .chain(reports.left_out)

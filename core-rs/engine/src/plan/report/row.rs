@@ -7,6 +7,7 @@ use crate::plan::cost::{self, Costs};
 use crate::plan::passes::audible::{Body, ModeKind};
 use crate::plan::passes::islands::IslandMembers;
 use crate::plan::passes::ported::PortedBody;
+use crate::plan::trial::audible::Audible;
 use crate::plan::{BankPlan, IslandPlan};
 use crate::scheme::{Certificate, StabilityGuarantee};
 use crate::timeline::Timeline;
@@ -56,6 +57,8 @@ pub struct Measured {
     /// Where no two ways of computing give the same waveform for longer: how far third octaves are apart after
     /// all, in the mean [dB].
     pub spectral: Option<f64>,
+    /// What is heard of it, where pitch is what counts.
+    pub audible: Option<Audible>,
 }
 
 /// A row of a plan.

@@ -11,28 +11,30 @@ use crate::network::Error;
 const SMALL: (usize, f64) = (100, 1.0);
 const LARGE: (usize, f64) = (1_000, 2.5);
 const MOST: f64 = 10.0;
+/// So large a part more lies aside, to see how long errors hold.
+const ASIDE: f64 = 0.25;
 
 /// Why a trial gives no result.
 #[derive(Debug)]
-pub(in crate::plan) enum Halt {
+pub(in crate::plan) enum TrialError {
     /// The island cannot be played.
-    Error(Error),
+    Engine(Error),
     /// The allowance is spent.
-    Spent,
+    AllowanceSpent,
 }
 
-impl From<Error> for Halt {
+impl From<Error> for TrialError {
     fn from(error: Error) -> Self {
-        Self::Error(error)
+        Self::Engine(error)
     }
 }
 
 /// The result of a trial; `None` where the allowance ended first.
-pub(in crate::plan) fn unless_spent<T>(result: Result<T, Halt>) -> Result<Option<T>, Error> {
+pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<Option<T>, Error> {
     match result {
         Ok(found) => Ok(Some(found)),
-        Err(Halt::Spent) => Ok(None),
-        Err(Halt::Error(error)) => Err(error),
+        Err(TrialError::AllowanceSpent) => Ok(None),
+        Err(TrialError::Engine(error)) => Err(error),
     }
 }
 
@@ -41,6 +43,8 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, Halt>) -> Result<Option
 pub(in crate::plan) struct Allowance {
     total: f64,
     drawn: Cell<f64>,
+    /// Work taken from what lies aside, beyond the total.
+    drawn_aside: Cell<f64>,
     /// Trials that ended because the allowance was spent.
     n_refused: Cell<usize>,
 }
@@ -58,6 +62,7 @@ impl Allowance {
         Self {
             total: share * seconds,
             drawn: Cell::new(0.0),
+            drawn_aside: Cell::new(0.0),
             n_refused: Cell::new(0),
         }
     }
@@ -66,12 +71,12 @@ impl Allowance {
     ///
     /// # Errors
     ///
-    /// [`Halt::Spent`] where less is left: then all of it is spent, whatever smaller trials would still fit.
-    pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), Halt> {
+    /// [`TrialError::AllowanceSpent`] where less is left: then all of it is spent, whatever smaller trials would still fit.
+    pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
         let drawn = self.drawn.get() + seconds;
         if self.n_refused.get() > 0 || drawn > self.total {
             self.n_refused.set(self.n_refused.get() + 1);
-            return Err(Halt::Spent);
+            return Err(TrialError::AllowanceSpent);
         }
         self.drawn.set(drawn);
         Ok(())
@@ -86,12 +91,27 @@ impl Allowance {
     ///
     /// # Errors
     ///
-    /// [`Halt::Spent`] where less is left.
-    pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), Halt> {
+    /// [`TrialError::AllowanceSpent`] where less is left.
+    pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), TrialError> {
         if self.drawn.get() + seconds > self.total {
             return self.draw(f64::INFINITY);
         }
         self.draw(0.0)
+    }
+
+    /// What is left of a part of it that lies aside, to be drawn from by itself: no trial ends because of it.
+    pub(in crate::plan) fn aside(&self) -> Self {
+        Self {
+            total: ASIDE * self.total - self.drawn_aside.get(),
+            drawn: Cell::new(0.0),
+            drawn_aside: Cell::new(0.0),
+            n_refused: Cell::new(0),
+        }
+    }
+
+    /// Take work [s] from what lies aside.
+    pub(in crate::plan) fn spend_aside(&self, seconds: f64) {
+        self.drawn_aside.set(self.drawn_aside.get() + seconds);
     }
 
     /// Trials that ended because the allowance was spent.
@@ -123,8 +143,14 @@ mod tests {
     fn is_spent_from_the_first_trial_that_does_not_fit() {
         let allowance = Allowance::new(1, 1.0);
         assert!(allowance.draw(0.75).is_ok());
-        assert!(matches!(allowance.draw(0.5), Err(Halt::Spent)));
-        assert!(matches!(allowance.draw(0.1), Err(Halt::Spent)));
+        assert!(matches!(
+            allowance.draw(0.5),
+            Err(TrialError::AllowanceSpent)
+        ));
+        assert!(matches!(
+            allowance.draw(0.01),
+            Err(TrialError::AllowanceSpent)
+        ));
         assert_eq!((allowance.n_refused(), allowance.spent()), (2, (0.75, 1.0)));
     }
 
@@ -132,7 +158,10 @@ mod tests {
     fn what_has_to_be_done_leaves_less_for_trials() {
         let allowance = Allowance::new(1, 1.0);
         allowance.spend(0.75);
-        assert!(matches!(allowance.draw(0.5), Err(Halt::Spent)));
+        assert!(matches!(
+            allowance.draw(0.5),
+            Err(TrialError::AllowanceSpent)
+        ));
         allowance.spend(9.0);
         assert_eq!(allowance.spent(), (1.0, 1.0));
     }

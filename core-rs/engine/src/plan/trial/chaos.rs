@@ -1,4 +1,4 @@
-//! Takes that part for good: where the smallest difference grows, no method and no rate gives the same waveform twice.
+//! Runs that part for good: where the smallest difference grows, no method and no rate gives the same waveform twice.
 //!
 //! Such a beginning is known by a nudge: all speeds a little less for a moment, far below any error of a method. In
 //! what is linear the nudge stays as small; where pitches depend on amplitudes it grows with time, or its square;
@@ -9,12 +9,12 @@ use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
-use crate::plan::trial::allowance::{Allowance, Halt};
-use crate::plan::trial::take::{LOOK, Take, nudged};
+use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::trial::pilot_run::{LOOK, PilotRun, nudged};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::{ORDERS, Spans, errors};
 
-/// The first stretch that takes are compared over [s]; each is as long as all before it.
+/// The first stretch that runs are compared over [s]; each is as long as all before it.
 const FIRST: f64 = 1.25e-3;
 /// A stroke is heard by its first [s].
 const ATTACK: f64 = 0.02;
@@ -37,7 +37,7 @@ pub(in crate::plan) struct Stretches {
     edges: Vec<usize>,
 }
 
-/// How far two takes are apart, stretch by stretch [dB], all outputs together, each as loud as the others.
+/// How far two runs are apart, stretch by stretch [dB], all outputs together, each as loud as the others.
 struct Profile {
     /// In each alone; `None` where it is too quiet.
     alone: Vec<Option<f64>>,
@@ -45,7 +45,7 @@ struct Profile {
     upto: Vec<f64>,
 }
 
-/// What two takes, one of half the step, say of each other where they part for good.
+/// What two runs, one of half the step, say of each other where they part for good.
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct Parting {
     /// Error from the first sound to the end of each stretch [dB].
@@ -58,11 +58,11 @@ pub(in crate::plan) struct Parting {
     pub(in crate::plan) spectral: f64,
 }
 
-/// Two takes of an island, the second one of half the step, and by which errors each is judged.
+/// Two runs of an island, the second one of half the step, and by which errors each is judged.
 #[derive(Clone, Copy)]
 pub(in crate::plan) struct Pair<'a> {
-    pub(in crate::plan) take: &'a Take,
-    pub(in crate::plan) finer: &'a Take,
+    pub(in crate::plan) run: &'a PilotRun,
+    pub(in crate::plan) finer: &'a PilotRun,
     pub(in crate::plan) spans: &'a Spans,
     pub(in crate::plan) stretches: &'a Stretches,
 }
@@ -161,7 +161,7 @@ impl Pair<'_> {
     fn parts_at(&self) -> Option<usize> {
         let alone = self
             .stretches
-            .apart(&self.take.sound, &self.finer.sound)
+            .apart(&self.run.sound, &self.finer.sound)
             .alone;
         alone.iter().position(|db| db.is_some_and(|db| db > PARTED))
     }
@@ -171,15 +171,15 @@ impl Pair<'_> {
         Some(self.stretches.edges[self.parts_at()?.max(1)])
     }
 
-    /// What they say where they part, and a nudge has the take part from itself; `None` where that is not so: then
-    /// finer steps bring takes together.
+    /// What they say where they part, and a nudge has the run part from itself; `None` where that is not so: then
+    /// finer steps bring runs together.
     pub(in crate::plan) fn parting(
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
         allowance: &Allowance,
-    ) -> Result<Option<Parting>, Halt> {
-        if self.take.is_lost || self.parts_at().is_none() || is_linear(island_plan) {
+    ) -> Result<Option<Parting>, TrialError> {
+        if self.run.is_lost || self.parts_at().is_none() || is_linear(island_plan) {
             return Ok(None);
         }
         let grown = self.nudge(island_plan, contact_substeps, allowance)?;
@@ -198,10 +198,10 @@ impl Pair<'_> {
         )))
     }
 
-    /// What they say, by the errors of the take or of the finer one; a nudge is known to grow.
+    /// What they say, by the errors of the run or of the finer one; a nudge is known to grow.
     fn told(&self, grows: f64, of: fn((f64, f64)) -> f64) -> Parting {
-        let (take, finer) = (&self.take.sound, &self.finer.sound);
-        let upto = self.stretches.apart(take, finer).upto.into_iter();
+        let (run, finer) = (&self.run.sound, &self.finer.sound);
+        let upto = self.stretches.apart(run, finer).upto.into_iter();
         let upto: Vec<f64> = upto
             .map(|change| of(errors(change, None, ORDERS.1)))
             .collect();
@@ -211,18 +211,18 @@ impl Pair<'_> {
             attack: upto[self.stretches.within(ATTACK, self.spans) - 1],
             upto,
             grows,
-            spectral: levels_apart(&take[from..], &finer[from..], n_out, rate),
+            spectral: levels_apart(&run[from..], &finer[from..], n_out, rate),
         }
     }
 
-    /// How far a nudge has the take from itself, stretch by stretch.
+    /// How far a nudge has the run from itself, stretch by stretch.
     fn nudge(
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
         allowance: &Allowance,
-    ) -> Result<Vec<Option<f64>>, Halt> {
-        let n_frames = self.take.sound.len() / self.spans.n_out.max(1);
+    ) -> Result<Vec<Option<f64>>, TrialError> {
+        let n_frames = self.run.sound.len() / self.spans.n_out.max(1);
         let from = self.stretches.start().next_multiple_of(LOOK);
         let nudged = nudged(
             (island_plan, contact_substeps),
@@ -232,7 +232,7 @@ impl Pair<'_> {
         )?;
         // From then on it goes as it will.
         let after = Stretches::from(from + LOOK, n_frames, self.spans);
-        Ok(after.apart(&nudged.sound, &self.take.sound).alone)
+        Ok(after.apart(&nudged.sound, &self.run.sound).alone)
     }
 }
 
@@ -282,7 +282,7 @@ impl Parting {
     }
 
     /// The error, and until what frame it is that: as long as it is what is `asked` for, or where it never is, as
-    /// long as takes agree at all.
+    /// long as runs agree at all.
     pub(in crate::plan) fn until(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
         let of = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
         let n = [of(asked), of(PARTED), 1]

@@ -8,14 +8,15 @@ use crate::network::{Error, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
-use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::slow::{Stays, slow};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::{self, Growth};
-use crate::plan::trial::take::{is_worth, length, play};
+use crate::plan::trial::pilot_run::{is_worth, length, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::StabilityGuarantee;
 
@@ -147,12 +148,12 @@ pub(in crate::plan) fn error(
     island: &Assembled,
     (memo, allowance): (&Memo<'_>, &Allowance),
 ) -> Result<Option<Measured>, Error> {
-    let ways = island.ways();
+    let methods = island.mesh_methods();
     let (oversampling, contact_substeps) = (
         island.island_plan.oversampling,
         island.island_plan.contact_substeps,
     );
-    let how = (oversampling, Ways::As(&ways));
+    let how = (oversampling, MethodChoice::AsBefore(&methods));
     let slow = Assembled::new(subset, own, budget, how, None, memo)?;
     let single = Subset {
         network: subset.network.with_macrosteps(|_, every| every.map(|_| 1)),
@@ -167,19 +168,24 @@ pub(in crate::plan) fn error(
     }
     let spans = Spans::of(&slow.island_plan, n_frames);
     let played = |island: &Assembled| {
-        let take = play(&island.island_plan, contact_substeps, n_frames, allowance);
-        unless_spent(take)
+        let run = play(&island.island_plan, contact_substeps, n_frames, allowance);
+        unless_spent(run)
     };
-    let (Some(slow), Some(single)) = (played(&slow)?, played(&single)?) else {
+    let (Some(slowly), Some(plainly)) = (played(&slow)?, played(&single)?) else {
         return Ok(None);
     };
-    let db = difference(&slow.sound, &single.sound, &spans);
-    let over = n_frames as f64 / spans.rate;
-    Ok(db.is_finite().then_some(Measured {
+    let db = difference(&slowly.sound, &plainly.sound, &spans);
+    if !db.is_finite() {
+        return Ok(None);
+    }
+    let measured = Measured {
         db,
-        over,
+        over: n_frames as f64 / spans.rate,
         spectral: None,
-    }))
+        audible: None,
+    };
+    let ways = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
+    unless_spent(horizon::held(measured, budget.asked(), ways, allowance))
 }
 
 /// How sure a certificate is of an island whose other links say `word`.

@@ -12,14 +12,16 @@ use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::assemble::Assembled;
-use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
-use crate::plan::trial::allowance::{Allowance, Halt, unless_spent};
+use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::horizon;
+use crate::plan::trial::pilot_run::{PilotRun, is_worth, length, play};
 use crate::plan::trial::prune_modes::fewer;
-use crate::plan::trial::search::{Search, Standing, TIMES_MAX};
-use crate::plan::trial::take::{Take, is_worth, length, play};
+use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{Spans, difference, errors};
 
 /// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
@@ -51,12 +53,12 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
 
 /// The cheapest island within the budget; `assemble` puts it together at some times the rate.
 pub(in crate::plan) fn pilot(
-    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
 ) -> Result<Piloted, Error> {
     if let Budget::Method(_) = budget {
-        let island = assemble((1, Ways::Budget))?;
+        let island = assemble((1, MethodChoice::ByBudget))?;
         return Ok(Piloted {
             island,
             error: None,
@@ -95,11 +97,11 @@ pub(in crate::plan) fn pilot(
         allowance,
     );
     let (island, found) = match unless_spent(cheaper)?.flatten() {
-        Some((other, take, error)) => {
+        Some((other, run, error)) => {
             let plain = Contacts {
                 contact_substeps: 1,
                 error: Some(error),
-                take,
+                run,
                 parting: None,
             };
             (other, plain)
@@ -113,8 +115,11 @@ pub(in crate::plan) fn pilot(
         allowance,
         once: found.contact_substeps * island.island_plan.oversampling as usize,
         n_frames,
+        budget,
     };
-    let told = |own: Option<f64>, parting: Option<&Parting>| {
+    let of_contacts =
+        unless_spent(found.audible(&island.island_plan, budget, (n_frames, &spans), allowance))?;
+    let told = |own: Option<f64>, parting: Option<&Parting>, audible: Option<Audible>| {
         let seconds = |frames: usize| frames as f64 / spans.rate;
         if let (Some(parting), Some(stretches)) = (parting, stretches.get()) {
             let (db, until) = parting.until(budget.asked(), stretches);
@@ -122,28 +127,31 @@ pub(in crate::plan) fn pilot(
                 db,
                 over: seconds(until),
                 spectral: Some(parting.spectral),
+                audible: None,
             });
         }
         own.map(|own| Measured {
             db: own.max(found.error.unwrap_or(f64::NEG_INFINITY)),
             over: seconds(n_frames),
             spectral: None,
+            audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
         })
     };
     let start = match search.finer(&island) {
         Some(finer) => {
-            let held = search.hold(island.clone(), found.take.clone(), &finer, None, None);
+            let held =
+                search.compare_with_finer(island.clone(), found.run.clone(), &finer, None, None);
             unless_spent(held)?
         }
         None => None,
     };
     let Some(start) = start else {
-        if found.take.is_lost
-            && let Some((island, take)) = safe(assemble, n_frames, allowance)?
+        if found.run.is_lost
+            && let Some((island, run)) = safe(assemble, n_frames, allowance)?
         {
             let steps = island.island_plan.contact_substeps;
-            let island = match take {
-                Some(take) => fewer(&island, (steps, &take), n_frames, budget, allowance)?,
+            let island = match run {
+                Some(run) => fewer(&island, (steps, &run), n_frames, budget, allowance)?,
                 None => island,
             };
             return Ok(Piloted {
@@ -151,45 +159,53 @@ pub(in crate::plan) fn pilot(
                 error: None,
             });
         }
-        let error = told(found.error, found.parting.as_ref());
+        let error = told(found.error, found.parting.as_ref(), None);
         let island = fewer(
             &island,
-            (found.contact_substeps, &found.take),
+            (found.contact_substeps, &found.run),
             n_frames,
             budget,
             allowance,
         )?;
         return Ok(Piloted { island, error });
     };
-    let mut best = search.climb(start, budget)?;
-    if best.take.is_lost
-        && let Some((island, take)) = safe(assemble, n_frames, allowance)?
+    let mut best = search.improve(start, budget)?;
+    if best.run.is_lost
+        && let Some((island, run)) = safe(assemble, n_frames, allowance)?
     {
-        let Some(take) = take else {
+        let Some(run) = run else {
             return Ok(Piloted {
                 island,
                 error: None,
             });
         };
-        best = Standing {
+        best = Candidate {
             contact_substeps: island.island_plan.contact_substeps,
             island,
-            take,
-            own: f64::NAN,
+            run,
+            error: f64::NAN,
             parting: None,
+            audible: None,
             ..best
         };
     }
     // What is lost, or by what cannot be lost, was held against nothing.
-    let own = Some(best.own).filter(|own| own.is_finite());
+    let own = Some(best.error).filter(|own| own.is_finite());
     let parting = best
         .parting
         .map(|parting| parting.with(found.parting.as_ref()));
-    let error = told(own, parting.as_ref());
+    let mut error = told(own, parting.as_ref(), best.audible);
+    if let Some(measured) = error.filter(|error| error.spectral.is_none())
+        && horizon::may_grow(&best.island.island_plan)
+        && let Some(finer) = search.finer(&best.island)
+    {
+        let pair = search.pair(&best.island.island_plan, &finer.island_plan);
+        error = unless_spent(horizon::held(measured, budget.asked(), pair, allowance))?;
+    }
     Ok(Piloted {
         island: fewer(
             &best.island,
-            (best.contact_substeps, &best.take),
+            (best.contact_substeps, &best.run),
             n_frames,
             budget,
             allowance,
@@ -200,29 +216,29 @@ pub(in crate::plan) fn pilot(
 
 /// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.
 fn safe(
-    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     n_frames: usize,
     allowance: &Allowance,
-) -> Result<Option<(Assembled, Option<Take>)>, Error> {
-    let Ok(island) = assemble((1, Ways::Safe)) else {
+) -> Result<Option<(Assembled, Option<PilotRun>)>, Error> {
+    let Ok(island) = assemble((1, MethodChoice::Unconditional)) else {
         return Ok(None);
     };
     let steps = island.island_plan.contact_substeps;
-    let take = unless_spent(play(&island.island_plan, steps, n_frames, allowance))?;
-    let is_lost = take.as_ref().is_some_and(|take| take.is_lost);
-    Ok((!is_lost).then_some((island, take)))
+    let run = unless_spent(play(&island.island_plan, steps, n_frames, allowance))?;
+    let is_lost = run.as_ref().is_some_and(|run| run.is_lost);
+    Ok((!is_lost).then_some((island, run)))
 }
 
 /// An island at the lowest rate at which it is stable.
 fn first(
-    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
 ) -> Result<Assembled, Error> {
-    match assemble((1, Ways::Budget)) {
+    match assemble((1, MethodChoice::ByBudget)) {
         // Where it diverges at this rate it may not at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let mut stable =
-                higher.filter_map(|oversampling| assemble((oversampling, Ways::Budget)).ok());
+            let mut stable = higher
+                .filter_map(|oversampling| assemble((oversampling, MethodChoice::ByBudget)).ok());
             stable.next().ok_or(error)
         }
         other => other,
@@ -233,18 +249,34 @@ fn first(
 struct Contacts {
     contact_substeps: usize,
     error: Option<f64>,
-    take: Take,
-    /// Where it is chaotic: then the error is that of the time until takes part.
+    run: PilotRun,
+    /// Where it is chaotic: then the error is that of the time until runs part.
     parting: Option<Parting>,
 }
 
 impl Contacts {
+    /// What is heard of the error of contacts, where it stays above what they are to be right to.
+    fn audible(
+        &self,
+        island_plan: &IslandPlan,
+        budget: &Budget,
+        (n_frames, spans): (usize, &Spans),
+        allowance: &Allowance,
+    ) -> Result<Option<Audible>, TrialError> {
+        let is_missed = self.error.is_some_and(|error| error > budget.contact());
+        if !is_missed || self.parting.is_some() || !matches!(budget, Budget::Cents { .. }) {
+            return Ok(None);
+        }
+        let finer = play(island_plan, 2 * self.contact_substeps, n_frames, allowance)?;
+        Ok(Audible::of_budget(budget, (&self.run, &finer.sound), spans))
+    }
+
     /// Nothing is known but that a part of the island goes beyond all bounds.
-    fn lost(contact_substeps: usize, take: Take) -> Self {
+    fn lost(contact_substeps: usize, run: PilotRun) -> Self {
         Self {
             contact_substeps,
             error: None,
-            take,
+            run,
             parting: None,
         }
     }
@@ -253,16 +285,16 @@ impl Contacts {
 /// An island of laws alone that is stepped more often, where that is right enough too and costs less than its laws
 /// between frames do, how it plays, and its error beside them [dB].
 fn cheaper(
-    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     (island, found): (&Assembled, &Contacts),
     budget: &Budget,
     (spans, n_frames): (&Spans, usize),
     allowance: &Allowance,
-) -> Result<Option<(Assembled, Take, f64)>, Halt> {
+) -> Result<Option<(Assembled, PilotRun, f64)>, TrialError> {
     let own = &island.island_plan;
     let is_between = own.contact_substeps == 1 && found.contact_substeps > 1;
     let is_right = found.error.is_some_and(|error| error <= budget.contact());
-    if !is_between || !is_right || found.take.is_lost || found.parting.is_some() {
+    if !is_between || !is_right || found.run.is_lost || found.parting.is_some() {
         return Ok(None);
     }
     let most = IslandPlan {
@@ -272,16 +304,16 @@ fn cheaper(
     .cost();
     let mut times = 2 * own.oversampling;
     while times <= TIMES_MAX {
-        let Ok(other) = assemble((times, Ways::Budget)) else {
+        let Ok(other) = assemble((times, MethodChoice::ByBudget)) else {
             break;
         };
         if other.island_plan.cost() >= most || !is_worth(&other.island_plan, n_frames) {
             break;
         }
-        let take = play(&other.island_plan, 1, n_frames, allowance)?;
-        let error = difference(&take.sound, &found.take.sound, spans);
-        if !take.is_lost && error <= budget.contact() {
-            return Ok(Some((other, take, error)));
+        let run = play(&other.island_plan, 1, n_frames, allowance)?;
+        let error = difference(&run.sound, &found.run.sound, spans);
+        if !run.is_lost && error <= budget.contact() {
+            return Ok(Some((other, run, error)));
         }
         times *= 2;
     }
@@ -294,7 +326,7 @@ fn contacts(
     n_frames: usize,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),
     allowance: &Allowance,
-) -> Result<Contacts, Halt> {
+) -> Result<Contacts, TrialError> {
     let island_plan = &island.island_plan;
     // Of what no waveform is promised laws are right as they are.
     let may_collocate = island.may_collocate && matches!(budget, Budget::Error(_));
@@ -302,47 +334,47 @@ fn contacts(
         return Ok(Contacts {
             contact_substeps: 1,
             error: None,
-            take: play(island_plan, 1, n_frames, allowance)?,
+            run: play(island_plan, 1, n_frames, allowance)?,
             parting: None,
         });
     }
     let aim = budget.contact();
     let order = if island.may_collocate { LAW } else { CONTACT };
     let mut contact_substeps = island_plan.contact_substeps;
-    let mut take = play(island_plan, contact_substeps, n_frames, allowance)?;
+    let mut run = play(island_plan, contact_substeps, n_frames, allowance)?;
     let mut last = None;
     let (mut parting, mut until) = (None, n_frames);
-    // What is known of the take: its error, and where it parts from others.
+    // What is known of the run: its error, and where it parts from others.
     let mut known: Option<(f64, Option<Parting>)> = None;
     loop {
         let finer = play(island_plan, 2 * contact_substeps, n_frames, allowance);
         let finer = match (finer, known.take()) {
             (Ok(finer), _) => finer,
-            (Err(Halt::Spent), Some((error, parting))) => {
+            (Err(TrialError::AllowanceSpent), Some((error, parting))) => {
                 return Ok(Contacts {
                     contact_substeps,
                     error: Some(error),
-                    take,
+                    run,
                     parting,
                 });
             }
-            (Err(Halt::Spent), None) if take.is_lost => {
-                return Ok(Contacts::lost(contact_substeps, take));
+            (Err(TrialError::AllowanceSpent), None) if run.is_lost => {
+                return Ok(Contacts::lost(contact_substeps, run));
             }
             (Err(halt), _) => return Err(halt),
         };
-        let pair = (!take.is_lost).then(|| Pair {
-            take: &take,
+        let pair = (!run.is_lost).then(|| Pair {
+            run: &run,
             finer: &finer,
             spans,
-            stretches: stretches.get_or_init(|| Stretches::of(&take.sound, spans)),
+            stretches: stretches.get_or_init(|| Stretches::of(&run.sound, spans)),
         });
         if let Some(pair) = pair
             && parting.is_none()
         {
             parting = pair.parting(island_plan, contact_substeps, allowance)?;
             if parting.is_some() {
-                // Of contacts only the time until takes part tells.
+                // Of contacts only the time until runs part tells.
                 (until, last) = (pair.together().unwrap_or(n_frames), None);
             }
         }
@@ -352,7 +384,7 @@ fn contacts(
                 .zip(pair)
                 .map(|(own, pair)| own.again(&pair, is_finer))
         };
-        let change = difference(&take.sound, &finer.sound, &spans.within(until));
+        let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let (own, left) = errors(change, last, order);
         // Once a step is another method: it tells nothing of how fast the error falls.
         last = Some(change).filter(|_| contact_substeps > 1);
@@ -361,7 +393,7 @@ fn contacts(
             return Ok(Contacts {
                 contact_substeps,
                 error: Some(own),
-                take,
+                run,
                 parting,
             });
         }
@@ -371,10 +403,10 @@ fn contacts(
                 contact_substeps,
                 error: Some(left),
                 parting: told(true),
-                take: finer,
+                run: finer,
             });
         }
         known = Some((left, told(true)));
-        take = finer;
+        run = finer;
     }
 }

@@ -9,7 +9,7 @@ use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::truncate::{KeptModes, choose};
 use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::take::{Take, is_worth, play};
+use crate::plan::trial::pilot_run::{PilotRun, is_worth, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
 /// So often fewer modes are tried, each time quieter ones by at least so much [dB].
@@ -19,13 +19,13 @@ const QUIETER: f64 = 2.0;
 /// An island without the modes that are not heard: those that energies tell, then tested by ear.
 pub(in crate::plan) fn fewer(
     island: &Assembled,
-    (contact_substeps, take): (usize, &Take),
+    (contact_substeps, run): (usize, &PilotRun),
     n_frames: usize,
     budget: &Budget,
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
     let with = |allowed: Option<f64>| {
-        let bodies = island.island_plan.bodies.iter().zip(&take.squares);
+        let bodies = island.island_plan.bodies.iter().zip(&run.squares);
         let kept = bodies.map(|(body, squares)| match body {
             BodyPlan::Modal(modal) => keep(&island.island_plan, modal, squares, allowed, budget),
             BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::none(),
@@ -49,13 +49,13 @@ pub(in crate::plan) fn fewer(
     // What nobody can hear is no error.
     let all = with(None);
     let sound = if count(&all) == count(island) {
-        take.sound.clone()
+        run.sound.clone()
     } else {
-        let take = play(&all.island_plan, contact_substeps, n_frames, allowance);
-        let Some(take) = unless_spent(take)? else {
+        let run = play(&all.island_plan, contact_substeps, n_frames, allowance);
+        let Some(run) = unless_spent(run)? else {
             return Ok(all);
         };
-        take.sound
+        run.sound
     };
     let spans = Spans::of(&island.island_plan, n_frames);
     let mut allowed = most;
@@ -64,11 +64,11 @@ pub(in crate::plan) fn fewer(
         if count(&fewer) == count(&all) {
             break;
         }
-        let take = play(&fewer.island_plan, contact_substeps, n_frames, allowance);
-        let Some(take) = unless_spent(take)? else {
+        let run = play(&fewer.island_plan, contact_substeps, n_frames, allowance);
+        let Some(run) = unless_spent(run)? else {
             break;
         };
-        let loud = difference(&take.sound, &sound, &spans);
+        let loud = difference(&run.sound, &sound, &spans);
         if loud <= most {
             let bodies = fewer.bodies.iter_mut();
             bodies.for_each(|body| body.left_out = body.left_out.map(|_| loud));

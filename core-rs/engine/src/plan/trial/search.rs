@@ -4,13 +4,16 @@ use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 use std::cell::OnceCell;
 
 use crate::integrate::MeshMethod;
+use crate::maths::decibels;
 use crate::network::Error;
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
-use crate::plan::passes::mesh::Ways;
-use crate::plan::trial::allowance::{Allowance, Halt, unless_spent};
+use crate::plan::passes::mesh::MethodChoice;
+use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
+use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
-use crate::plan::trial::take::{Take, is_worth, play};
+use crate::plan::trial::pilot_run::{PilotRun, is_worth, play};
 
 /// An island is stepped at most so often a frame.
 pub(in crate::plan) const TIMES_MAX: u32 = 8;
@@ -22,64 +25,70 @@ const RUNGS: [(MeshMethod, u32); 5] = [
     (MeshMethod::Bm4, 2),
     (MeshMethod::Bm4, 4),
 ];
-/// The way to an island that is exact enough: meshes by better methods, all of it more often.
+/// The search for an island that is exact enough: meshes by better methods, all of it more often.
 pub(in crate::plan) struct Search<'a, F> {
     pub(in crate::plan) assemble: &'a F,
     pub(in crate::plan) spans: &'a Spans,
-    /// Of the first take that was not lost.
+    /// Of the first run that was not lost.
     pub(in crate::plan) stretches: &'a OnceCell<Stretches>,
     /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
+    pub(in crate::plan) budget: &'a Budget,
     pub(in crate::plan) allowance: &'a Allowance,
 }
 
-/// An island on that way.
-pub(in crate::plan) struct Standing {
+/// An island by one choice of methods and steps, with its measured error.
+pub(in crate::plan) struct Candidate {
     pub(in crate::plan) island: Assembled,
     /// Which of `RUNGS` its meshes go by; `None`: as the budget said.
     pub(in crate::plan) rung: Option<usize>,
     pub(in crate::plan) oversampling: u32,
     pub(in crate::plan) contact_substeps: usize,
-    pub(in crate::plan) take: Take,
+    pub(in crate::plan) run: PilotRun,
     /// Its error by what half the step changes [dB]; infinite where it is lost.
-    pub(in crate::plan) own: f64,
+    pub(in crate::plan) error: f64,
     /// What that change was.
     pub(in crate::plan) change: f64,
     /// Where it is chaotic.
     pub(in crate::plan) parting: Option<Parting>,
+    /// What is heard of its error, where pitch is what counts and it is not chaotic.
+    pub(in crate::plan) audible: Option<Audible>,
 }
 
 /// A step on the way is worth it where it gains so much [dB]: by another method, and by a higher rate.
 const GAINS: (f64, f64) = (6.0, 3.0);
-/// Third octaves of takes that have parted: two that differ by rounding alone are up to 2 dB apart over 0.3 s (the
+/// Or where what is heard of its error is so many times less.
+const AUDIBLE_GAIN: f64 = 1.5;
+/// Third octaves of runs that have parted: two that differ by rounding alone are up to 2 dB apart over 0.3 s (the
 /// bundled tamtam, struck softly to hard), so what is within that is as good as the same; beyond it a step has to
 /// gain so much [dB].
 const ALIKE: f64 = 2.0;
 const GAIN: f64 = 1.0;
 
-impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
+impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     /// Assemble an island and measure its error; `None` if that would take too long or the island is unstable.
-    fn stand(
+    fn measure(
         &self,
         oversampling: u32,
-        ways: Ways<'_>,
+        choice: MethodChoice<'_>,
         rung: Option<usize>,
         last: Option<f64>,
-    ) -> Result<Option<Standing>, Halt> {
-        let Ok(island) = (self.assemble)((oversampling, ways)) else {
+    ) -> Result<Option<Candidate>, TrialError> {
+        let Ok(island) = (self.assemble)((oversampling, choice)) else {
             return Ok(None);
         };
         let Some(finer) = self.finer(&island) else {
             return Ok(None);
         };
-        let take = play(
+        let run = play(
             &island.island_plan,
             self.contact_substeps(oversampling),
             self.n_frames,
             self.allowance,
         )?;
-        self.hold(island, take, &finer, rung, last).map(Some)
+        self.compare_with_finer(island, run, &finer, rung, last)
+            .map(Some)
     }
 
     /// Half the step by the same methods, else a finer plan could be the same one; `None` where it would take long to
@@ -87,21 +96,30 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     pub(in crate::plan) fn finer(&self, island: &Assembled) -> Option<Assembled> {
         let finer = (self.assemble)((
             2 * island.island_plan.oversampling,
-            island.again(&island.ways()),
+            island.again(&island.mesh_methods()),
         ))
         .ok()?;
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
-    /// Hold an island that was played against half its step.
-    pub(in crate::plan) fn hold(
+    /// An island and one of half its step, and how often a step contacts of each are computed.
+    pub(in crate::plan) fn pair<'b>(
+        &self,
+        own: &'b IslandPlan,
+        finer: &'b IslandPlan,
+    ) -> [(&'b IslandPlan, usize); 2] {
+        [own, finer].map(|plan| (plan, self.contact_substeps(plan.oversampling)))
+    }
+
+    /// Measure the error of an island that was played by playing it at half its step.
+    pub(in crate::plan) fn compare_with_finer(
         &self,
         island: Assembled,
-        take: Take,
+        run: PilotRun,
         finer: &Assembled,
         rung: Option<usize>,
         last: Option<f64>,
-    ) -> Result<Standing, Halt> {
+    ) -> Result<Candidate, TrialError> {
         let oversampling = island.island_plan.oversampling;
         let fine = play(
             &finer.island_plan,
@@ -109,29 +127,33 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             self.n_frames,
             self.allowance,
         )?;
-        let change = difference(&take.sound, &fine.sound, self.spans);
-        let (own, _) = errors(change, last, ORDERS.1);
+        let change = difference(&run.sound, &fine.sound, self.spans);
+        let (error, _) = errors(change, last, ORDERS.1);
         let contact_substeps = self.contact_substeps(oversampling);
-        let first = || Stretches::of(&take.sound, self.spans);
-        let parting = if take.is_lost {
+        let first = || Stretches::of(&run.sound, self.spans);
+        let parting = if run.is_lost {
             None
         } else {
             let pair = Pair {
-                take: &take,
+                run: &run,
                 finer: &fine,
                 spans: self.spans,
                 stretches: self.stretches.get_or_init(first),
             };
             pair.parting(&island.island_plan, contact_substeps, self.allowance)?
         };
-        Ok(Standing {
+        let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
+            .filter(|_| parting.is_none())
+            .map(|audible| audible.times(decibels(error - change)));
+        Ok(Candidate {
             parting,
-            own: if take.is_lost { f64::INFINITY } else { own },
+            audible,
+            error: if run.is_lost { f64::INFINITY } else { error },
             island,
             rung,
             oversampling,
             contact_substeps,
-            take,
+            run,
             change,
         })
     }
@@ -143,21 +165,21 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     /// Improve the island until the budget is met, nothing helps any more, or the allowance is spent.
-    pub(in crate::plan) fn climb(
+    pub(in crate::plan) fn improve(
         &self,
-        mut best: Standing,
+        mut best: Candidate,
         budget: &Budget,
-    ) -> Result<Standing, Error> {
-        let is_short = |best: &Standing| match (budget, &best.parting) {
+    ) -> Result<Candidate, Error> {
+        let is_short = |best: &Candidate| match (budget, &best.parting) {
             // Contacts and modes have their share too.
-            (Budget::Error(_), None) => best.own > budget.contact(),
+            (Budget::Error(_), None) => best.error > budget.contact(),
             // No waveform can be kept: of it the attack counts, and of all the spectrum.
             (Budget::Error(_), Some(parting)) => {
                 let most = budget.contact();
                 (parting.attack > most && parting.may_have(most)) || parting.spectral > ALIKE
             }
             (_, Some(parting)) => parting.spectral > ALIKE,
-            (_, None) => best.take.is_lost,
+            (_, None) => best.run.is_lost || best.excess(budget) > 1.0,
         };
         let mut fair = None;
         while is_short(&best) {
@@ -176,32 +198,36 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         })
     }
 
-    fn better(&self, best: &Standing) -> Result<Option<Standing>, Halt> {
+    fn better(&self, best: &Candidate) -> Result<Option<Candidate>, TrialError> {
         // Where links of order 1 hold a body's ports its modes gain nothing. What is led keeps its method: by CA its
         // amplitude goes another way, and the pilot may end before that is heard.
         let is_led = !best.island.island_plan.timeline.leads.is_empty();
         if best.island.has_modes() && best.oversampling == 1 && !is_led {
-            let stand = self.stand(1, Ways::Stepped, None, None)?;
-            if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0)) {
-                return Ok(Some(stand));
+            let candidate = self.measure(1, MethodChoice::Stepped, None, None)?;
+            let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
+            if let Some(candidate) = candidate.filter(is_better) {
+                return Ok(Some(candidate));
             }
         }
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
-            let stand = self.stand(best.oversampling, Ways::All(way), Some(rung), None)?;
-            if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0)) {
-                return Ok(Some(stand));
+            let candidate =
+                self.measure(best.oversampling, MethodChoice::All(way), Some(rung), None)?;
+            let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
+            if let Some(candidate) = candidate.filter(is_better) {
+                return Ok(Some(candidate));
             }
         }
         if 2 * best.oversampling > TIMES_MAX {
             return Ok(None);
         }
-        let ways = best.island.ways();
-        let last = (!best.take.is_lost).then_some(best.change);
-        let again = best.island.again(&ways);
-        let stand = self.stand(2 * best.oversampling, again, best.rung, last)?;
-        if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.1)) {
-            return Ok(Some(stand));
+        let methods = best.island.mesh_methods();
+        let last = (!best.run.is_lost).then_some(best.change);
+        let again = best.island.again(&methods);
+        let candidate = self.measure(2 * best.oversampling, again, best.rung, last)?;
+        let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.1, self.budget);
+        if let Some(candidate) = candidate.filter(is_better) {
+            return Ok(Some(candidate));
         }
         if best
             .parting
@@ -211,16 +237,23 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             return Ok(None);
         }
         // The method itself may diverge: a simpler method at a higher rate may not.
-        let stand = self.stand(2 * best.oversampling, Ways::Budget, None, None)?;
-        Ok(stand.filter(|stand| stand.beats(best, GAINS.1)))
+        let candidate = self.measure(2 * best.oversampling, MethodChoice::ByBudget, None, None)?;
+        Ok(candidate.filter(is_better))
     }
 }
 
-impl Standing {
+impl Candidate {
+    /// What is heard of its error, as a multiple of what a budget of pitch allows.
+    fn excess(&self, budget: &Budget) -> f64 {
+        self.audible.map_or(0.0, |audible| audible.excess(budget))
+    }
+
     /// Whether it is worth its work: by waveform, or where both are chaotic by the attack or the spectrum.
-    fn beats(&self, other: &Self, gain: f64) -> bool {
+    fn beats(&self, other: &Self, gain: f64, budget: &Budget) -> bool {
         let (Some(own), Some(others)) = (&self.parting, &other.parting) else {
-            return self.own < other.own - gain;
+            let (excess, others) = (self.excess(budget), other.excess(budget));
+            let is_nearer = self.error < other.error - gain && excess <= others.max(1.0);
+            return is_nearer || excess < others / AUDIBLE_GAIN;
         };
         let most = others.spectral.max(ALIKE);
         own.spectral.max(ALIKE) < most - GAIN

@@ -1,6 +1,7 @@
 //! Levels of third octaves: what can still be compared of two sounds whose waveforms have parted.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use crate::maths::{log10, pow, sincos};
 
@@ -9,7 +10,7 @@ const CENTRE: f64 = 1_000.0;
 const LOWEST: i32 = -16;
 const HIGHEST: f64 = 20_000.0;
 const CARRIED: f64 = 0.45;
-/// A level is the mean of as many numbers as width × duration says; with fewer it is chance (two takes that
+/// A level is the mean of as many numbers as width × duration says; with fewer it is chance (two runs that
 /// differ by rounding alone are then 2 to 4 dB apart).
 const FEWEST: f64 = 8.0;
 /// Bands so far below the strongest are not compared, and one that is missing is as far off as this [power].
@@ -20,7 +21,7 @@ const MISSING: f64 = 1e-10;
 /// within 60 dB of its strongest, of all outputs together, each as loud as the others there.
 pub(in crate::plan) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
-    let bands = bands(n_frames, rate);
+    let bands = bands(n_frames, rate, FEWEST);
     let (mut ours, mut theirs) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
         let of =
@@ -33,7 +34,7 @@ pub(in crate::plan) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f6
         for (sound, levels) in [(a, &mut ours), (b, &mut theirs)] {
             let powers = powers(sound);
             for (level, band) in levels.iter_mut().zip(&bands) {
-                *level += powers[band.0..band.1].iter().sum::<f64>() / whole;
+                *level += powers[band.bins.clone()].iter().sum::<f64>() / whole;
             }
         }
     }
@@ -54,8 +55,14 @@ fn level(mut sound: Vec<f64>) -> Vec<f64> {
     sound
 }
 
-/// First bin and end of each band that there is enough of.
-fn bands(n_frames: usize, rate: f64) -> Vec<(usize, usize)> {
+/// A third octave: its centre [Hz], and the bins of a transform in it.
+pub(super) struct Band {
+    pub(super) centre: f64,
+    pub(super) bins: Range<usize>,
+}
+
+/// The bands whose width times duration is `fewest` at least.
+pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
     let bin = rate / length(n_frames) as f64;
     let at = |frequency: f64| (frequency / bin).ceil() as usize;
@@ -63,18 +70,21 @@ fn bands(n_frames: usize, rate: f64) -> Vec<(usize, usize)> {
     let (down, up) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
         .take_while(|centre| *centre <= HIGHEST.min(CARRIED * rate))
-        .filter(|centre| centre * (up - down) * seconds >= FEWEST)
-        .map(|centre| (at(centre * down), at(centre * up)))
+        .filter(|centre| centre * (up - down) * seconds >= fewest)
+        .map(|centre| Band {
+            centre,
+            bins: at(centre * down)..at(centre * up),
+        })
         .collect()
 }
 
 /// A sound is filled up with silence to a power of two.
-fn length(n_frames: usize) -> usize {
+pub(super) fn length(n_frames: usize) -> usize {
     n_frames.max(2).next_power_of_two()
 }
 
 /// |X|² of a sound up to half its rate.
-fn powers(mut re: Vec<f64>) -> Vec<f64> {
+pub(super) fn powers(mut re: Vec<f64>) -> Vec<f64> {
     let n = length(re.len());
     re.resize(n, 0.0);
     let mut im = vec![0.0; n];

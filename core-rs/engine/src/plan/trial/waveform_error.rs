@@ -1,8 +1,8 @@
-//! How far apart two takes of one beginning are, and what errors that tells.
+//! How far apart two runs of one beginning are, and what errors that tells.
 
 use crate::maths::{log10, pow, sqrt};
 use crate::plan::IslandPlan;
-use crate::plan::trial::take::AFTER;
+use crate::plan::trial::pilot_run::AFTER;
 
 /// Errors fall with the square of the step at best, with its first power at least.
 pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);

@@ -24,7 +24,8 @@ struct Recorder {
 }
 
 impl Capture {
-    /// Record up to `frames` frames of `channels`; silence until `connect`.
+    /// Record up to `frames` frames of `channels` from the first sound after `connect` on: a server that runs as fast as
+    /// its clients do makes minutes of silence while they begin.
     ///
     /// # Errors
     ///
@@ -108,6 +109,8 @@ impl Process for Recorder {
                 frame[channel] = *x;
             }
         }
-        self.recorded.store(done + n, Ordering::Release);
+        if done > 0 || to.iter().any(|x| *x != 0.0) {
+            self.recorded.store(done + n, Ordering::Release);
+        }
     }
 }

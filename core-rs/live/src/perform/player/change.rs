@@ -4,7 +4,7 @@
 //! same box, and is freed in the ordinary thread.
 
 use ergon_engine::mix::mixer::Mixer;
-use ergon_engine::simulation::{Carry, Simulation};
+use ergon_engine::simulation::{Simulation, Takeover};
 
 use super::Player;
 use crate::perform::guidance::GuidanceStep;
@@ -18,7 +18,7 @@ pub(in crate::perform) const SCHEDULED_MAX: usize = 64;
 #[derive(Default)]
 pub struct Change {
     /// Another simulation, at the frame of the change, and the state that it takes over.
-    pub simulation: Option<(Simulation, Carry)>,
+    pub simulation: Option<(Simulation, Takeover)>,
     /// Another mixer, with the same number of channels.
     pub mixer: Option<Mixer>,
     /// Gains of groups of routes.
@@ -88,15 +88,18 @@ impl Player {
         if simulation.n_out() != mixer.n_out() {
             return false;
         }
-        if let Some((simulation, carry)) = &mut change.simulation {
-            if !simulation.take_over(&mut stage.simulation, carry) {
+        if let Some((simulation, takeover)) = &mut change.simulation {
+            if !simulation.take_over(&mut stage.simulation, takeover) {
                 return false;
             }
             std::mem::swap(simulation, &mut stage.simulation);
             std::mem::swap(heard, &mut self.outputs);
         }
         if let Some(mixer) = &mut change.mixer {
-            let outputs = change.simulation.as_ref().map(|(_, carry)| carry.outputs());
+            let outputs = change
+                .simulation
+                .as_ref()
+                .map(|(_, takeover)| takeover.outputs());
             mixer.take_over(&stage.mixer, outputs);
             std::mem::swap(mixer, &mut stage.mixer);
         }

@@ -35,6 +35,12 @@ impl Player {
                 self.status.missed += frozen.join(outputs, n_out, self.frame);
             }
             stage.mixer.process(outputs, mixed);
+            if let Some(fades) = &mut stage.fades
+                && fades.take(mixed).is_some()
+            {
+                stage.n_frames = Some(self.frame + n as u64);
+                stage.fades = None;
+            }
             self.gain.apply(self.frame, mixed, channels);
             stage.limiter.process(mixed);
         } else {

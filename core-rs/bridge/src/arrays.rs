@@ -1,0 +1,30 @@
+//! numpy, loaded before the core is given its first array.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+
+/// Load numpy and its interface for C, once, in a thread of its own.
+///
+/// Handlers of signals run in the main thread alone. There one that raises would end the import, and what looks for the
+/// interface panics.
+pub(crate) fn load_numpy(py: Python<'_>) {
+    static IS_LOADED: AtomicBool = AtomicBool::new(false);
+    if IS_LOADED.swap(true, Ordering::Relaxed) {
+        return;
+    }
+    let load = || {
+        Python::attach(|py| {
+            let array = PyArray1::<f64>::zeros(py, 1, false);
+            drop(array.readonly()); // its check of borrows is looked for as well
+        });
+    };
+    // Without a thread, or where numpy cannot be loaded, the first array says so.
+    let _ = py.detach(|| {
+        thread::Builder::new()
+            .spawn(load)
+            .map(thread::JoinHandle::join)
+    });
+}

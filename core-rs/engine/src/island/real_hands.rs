@@ -1,0 +1,133 @@
+//! Real hands in an island: positions in, mean forces out, once a tick.
+
+use crate::state::Body;
+use crate::timeline::{Drive, Hand, HandWay};
+
+/// A hand, and the MAT that it moves.
+#[derive(Clone, Debug)]
+pub(crate) struct HandBinding {
+    mat: usize,
+    hand: Hand,
+}
+
+/// State of a hand.
+#[derive(Clone, Debug, Default)]
+pub(super) struct HandState {
+    /// Position that a device has sent for the next tick, and its last step where the device knows it [m].
+    sent: Option<(f64, Option<f64>)>,
+    /// Positions at the last tick and at the end of this one [m].
+    from: f64,
+    to: f64,
+    /// Sum of the forces in this tick [N].
+    sum: f64,
+    /// Mean force over the last complete tick [N].
+    mean_force: f64,
+}
+
+crate::archive::option!((f64, Option<f64>), maybe);
+
+crate::archive::state!(HandState {
+    sent,
+    from,
+    to,
+    sum,
+    mean_force
+});
+
+impl HandBinding {
+    /// The MAT that it moves.
+    pub(crate) fn mat(&self) -> usize {
+        self.mat
+    }
+}
+
+/// Set the hands to the timeline's positions at frame `n`.
+pub(super) fn seek(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64) {
+    for (binding, state) in hand_bindings.iter().zip(hand_states) {
+        state.to = binding.hand.at(n.saturating_sub(1));
+    }
+}
+
+/// The hands among drives.
+pub(super) fn hand_bindings(drives: &[Drive]) -> Vec<HandBinding> {
+    let binding = |drive: &Drive| {
+        Some(HandBinding {
+            mat: drive.mat,
+            hand: drive.hand()?.clone(),
+        })
+    };
+    drives.iter().filter_map(binding).collect()
+}
+
+/// Set positions and last steps of the hands' MATs at frame `n`.
+pub(super) fn arrive(
+    hand_bindings: &[HandBinding],
+    hand_states: &mut [HandState],
+    n: u64,
+    body: &mut Body,
+) {
+    for (binding, state) in hand_bindings.iter().zip(hand_states) {
+        let (x, d) = (&mut body.x[binding.mat], &mut body.d[binding.mat]);
+        let tick_frames = u64::from(binding.hand.tick_frames);
+        let within = n % tick_frames;
+        if within == 0 {
+            let (to, step) = state.sent.unwrap_or_else(|| (binding.hand.at(n), None));
+            let from = if n == 0 { to } else { state.to };
+            (state.from, state.to) = (from, to);
+            if tick_frames == 1 || binding.hand.way == HandWay::Hold {
+                *d = step.unwrap_or(to - from);
+                *x = to;
+                continue;
+            }
+        }
+        if binding.hand.way == HandWay::Line {
+            let way = state.to - state.from;
+            *d = way / tick_frames as f64;
+            *x = state.from + way * ((within + 1) as f64 / tick_frames as f64);
+        }
+    }
+}
+
+/// Add the forces of frame `n`, once they are summed, to the mean of the tick.
+pub(super) fn feel(
+    hand_bindings: &[HandBinding],
+    hand_states: &mut [HandState],
+    n: u64,
+    body: &Body,
+) {
+    for (binding, state) in hand_bindings.iter().zip(hand_states) {
+        state.sum += body.force[binding.mat];
+        let tick_frames = u64::from(binding.hand.tick_frames);
+        if (n + 1).is_multiple_of(tick_frames) {
+            state.mean_force = state.sum / tick_frames as f64;
+            state.sum = 0.0;
+        }
+    }
+}
+
+impl super::Island {
+    /// Set the position of a hand of the scene from the next tick on, and its last step [m].
+    pub(crate) fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
+        for (binding, state) in self
+            .script
+            .hand_bindings
+            .iter()
+            .zip(&mut self.state.hand_states)
+        {
+            if binding.hand.index == hand {
+                state.sent = Some((x, step));
+            }
+        }
+    }
+
+    /// Mean force on a hand of the scene over the last complete tick [N].
+    pub(crate) fn felt(&self, hand: usize) -> f64 {
+        let pairs = self
+            .script
+            .hand_bindings
+            .iter()
+            .zip(&self.state.hand_states);
+        let own = pairs.filter(|(binding, _)| binding.hand.index == hand);
+        own.map(|(_, state)| state.mean_force).sum()
+    }
+}

@@ -1,0 +1,68 @@
+//! The state of an island as bytes, for a render that goes on where an earlier one stood.
+
+use super::{Island, State};
+use crate::archive::{Archive, Damaged, State as Archived, state_of};
+
+impl Island {
+    /// Whether its state can be written: all but ledgers and streams of ergons is.
+    pub(crate) fn is_storable(&self) -> bool {
+        self.state.ledger.is_none() && !self.state.stream.is_kept()
+    }
+
+    /// What changes of it, as it is now.
+    pub(crate) fn write_state(&mut self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        // Writing into memory cannot fail.
+        let _ = self.state.archive(&mut Archive::Write(&mut bytes));
+        bytes
+    }
+
+    /// Go on from the state of an island of the same network and bodies, with the same events up to there.
+    ///
+    /// # Errors
+    /// [`Damaged`] where the bytes are not of such an island; this one is then of no use.
+    pub(crate) fn read_state(&mut self, bytes: &[u8]) -> Result<(), Damaged> {
+        let mut archive = Archive::Read(bytes);
+        self.state.archive(&mut archive)?;
+        if archive.is_empty() {
+            Ok(())
+        } else {
+            Err(Damaged)
+        }
+    }
+}
+
+/// What a render has: no ledger, no stream of ergons, no version that it took over from.
+impl Archived for State {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        // Later gestures may be others: what is known of those that have not begun is nothing.
+        let begun = |report: &crate::gesture::report::Report| !report.start.is_nan();
+        let mut n_reports = self
+            .reports
+            .iter()
+            .rposition(begun)
+            .map_or(0, |last| last + 1);
+        n_reports.archive(archive)?;
+        let reports = self.reports.get_mut(..n_reports).ok_or(Damaged)?;
+        reports.archive(archive)?;
+        state_of!(
+            self,
+            archive,
+            frame,
+            body,
+            voices,
+            pushed,
+            ergons,
+            gates,
+            layers,
+            unheard,
+            bodies,
+            fine,
+            hand_states,
+            mutes,
+            guard,
+            gains,
+            damped
+        )
+    }
+}

@@ -1,0 +1,182 @@
+//! An island that begins in the middle, and that goes on where one of another version stands.
+
+use super::Island;
+use crate::kernel;
+use crate::timeline::{DriveKind, GateContinuation};
+
+/// What passes from a voice, a gate or a hand of one island to one of another.
+#[derive(Clone, Debug)]
+pub(crate) enum ItemTakeover {
+    /// From a voice to a voice.
+    Voice(crate::island::written_hand::voice::VoiceTakeover),
+    /// From a gate, or from a link that is always there, to a gate.
+    Gate(Option<usize>, usize),
+    /// From a hand to a hand.
+    Hand(usize, usize),
+    /// From a gesture's report to the same gesture's; whether MATs have the same numbers.
+    Report(usize, usize, bool),
+    /// From a body to an equal one.
+    Body(usize, usize),
+    /// A part that may be mute: what it is called there and here.
+    Part(usize, usize),
+}
+
+impl Island {
+    /// Begin at a frame of the scene instead of 0: what was due before it is past.
+    pub(crate) fn seek(&mut self, frame_of_scene: u64) {
+        let n = frame_of_scene * u64::from(self.oversampling);
+        let (script, state) = (&*self.script, &mut self.state);
+        let rate = script.scheme.rate;
+        state.frame = n;
+        state.pushed = script.pushes.partition_point(|push| push.frame < n);
+        state.ergons = script.ergons.partition_point(|(frame, _)| *frame < n);
+        for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
+            voice.seek(own, &script.gestures, n);
+        }
+        for body in &mut state.bodies {
+            body.seek(n);
+        }
+        for drive in &script.drives {
+            if drive.kind == DriveKind::Position && drive.hand().is_none() && n > 0 {
+                let x = drive.value(n, rate);
+                state.body.x[drive.mat] = x;
+                state.body.d[drive.mat] = x - drive.value(n - 1, rate);
+            }
+        }
+        super::real_hands::seek(&script.hand_bindings, &mut state.hand_states, n);
+    }
+
+    /// Go on as an island of the same network and bodies, stepped as often, to the last bit.
+    pub(crate) fn go_on(&mut self, old: &mut Self) {
+        if old.n_muted() > 0 {
+            // Muted parts are out of its lists: of what moves on, only where it is is sure.
+            self.state.body.x.copy_from_slice(&old.state.body.x);
+            self.state.body.d.copy_from_slice(&old.state.body.d);
+            if let Some(guard) = &mut self.state.guard {
+                guard.reset();
+            }
+            self.place();
+            return;
+        }
+        let (own, their) = (&mut self.state, &mut old.state);
+        let (body, other) = (&mut own.body, &mut their.body);
+        std::mem::swap(&mut body.x, &mut other.x);
+        std::mem::swap(&mut body.d, &mut other.d);
+        std::mem::swap(&mut body.inner, &mut other.inner);
+        std::mem::swap(&mut body.link, &mut other.link);
+        for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
+            own.go_on(their);
+        }
+        if let (Some(own), Some(their)) = (&mut own.fine, &mut their.fine) {
+            own.go_on(their);
+        }
+        own.mutes.go_on(&their.mutes);
+        std::mem::swap(&mut own.guard, &mut their.guard);
+        std::mem::swap(&mut own.stream, &mut their.stream);
+        if own.ledger.is_some() && their.ledger.is_some() {
+            std::mem::swap(&mut own.ledger, &mut their.ledger);
+        }
+    }
+
+    /// Take something single over from an island of another version.
+    pub(crate) fn receive(&mut self, what: &ItemTakeover, old: &mut Self) {
+        let is_whole = old.n_muted() == 0;
+        match *what {
+            ItemTakeover::Voice(ref takeover) if is_whole => {
+                let script = &self.script;
+                let voice = &mut self.state.voices[takeover.to];
+                let (from, then) = (
+                    &mut old.state.voices[takeover.from],
+                    &old.script.voices[takeover.from],
+                );
+                voice.go_on(&script.voices[takeover.to], from, then, takeover);
+            }
+            ItemTakeover::Gate(from, to) => {
+                let n = self.state.frame;
+                let gate = &self.script.gates[to];
+                let then = old.state.frame;
+                self.state.gate_continuations[to] = match from {
+                    // A glide says itself where it comes from.
+                    _ if gate.glides() => None,
+                    None => GateContinuation::new(gate, 1.0, n),
+                    Some(from) => {
+                        let (before, continuation) =
+                            (&old.script.gates[from], &old.state.gate_continuations[from]);
+                        if before.on(gate.link, gate.len) == *gate {
+                            *continuation
+                        } else {
+                            GateContinuation::new(
+                                gate,
+                                GateContinuation::open(continuation.as_ref(), before, then),
+                                n,
+                            )
+                        }
+                    }
+                };
+            }
+            ItemTakeover::Hand(from, to) => {
+                self.state.hand_states[to] = old.state.hand_states[from].clone();
+                let (own, their) = (
+                    self.script.hand_bindings[to].mat(),
+                    old.script.hand_bindings[from].mat(),
+                );
+                self.state.body.x[own] = old.state.body.x[their];
+                self.state.body.d[own] = old.state.body.d[their];
+            }
+            ItemTakeover::Report(from, to, is_same) => {
+                let report = &mut self.state.reports[to];
+                *report = old.state.reports[from];
+                report.pushed_by = report.pushed_by.filter(|_| is_same);
+            }
+            ItemTakeover::Body(from, to) if is_whole => {
+                self.state.bodies[to].go_on(&mut old.state.bodies[from]);
+            }
+            ItemTakeover::Part(from, to) => {
+                let is_mute =
+                    |island: &Self, part| island.state.mutes.list().any(|(own, _)| own == part);
+                if is_mute(old, from) && !is_mute(self, to) {
+                    // It does not come back because something else was changed.
+                    self.mute(to, self.state.frame);
+                }
+            }
+            ItemTakeover::Voice(_) | ItemTakeover::Body(..) => {}
+        }
+    }
+
+    /// Where a MAT is [m], and its step in a frame of the scene [m].
+    pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
+        let body = &self.state.body;
+        (body.x[mat], body.d[mat] * f64::from(self.oversampling))
+    }
+
+    /// Put a MAT where it is, as it came there; one that cannot move stays.
+    pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
+        if kernel::sound(x) && step.is_finite() {
+            self.state.body.x[mat] = x;
+            self.state.body.d[mat] = step / f64::from(self.oversampling);
+            if let Some(guard) = &mut self.state.guard {
+                guard.reset();
+            }
+        }
+    }
+
+    /// One of its bodies, as long as none of its parts is mute.
+    pub(crate) fn body(&mut self, body: usize) -> Option<&mut super::inside::RunningBody> {
+        if self.n_muted() > 0 {
+            return None;
+        }
+        self.state.bodies.get_mut(body)
+    }
+
+    /// Ports where their bodies have them.
+    pub(crate) fn place(&mut self) {
+        for body in &self.state.bodies {
+            body.place(&mut self.state.body);
+        }
+    }
+
+    /// Its voices, gates, hands and parts, to be found in another version.
+    pub(crate) fn script(&self) -> &super::Script {
+        &self.script
+    }
+}

@@ -1,0 +1,152 @@
+//! A gesture at a rate: the frames at which positions are due and ergons strike.
+
+use std::sync::Arc;
+
+use crate::gesture::placed::Placed;
+use crate::gesture::script::{Gesture, Stretch};
+use crate::units::{floor_frame, score_frame};
+
+/// An instant this close before a frame [frames] falls on it: dividing beats by a tempo leaves so much.
+const SLACK: f64 = 1e-6;
+/// Half-way between two frames a knot is rounded up, whatever the last bit of its instant [frames].
+const KNOT_SLACK: f64 = 1e-6;
+
+/// A stretch of a gesture. Legs cover the targets (frames at which a position is due) one after
+/// the other: a leg's first target is the one after the last of the leg before it.
+#[derive(Clone, Debug)]
+pub(crate) enum Leg {
+    /// Follow a path; the targets end with `last`. After a throw one strike leads onto it, by frame `entered`.
+    Path {
+        path: Placed,
+        entered: u64,
+        last: u64,
+    },
+    /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
+    Throw { from: u64, to: u64, x: f64 },
+}
+
+impl Leg {
+    pub(crate) fn last(&self) -> u64 {
+        match self {
+            Self::Path { last, .. } => *last,
+            Self::Throw { to, .. } => *to,
+        }
+    }
+}
+
+/// A gesture at the rate of its island.
+#[derive(Clone, Debug)]
+pub(crate) struct FramedGesture {
+    pub(crate) gesture: Arc<Gesture>,
+    pub(crate) legs: Vec<Leg>,
+    /// Last frame at or before the start: the gesture takes over there, for the targets after it.
+    pub(crate) first: u64,
+    /// Frame at which a joining curve begins, to reach the gesture in time.
+    pub(crate) join_from: u64,
+    /// Frames of the written points, rising.
+    points: Vec<u64>,
+    /// Frames of this rate in a frame of the score.
+    oversampling: u32,
+}
+
+impl FramedGesture {
+    /// At a rate [Hz] that is `oversampling` times one that [`Gesture::check_rate`] allows.
+    ///
+    /// Throws and grains strike and land where frames of the score begin: at the same instants at every oversampling.
+    pub(crate) fn new(gesture: &Arc<Gesture>, rate: f64, oversampling: u32) -> Self {
+        let (start, join) = (gesture.start, gesture.manner.join);
+        let frame = |t: f64| score_frame(t, rate, oversampling);
+        let last = |t: f64| match gesture.manner.grain {
+            None => last_frame(t, rate),
+            Some(_) => last_score_frame(t, rate, oversampling),
+        };
+        let mut first = last(start);
+        let mut legs: Vec<Leg> = Vec::with_capacity(gesture.stretches.len());
+        for stretch in &gesture.stretches {
+            let leg = match *stretch {
+                Stretch::Path { ref path, stop } => Leg::Path {
+                    path: path.clone(),
+                    entered: match legs.last() {
+                        Some(Leg::Throw { to, .. }) if oversampling > 1 => {
+                            to + u64::from(oversampling)
+                        }
+                        _ => 0,
+                    },
+                    last: last(stop),
+                },
+                Stretch::Throw { from, to, x, .. } => {
+                    let (from, to) = (frame(from), frame(to));
+                    // Half-way to the next frame of the score a path gives way to the strike before its end.
+                    match legs.last_mut() {
+                        Some(Leg::Path { last, .. }) => *last = from.min(*last),
+                        Some(Leg::Throw { .. }) => {}
+                        None => first = from.min(first),
+                    }
+                    Leg::Throw { from, to, x }
+                }
+            };
+            legs.push(leg);
+        }
+        Self {
+            legs,
+            first,
+            join_from: floor_frame(((start - join) * rate - SLACK).ceil()),
+            points: gesture.points.iter().map(|point| frame(point.0)).collect(),
+            oversampling,
+            gesture: gesture.clone(),
+        }
+    }
+
+    /// The last frame at which a position is due.
+    pub(crate) fn last(&self) -> u64 {
+        self.legs.last().map_or(self.first, Leg::last)
+    }
+
+    /// Frames in a frame of the score.
+    pub(crate) fn score_frame(&self) -> u64 {
+        u64::from(self.oversampling)
+    }
+
+    /// The frame after `n` at which the next grain is due: a multiple of the grain since the start,
+    /// or a written point before it.
+    pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
+        // Of grains shorter than a frame one is due at every frame; there may be too many to count.
+        let times = u64::from(self.oversampling);
+        let score_rate = rate / f64::from(self.oversampling);
+        if grain * score_rate <= 1.0 {
+            return (n / times + 1) * times;
+        }
+        let knot = |k: f64| {
+            let t = self.gesture.start + k * grain + KNOT_SLACK / score_rate;
+            score_frame(t, rate, self.oversampling)
+        };
+        let mut k = ((n as f64 / rate - self.gesture.start) / grain)
+            .floor()
+            .max(0.0);
+        while knot(k) <= n {
+            k += 1.0;
+        }
+        let knot = knot(k);
+        let next = self.points.partition_point(|&point| point <= n);
+        self.points.get(next).map_or(knot, |&point| knot.min(point))
+    }
+
+    /// Source of an ergon whose target is frame `target`; `cursor` only moves forward.
+    pub(crate) fn source(&self, cursor: &mut usize, target: u64) -> u32 {
+        while *cursor + 1 < self.points.len() && self.points[*cursor] < target {
+            *cursor += 1;
+        }
+        let point = self.gesture.points.get(*cursor);
+        point.map_or(0, |&(_, source)| source)
+    }
+}
+
+/// The last frame at or before an instant [s].
+fn last_frame(t: f64, rate: f64) -> u64 {
+    floor_frame(t * rate + SLACK)
+}
+
+/// The last beginning of a frame of the score at or before an instant [s].
+fn last_score_frame(t: f64, rate: f64, oversampling: u32) -> u64 {
+    last_frame(t, rate / f64::from(oversampling)) * u64::from(oversampling)
+}

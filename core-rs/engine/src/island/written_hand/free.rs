@@ -1,0 +1,300 @@
+//! The free key: the key alone, as a gesture was written for it.
+
+pub(crate) mod leap;
+
+use std::sync::Arc;
+
+use crate::interrupt;
+use crate::island::slow::{self, Slow};
+use crate::kernel;
+use crate::kernel::Laws;
+use crate::kernel::thread_team::ThreadTeam;
+use crate::scheme::{Kind, Scheme};
+use crate::state::{Body, Target};
+use crate::timeline::Drive;
+use leap::Leap;
+
+/// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
+const ROUNDS_MAX: usize = 40;
+
+/// Frames between two looks at whether a trial run is to end: some 50 µs.
+const LOOK: u64 = 4096;
+
+/// A key that a strike moves by less than this part of what it would move a free mass comes back
+/// where it was (a multiple of half its period), or never gets there: the rest is rounding.
+const REACH_MIN: f64 = 1e-9;
+
+/// A key's part on its own. Constant while it runs; its motion is a `Body`.
+#[derive(Clone, Debug)]
+pub(crate) struct FreeKey {
+    pub(crate) scheme: Arc<Scheme>,
+    /// Index of the struck MAT in the free key.
+    pub(crate) struck: usize,
+    /// Index in the scene of each of the free key's MATs.
+    pub(crate) members: Vec<usize>,
+    /// Forces and imposed points inside the key (its weight, say), with indices of the free key.
+    pub(crate) drives: Vec<Drive>,
+    /// What of it goes at a slow rate, as the key in the scene does.
+    pub(crate) slow: Vec<Slow>,
+}
+
+/// How a free key moves.
+#[derive(Clone, Debug)]
+pub(crate) struct Motion {
+    pub(crate) body: Body,
+    slow: Vec<slow::RunningSlow>,
+}
+
+crate::archive::state!(Motion { body, slow });
+
+impl FreeKey {
+    /// Whether a motion of another is one of its own: the names of MATs are asked of the scenes.
+    pub(crate) fn is_like(
+        &self,
+        other: &Self,
+        own: impl Fn(usize) -> String,
+        their: impl Fn(usize) -> String,
+    ) -> bool {
+        let same = |(a, b): (&Slow, &Slow)| a.is_same(b);
+        self.scheme.n_lia == other.scheme.n_lia
+            && self.slow.len() == other.slow.len()
+            && self.slow.iter().zip(&other.slow).all(same)
+            && self.members.len() == other.members.len()
+            && self
+                .members
+                .iter()
+                .zip(&other.members)
+                .all(|(&a, &b)| own(a) == their(b))
+    }
+}
+
+impl Motion {
+    /// Take over another's motion without allocating.
+    fn copy_motion(&mut self, other: &Self) {
+        self.body.copy_motion(&other.body);
+        for (own, other) in self.slow.iter_mut().zip(&other.slow) {
+            own.copy_motion(other);
+        }
+    }
+
+    /// Begin at frame `n`.
+    pub(crate) fn seek(&mut self, n: u64) {
+        self.slow.iter_mut().for_each(|slow| slow.seek(n));
+    }
+
+    /// Its MATs were set going: what of it is slow goes with them.
+    pub(crate) fn settle(&mut self) {
+        for slow in &mut self.slow {
+            slow.put_ports(&self.body);
+            slow.place(&mut self.body);
+        }
+    }
+
+    /// The velocity [m a frame] that a MAT lacks where a path lets it go.
+    fn release(&self, mat: usize) -> f64 {
+        self.slow.iter().map(|slow| slow.release(mat)).sum()
+    }
+
+    /// What a MAT that is led along a path is to be given before its springs pull, at the end of this frame.
+    pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
+        let mut given = 0.0;
+        for slow in &mut self.slow {
+            let own = slow.release_at_pull(mat);
+            slow.give(mat, own);
+            given += own;
+        }
+        given
+    }
+
+    /// What two frames do not tell of the velocity [m a frame] of a MAT and its change a frame.
+    pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
+        let each = self.slow.iter().map(|slow| slow.lack(mat, is_led));
+        each.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
+    }
+}
+
+/// Scratch room of one voice.
+#[derive(Clone, Debug)]
+pub(crate) struct Room {
+    pub(crate) coast: Motion,
+    pub(crate) laws: Laws,
+    pub(crate) targets: Vec<Target>,
+    /// Where the key is one affine map a frame.
+    pub(crate) leap: Option<Leap>,
+}
+
+impl FreeKey {
+    /// Its motion at frame 0, from that of its MATs.
+    pub(crate) fn start(&self, mut body: Body) -> Motion {
+        let new = |slow: &Slow| slow::RunningSlow::new(slow, &body);
+        let slow: Vec<slow::RunningSlow> = self.slow.iter().map(new).collect();
+        if !slow.is_empty() {
+            body.inner = vec![0.0; body.x.len()];
+            slow.iter().for_each(|slow| slow.place(&mut body));
+        }
+        Motion { body, slow }
+    }
+
+    /// All of it at 0, and still.
+    pub(crate) fn at_rest(&self) -> Motion {
+        let still = vec![0.0; self.scheme.n_mat()];
+        self.start(Body::new(&self.scheme, still.clone(), still))
+    }
+
+    /// The key of a gesture that is laid over another: displacements from where the other holds it,
+    /// contacts open.
+    pub(crate) fn deviation(&self) -> Self {
+        let mut scheme = (*self.scheme).clone();
+        scheme.rest.fill(0.0);
+        scheme.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
+        scheme.exact.clear();
+        scheme.runs.iter_mut().for_each(|run| run.rest = 0.0);
+        Self {
+            scheme: Arc::new(scheme),
+            drives: Vec::new(),
+            slow: self.slow.iter().map(Slow::deviation).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// Whether `steps` are more than a quarter of the key's own period: past it knots are met, but
+    /// the way between them swings far outside. A struck key at rest is back after half a period.
+    pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
+        let free = self.deviation();
+        let mut motion = free.at_rest();
+        let (mut laws, mut targets) = (Laws::new(&free.scheme), Vec::new());
+        // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
+        let push = 1e-6 / self.scheme.w[self.struck];
+        (0..2 * steps).any(|n| {
+            if n.is_multiple_of(LOOK) {
+                interrupt::poll();
+            }
+            free.forces(&mut motion, n, &mut laws, &mut targets);
+            let push = if n == 0 { push } else { 0.0 };
+            free.strike_and_move(&mut motion, n, push, &mut targets);
+            motion.body.x[free.struck] < 0.0
+        })
+    }
+
+    /// Sum the forces at frame `n`, but for the ergon's.
+    pub(crate) fn forces(
+        &self,
+        motion: &mut Motion,
+        n: u64,
+        laws: &mut Laws,
+        targets: &mut Vec<Target>,
+    ) {
+        let body = &mut motion.body;
+        kernel::links(&self.scheme, &[], body, laws, &mut ThreadTeam::alone());
+        targets.clear();
+        for drive in &self.drives {
+            drive.apply(n, self.scheme.rate, body, targets);
+        }
+    }
+
+    /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
+    /// are summed; `targets` are the key's own imposed points.
+    pub(crate) fn needed(
+        &self,
+        motion: &Motion,
+        x: f64,
+        targets: &[Target],
+        room: &mut Room,
+    ) -> f64 {
+        let (scheme, struck, body) = (&*self.scheme, self.struck, &motion.body);
+        if scheme.exact.is_empty() {
+            return kernel::needed(scheme, body, struck, x);
+        }
+        // What exact contacts give depends on where the ergon takes the MAT: solve them there.
+        let coast = &mut room.coast.body;
+        coast.copy_motion(body);
+        coast.force.copy_from_slice(&body.force);
+        room.targets.clear();
+        room.targets.extend_from_slice(targets);
+        room.targets.push(Target {
+            mat: struck,
+            x,
+            previous: 0.0,
+        });
+        kernel::contacts(scheme, &[], &room.targets, coast);
+        kernel::needed(scheme, coast, struck, x)
+    }
+
+    /// The force on the struck MAT with which it goes on by itself where a path ends [N].
+    pub(crate) fn release(&self, motion: &Motion) -> f64 {
+        motion.release(self.struck) / self.scheme.w[self.struck]
+    }
+
+    /// Add a force on the struck MAT and move from frame n to n + 1.
+    pub(crate) fn strike_and_move(
+        &self,
+        motion: &mut Motion,
+        n: u64,
+        force: f64,
+        targets: &mut [Target],
+    ) {
+        let Motion { body, slow } = motion;
+        body.force[self.struck] += force;
+        kernel::contacts(&self.scheme, &[], targets, body);
+        slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
+        kernel::advance(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
+        slow.iter().for_each(|slow| slow.place(body));
+    }
+
+    /// Where the struck MAT is at frame `to`, from `motion` at frame `n`, struck once now [m].
+    fn coast(&self, motion: &Motion, n: u64, to: u64, force: f64, room: &mut Room) -> f64 {
+        let Room {
+            coast,
+            laws,
+            targets,
+            leap,
+        } = room;
+        coast.copy_motion(motion);
+        let stop = match leap {
+            Some(_) if to - n >= leap::FRAMES_MIN => n + 1,
+            _ => to,
+        };
+        for k in n..stop {
+            if (k - n).is_multiple_of(LOOK) {
+                interrupt::poll();
+            }
+            self.forces(coast, k, laws, targets);
+            self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);
+        }
+        if let Some(leap) = leap.as_mut().filter(|_| stop < to) {
+            leap.forward(self, coast, to - stop, laws, targets);
+        }
+        coast.body.x[self.struck]
+    }
+
+    /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 where no force can
+    /// (a multiple of half the key's period).
+    pub(crate) fn aim(&self, motion: &Motion, n: u64, to: u64, x: f64, room: &mut Room) -> f64 {
+        let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, room));
+        // A first guess as for a free mass: F·T²/m·steps = distance.
+        let steps = (to - n) as f64;
+        let guess = (x - y0) / (steps * self.scheme.w[self.struck]);
+        if guess == 0.0 {
+            return 0.0;
+        }
+        let (mut f1, mut y1) = (guess, self.coast(motion, n, to, guess, room));
+        if (y1 - y0).abs() <= REACH_MIN * (x - y0).abs() {
+            return 0.0;
+        }
+        for _ in 0..ROUNDS_MAX {
+            if y1 == y0 {
+                return if y1 == x { f1 } else { 0.0 };
+            }
+            let f = f0 + (x - y0) * ((f1 - f0) / (y1 - y0));
+            if self.scheme.linear {
+                return f;
+            }
+            (f0, y0) = (f1, y1);
+            (f1, y1) = (f, self.coast(motion, n, to, f, room));
+            if (y1 - x).abs() <= 1e-12 + 4.0 * f64::EPSILON * x.abs() {
+                break;
+            }
+        }
+        f1
+    }
+}

@@ -1,0 +1,240 @@
+//! Many frames of a linear key at once: what one frame does is an affine map, and its powers are found by squaring.
+
+use super::{FreeKey, Motion};
+use crate::kernel::Laws;
+use crate::state::Target;
+use crate::timeline::Source;
+
+/// From so many frames on the powers are used; what lasts less is computed frame by frame.
+pub(super) const FRAMES_MIN: u64 = 1 << 18;
+/// A key of more MATs than this is computed frame by frame.
+const MATS_MAX: usize = 8;
+
+/// The map of some frames less the identity, on (x, d, 1) of all MATs: what a slow key moves in one frame is far
+/// below 1, and its digits would be lost beside it.
+#[derive(Clone, Debug)]
+pub(crate) struct Leap {
+    n_mat: usize,
+    /// (size, size), row by row; the last row is 0
+    change: Vec<f64>,
+    square: Vec<f64>,
+    /// (size,) each
+    state: Vec<f64>,
+    moved: Vec<f64>,
+}
+
+impl Leap {
+    /// Room for the powers of a key's frame; `None` where a frame is no constant affine map, or a large one.
+    pub(crate) fn new(free: &FreeKey) -> Option<Self> {
+        let scheme = &*free.scheme;
+        let n_mat = scheme.n_mat();
+        let are_constant = free
+            .drives
+            .iter()
+            .all(|drive| matches!(drive.source, Source::Constant(_)));
+        let is_affine = scheme.linear && scheme.exact.is_empty() && free.slow.is_empty();
+        let size = 2 * n_mat + 1;
+        (is_affine && are_constant && n_mat <= MATS_MAX).then(|| Self {
+            n_mat,
+            change: vec![0.0; size * size],
+            square: vec![0.0; size * size],
+            state: vec![0.0; size],
+            moved: vec![0.0; size],
+        })
+    }
+
+    fn size(&self) -> usize {
+        2 * self.n_mat + 1
+    }
+
+    /// Move a key so many frames on that nothing strikes.
+    pub(super) fn forward(
+        &mut self,
+        free: &FreeKey,
+        motion: &mut Motion,
+        mut frames: u64,
+        laws: &mut Laws,
+        targets: &mut Vec<Target>,
+    ) {
+        let (n, last) = (self.n_mat, self.size() - 1);
+        self.state[..n].copy_from_slice(&motion.body.x);
+        self.state[n..last].copy_from_slice(&motion.body.d);
+        self.state[last] = 1.0;
+        self.one_frame(free, motion, laws, targets);
+        while frames > 0 {
+            if frames % 2 == 1 {
+                self.apply();
+            }
+            frames /= 2;
+            if frames > 0 {
+                self.double();
+            }
+        }
+        motion.body.x.copy_from_slice(&self.state[..n]);
+        motion.body.d.copy_from_slice(&self.state[n..last]);
+    }
+
+    /// The change that one frame makes: of each number by itself, beyond what it makes of all at 0.
+    fn one_frame(
+        &mut self,
+        free: &FreeKey,
+        motion: &mut Motion,
+        laws: &mut Laws,
+        targets: &mut Vec<Target>,
+    ) {
+        let (n, size) = (self.n_mat, self.size());
+        self.change.fill(0.0);
+        for column in (0..size).rev() {
+            motion.body.x.fill(0.0);
+            motion.body.d.fill(0.0);
+            if column < n {
+                motion.body.x[column] = 1.0;
+            } else if column < 2 * n {
+                motion.body.d[column - n] = 1.0;
+            }
+            free.forces(motion, 0, laws, targets);
+            free.strike_and_move(motion, 0, 0.0, targets);
+            for (mat, &step) in motion.body.d.iter().enumerate() {
+                let before = f64::from(u8::from(column == n + mat));
+                // A position changes by its last step, to the last digit.
+                for (row, change) in [(mat, step), (n + mat, step - before)] {
+                    let constant = self.change[row * size + size - 1];
+                    self.change[row * size + column] =
+                        change - if column < 2 * n { constant } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    /// The state moves by the map.
+    fn apply(&mut self) {
+        let size = self.size();
+        for (moved, row) in self.moved.iter_mut().zip(self.change.chunks_exact(size)) {
+            *moved = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
+        }
+        for (state, moved) in self.state.iter_mut().zip(&self.moved) {
+            *state += moved;
+        }
+    }
+
+    /// The map of twice as many frames: (1 + B)² = 1 + 2B + B².
+    fn double(&mut self) {
+        let size = self.size();
+        for (row, out) in self.square.chunks_exact_mut(size).enumerate() {
+            out.fill(0.0);
+            let own = &self.change[row * size..(row + 1) * size];
+            for (&factor, other) in own.iter().zip(self.change.chunks_exact(size)) {
+                for (out, other) in out.iter_mut().zip(other) {
+                    *out += factor * other;
+                }
+            }
+        }
+        for (change, square) in self.change.iter_mut().zip(&self.square) {
+            *change = 2.0 * *change + square;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::island::written_hand::free::Room;
+    use crate::network::{Network, Tie};
+    use crate::scheme::Scheme;
+    use crate::state::Body;
+    use crate::timeline::{Drive, DriveKind};
+    use crate::units::Rate;
+
+    /// A mass on a spring that a second one and a weight pull.
+    fn key() -> FreeKey {
+        let mut network = Network::default();
+        let tie = |k, z| Tie::Physical { k, z };
+        let a = network.cel("a", 0.4, tie(60.0, 1e-5), 1e-3, 0.0, 0.0);
+        let b = network.cel("b", 0.1, tie(2.0, 0.0), 0.0, 0.0, 0.0);
+        let (a, b) = (a.unwrap(), b.unwrap());
+        network.spring("r", a, b, 30.0, 0.0, 0.0).unwrap();
+        let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
+        FreeKey {
+            scheme: Arc::new(scheme),
+            struck: a,
+            members: vec![a, b],
+            drives: vec![Drive {
+                mat: b,
+                kind: DriveKind::Force,
+                source: Source::Constant(-0.02),
+                own: true,
+            }],
+            slow: Vec::new(),
+        }
+    }
+
+    fn room(free: &FreeKey) -> Room {
+        Room {
+            coast: free.at_rest(),
+            laws: Laws::new(&free.scheme),
+            targets: Vec::new(),
+            leap: Leap::new(free),
+        }
+    }
+
+    fn moving(free: &FreeKey) -> Motion {
+        free.start(Body::new(&free.scheme, vec![2e-3, -1e-3], vec![1e-6, 3e-7]))
+    }
+
+    #[test]
+    fn many_frames_at_once_are_the_same_frames() {
+        let free = key();
+        let mut room = room(&free);
+        let mut leap = room.leap.take().unwrap();
+        for frames in [0, 1, 2, 77, 12_345, 300_001] {
+            let mut stepped = moving(&free);
+            for n in 0..frames {
+                free.forces(&mut stepped, n, &mut room.laws, &mut room.targets);
+                free.strike_and_move(&mut stepped, n, 0.0, &mut room.targets);
+            }
+            let mut leapt = moving(&free);
+            let Room { laws, targets, .. } = &mut room;
+            leap.forward(&free, &mut leapt, frames, laws, targets);
+            for (stepped, leapt, most) in [
+                (&stepped.body.x, &leapt.body.x, 1e-11),
+                (&stepped.body.d, &leapt.body.d, 1e-14),
+            ] {
+                for (a, b) in stepped.iter().zip(leapt) {
+                    assert!((a - b).abs() <= most, "{a} and {b} after {frames}");
+                }
+            }
+        }
+    }
+
+    /// Frame by frame it would take minutes.
+    #[test]
+    fn a_throw_of_a_day_arrives() {
+        let free = key();
+        let mut room = room(&free);
+        let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
+        let force = free.aim(&moving(&free), n, to, x, &mut room);
+        let mut motion = moving(&free);
+        let Room {
+            laws,
+            targets,
+            leap,
+            ..
+        } = &mut room;
+        free.forces(&mut motion, n, laws, targets);
+        free.strike_and_move(&mut motion, n, force, targets);
+        let leap = leap.as_mut().unwrap();
+        leap.forward(&free, &mut motion, to - n - 1, laws, targets);
+        let there = motion.body.x[free.struck];
+        assert!((there - x).abs() < 1e-9, "{there} m, by {force} N");
+    }
+
+    #[test]
+    fn a_key_with_laws_has_no_such_map() {
+        let mut free = key();
+        assert!(Leap::new(&free).is_some());
+        Arc::make_mut(&mut free.scheme).linear = false;
+        assert!(Leap::new(&free).is_none());
+    }
+}

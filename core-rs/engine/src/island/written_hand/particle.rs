@@ -1,0 +1,91 @@
+//! Particle ergons: real MAS that meet the key through a magic BUT of two steps, K = 2μ.
+
+use crate::scheme::Scheme;
+use crate::state::Body;
+
+/// Speed of approach [m/s]: fixed, so that the mass carries the impulse and the speed stays far above
+/// any key's (error of the impulse below 1e-6 for velocity steps from 1e-5 to 0.5 m/s).
+pub(crate) const SPEED: f64 = 1000.0;
+/// A contact lasts two steps; dense ergons come every step.
+const AT_ONCE: usize = 4;
+/// Once this far out a particle never returns [m]: it leaves at 23 mm a step.
+const GONE: f64 = 1e-3;
+
+/// A particle near the key.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Particle {
+    /// Penetration into the key (rising: towards it) [m], in the particle's own direction.
+    x: f64,
+    d: f64,
+    /// 1/M of the particle [m/N], and stiffness of its contact [N/m]; 0: no particle.
+    w: f64,
+    k: f64,
+    /// +1: comes from below and pushes up.
+    sign: f64,
+}
+
+crate::archive::state!(Particle { x, d, w, k, sign });
+
+/// The particles of one voice.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Flight([Particle; AT_ONCE]);
+
+crate::archive::state!(Flight { 0 });
+
+impl Flight {
+    /// Step the particles that touch `mat` and push it; forget those that have left.
+    pub(crate) fn step(&mut self, body: &mut Body, mat: usize) {
+        for particle in &mut self.0 {
+            if particle.k > 0.0 {
+                let penetration = particle.sign * (particle.x - body.x[mat]);
+                let push = if penetration > 0.0 {
+                    particle.k * penetration
+                } else {
+                    0.0
+                };
+                body.push(mat, particle.sign * push);
+                particle.d -= particle.sign * push * particle.w;
+                particle.x += particle.d;
+                if penetration < -GONE {
+                    particle.k = 0.0;
+                }
+            }
+        }
+    }
+
+    /// Launch a particle whose contact gives impulse `force`·T now: it flew in freely and touched one
+    /// step ago. Returns its mass [kg] and velocity [m/s]; `None` where no particle of that speed
+    /// can carry so much.
+    pub(crate) fn launch(
+        &mut self,
+        scheme: &Scheme,
+        body: &mut Body,
+        mat: usize,
+        force: f64,
+    ) -> Option<(f64, f64)> {
+        let t = 1.0 / scheme.rate;
+        let sign = force.signum();
+        let speed = sign * SPEED;
+        // Penetration after one step of approach, the key moving as it did.
+        let approach = (speed * t - body.d[mat]) * sign;
+        // force = K·penetration with K = 2μ, and 1/μ = w + w_key.
+        let mu = 0.5 * force.abs() / approach;
+        let w = 1.0 / mu - scheme.w[mat];
+        let slot = self.0.iter_mut().find(|particle| particle.k == 0.0)?;
+        if w <= 0.0 || approach <= 0.0 {
+            return None;
+        }
+        *slot = Particle {
+            x: body.x[mat] + sign * approach,
+            d: speed * t,
+            w,
+            k: 2.0 * mu,
+            sign,
+        };
+        let push = slot.k * approach;
+        body.push(mat, sign * push);
+        slot.d -= sign * push * slot.w;
+        slot.x += slot.d;
+        Some((t * t / w, speed))
+    }
+}

@@ -1,0 +1,341 @@
+//! One voice of a key: its gestures in order, its free copy, and what it asks at each frame.
+
+mod answer;
+mod join;
+mod takeover;
+
+pub(crate) use takeover::{VoiceTakeover, shared};
+
+use super::framed::{FramedGesture, Leg};
+use super::free::leap::Leap;
+use super::free::{FreeKey, Motion, Room};
+use super::particle::Flight;
+use crate::archive::{Archive, Damaged, State, state_of};
+use crate::gesture::quintic::Knot;
+use crate::gesture::report::Report;
+use crate::gesture::script::Touch;
+use crate::island::inside;
+use crate::island::record::Stream;
+use crate::kernel;
+use crate::kernel::Laws;
+use crate::scheme::Scheme;
+use crate::state::{Body, Target};
+use join::Joining;
+
+/// A layer's free key is at rest below this, in metres and in metres a second: far below what is heard.
+const AT_REST: f64 = 1e-12;
+
+/// What never changes of a voice.
+#[derive(Clone, Debug)]
+pub(crate) struct VoiceScript {
+    /// Index of the key.
+    pub(crate) key: usize,
+    /// Struck MAT in the scene.
+    pub(crate) struck: usize,
+    pub(crate) free: FreeKey,
+    /// Gestures by rising start, as indices into the timeline's.
+    pub(crate) gestures: Vec<usize>,
+    /// The voice adds to another: its path is a deviation, and the scene's key is not held against it.
+    pub(crate) layer: bool,
+    /// Links that join the struck MAT to other parts, each with the MAT at its other end.
+    pub(crate) meets: Vec<(usize, usize)>,
+}
+
+/// What moves of a voice.
+#[derive(Clone, Debug)]
+pub(crate) struct Voice {
+    free: Motion,
+    /// Imposed points inside the free key, at this frame.
+    targets: Vec<Target>,
+    room: Room,
+    flight: Flight,
+    /// The gesture that runs.
+    now: Option<Running>,
+    /// The key is held on its path in this frame: the ergon is known once all other forces are.
+    held: Option<TrackedFrame>,
+    /// A path led it to this frame.
+    is_led: bool,
+    /// Number of gestures begun (also those that only join so far).
+    begun: usize,
+    /// Where the key is wanted at the present frame [m]; NaN: nowhere.
+    pub(crate) asked: f64,
+}
+
+impl State for Voice {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        archive.list(&mut self.targets)?;
+        state_of!(self, archive, free, flight, now, held, is_led, begun, asked)
+    }
+}
+
+#[derive(Clone, Debug, Default)]
+struct Running {
+    gesture: usize,
+    leg: usize,
+    cursor: usize,
+    source: usize,
+    joining: Option<Joining>,
+    /// The strike of the present throw or grain is done until this frame, where the key is to be
+    /// at this position [m].
+    struck_until: u64,
+    aim: f64,
+}
+
+crate::archive::option!(Running, maybe);
+crate::archive::state!(Running {
+    gesture,
+    leg,
+    cursor,
+    source,
+    joining,
+    struck_until,
+    aim
+});
+
+/// A frame of a tracked key.
+#[derive(Clone, Copy, Debug, Default)]
+struct TrackedFrame {
+    gesture: usize,
+    source: u32,
+    x: f64,
+}
+
+crate::archive::option!(TrackedFrame, maybe);
+crate::archive::state!(TrackedFrame { gesture, source, x });
+
+/// What is wanted of the key at a frame.
+#[derive(Clone, Copy)]
+enum Ask {
+    /// Be at x at the next frame.
+    Pass(f64),
+    /// Be struck once, to pass x at frame `to`.
+    Aim { to: u64, x: f64 },
+}
+
+/// What a voice may touch of the scene.
+pub(crate) struct Scene<'a> {
+    pub(crate) scheme: &'a Scheme,
+    pub(crate) body: &'a mut Body,
+    pub(crate) targets: &'a mut Vec<Target>,
+    pub(crate) gestures: &'a [FramedGesture],
+    pub(crate) reports: &'a mut [Report],
+    pub(crate) stream: &'a mut Stream,
+    pub(crate) bodies: &'a mut [inside::RunningBody],
+    /// How far layers take each key from where its gesture wants it [m]   (n_keys)
+    pub(crate) layers: &'a [f64],
+}
+
+impl VoiceScript {
+    /// The MAT of another part that pushes the key most, if any does.
+    fn pushed_by(&self, body: &Body) -> Option<usize> {
+        let push = |link: usize| body.link[link].abs();
+        let strongest = self
+            .meets
+            .iter()
+            .max_by(|a, b| push(a.0).total_cmp(&push(b.0)))?;
+        (push(strongest.0) > 0.0).then_some(strongest.1)
+    }
+}
+
+impl Voice {
+    /// Whether the voice has anything to do at frame `n`. A layer sleeps before its own time, and after
+    /// it as soon as its free key is at rest.
+    pub(crate) fn is_awake(
+        &self,
+        script: &VoiceScript,
+        gestures: &[FramedGesture],
+        n: u64,
+    ) -> bool {
+        let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
+        let i = script.free.struck;
+        let moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate
+            > AT_REST;
+        !script.layer || moves || script.gestures.iter().any(own)
+    }
+
+    /// How far a layer takes its key now [m].
+    pub(crate) fn deviation(&self, script: &VoiceScript) -> f64 {
+        self.free.body.x[script.free.struck]
+    }
+
+    pub(crate) fn new(script: &VoiceScript, free: Motion) -> Self {
+        let laws = Laws::new(&script.free.scheme);
+        let room = Room {
+            coast: free.clone(),
+            laws,
+            targets: Vec::new(),
+            leap: Leap::new(&script.free),
+        };
+        Self {
+            free,
+            targets: Vec::new(),
+            room,
+            flight: Flight::default(),
+            now: None,
+            held: None,
+            is_led: false,
+            begun: 0,
+            asked: f64::NAN,
+        }
+    }
+
+    /// Room for every imposed point inside the key, and for the struck MAT.
+    pub(crate) fn reserve(&mut self, script: &VoiceScript) {
+        for targets in [&mut self.targets, &mut self.room.targets] {
+            targets.reserve(script.free.drives.len() + 1);
+        }
+    }
+
+    /// Play frame `n`: compare, decide, strike, and move the free key to frame n + 1.
+    pub(crate) fn step(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
+        self.compare(script, scene, n);
+        script
+            .free
+            .forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
+        self.flight.step(scene.body, script.struck);
+        self.begin(script, scene, n);
+        let ask = self.ask(scene.gestures, scene.scheme.rate, n);
+        let here = std::mem::replace(&mut self.asked, f64::NAN);
+        let force = match ask {
+            Some(ask) => self.answer(script, scene, n, &ask, here),
+            None if self.is_led => {
+                let force = script.free.release(&self.free);
+                scene.body.push(script.struck, force);
+                force
+            }
+            None => 0.0,
+        };
+        self.is_led = matches!(ask, Some(Ask::Pass(_)));
+        if self.is_led {
+            let given = self.free.release_at_pull(script.free.struck);
+            if given != 0.0 {
+                let bodies = scene.bodies.iter_mut();
+                bodies.for_each(|body| body.give(script.struck, given));
+            }
+        }
+        if let Some(now) = self.now.as_ref().filter(|now| now.struck_until == n + 1) {
+            self.asked = now.aim;
+        }
+        script
+            .free
+            .strike_and_move(&mut self.free, n, force, &mut self.targets);
+    }
+
+    /// Hold what was asked against what was done.
+    fn compare(&self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
+        let latest = self
+            .now
+            .as_ref()
+            .map(|now| now.gesture)
+            .or_else(|| self.begun.checked_sub(1).map(|last| script.gestures[last]));
+        let Some(gesture) = latest else { return };
+        let report = &mut scene.reports[gesture];
+        let free = self.free.body.x[script.free.struck];
+        report.low = report.low.min(free);
+        report.high = report.high.max(free);
+        if !self.asked.is_nan() && !script.layer {
+            let wanted = self.asked + scene.layers[script.key];
+            let off = (scene.body.x[script.struck] - wanted).abs();
+            report.square += off * off;
+            report.compared += 1;
+            report.stop = n as f64 / scene.scheme.rate;
+            if off > report.worst {
+                (report.worst, report.worst_at) = (off, report.stop);
+                report.pushed_by = script.pushed_by(scene.body);
+            }
+        }
+    }
+
+    /// Position, velocity and acceleration of the key that the gesture is written for.
+    fn motion(&self, script: &VoiceScript, scene: &Scene<'_>, touch: Touch, n: u64) -> Knot {
+        let (scheme, body, i) = match touch {
+            Touch::Open => (&*script.free.scheme, &self.free.body, script.free.struck),
+            Touch::Tracked => (scene.scheme, &*scene.body, script.struck),
+        };
+        let (x, before) = (body.x[i], body.x[i] - body.d[i]);
+        let next = kernel::predict(scheme, body, i);
+        let rate = scheme.rate;
+        let [v_lacks, a_lacks] = match touch {
+            Touch::Open => self.free.lack(i, self.is_led),
+            Touch::Tracked => [0.0; 2],
+        };
+        let (v, a) = (
+            (next - before) * (0.5 * rate) + v_lacks * rate,
+            (next - 2.0 * x + before + a_lacks) * (rate * rate),
+        );
+        Knot {
+            t: n as f64 / rate,
+            x,
+            v,
+            a,
+        }
+    }
+
+    /// What the running gesture asks at frame `n`.
+    fn ask(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Ask> {
+        let now = self.now.as_mut()?;
+        let gesture = &gestures[now.gesture];
+        let target = n + 1;
+        let t = target as f64 / rate;
+        if let Some(joining) = &now.joining {
+            if t < joining.end {
+                return Some(Ask::Pass(joining.curve.at(t).0));
+            }
+            now.joining = None;
+        }
+        // The first frame of a gesture that was joined in time still belongs to its entry.
+        if target <= gesture.first {
+            return Some(Ask::Pass(gesture.gesture.entry_at(t)));
+        }
+        while target > gesture.legs.get(now.leg)?.last() {
+            now.leg += 1;
+            now.cursor = 0;
+            if now.leg == gesture.legs.len() {
+                self.now = None;
+                return None;
+            }
+        }
+        match &gesture.legs[now.leg] {
+            Leg::Path {
+                path,
+                entered,
+                last,
+            } => match gesture.gesture.manner.grain {
+                None if target > *entered => Some(Ask::Pass(
+                    path.at_from(&mut now.cursor, t.min(path.stop())).0,
+                )),
+                _ if n < now.struck_until => None,
+                grain => {
+                    let to = match grain {
+                        Some(grain) => gesture.knot_after(n, grain, rate),
+                        None => *entered,
+                    };
+                    let to = to.min(*last);
+                    now.struck_until = to;
+                    let t = (to as f64 / rate).min(path.stop());
+                    now.aim = path.at_from(&mut now.cursor, t).0;
+                    Some(Ask::Aim { to, x: now.aim })
+                }
+            },
+            Leg::Throw { from, to, x } if n >= now.struck_until.max(*from) => {
+                (now.struck_until, now.aim) = (*to, *x);
+                Some(Ask::Aim { to: *to, x: *x })
+            }
+            Leg::Throw { .. } => None,
+        }
+    }
+}
+
+impl Running {
+    fn new(gesture: usize, joining: Option<Joining>) -> Self {
+        Self {
+            gesture,
+            leg: 0,
+            cursor: 0,
+            source: 0,
+            joining,
+            struck_until: 0,
+            aim: f64::NAN,
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! How a gesture begins: where the key agrees with it, or by a curve that leads onto its path.
+
+use super::{Running, Scene, Voice, VoiceScript};
+use crate::gesture::quintic::{Knot, Quintic};
+use crate::island::written_hand::framed::{FramedGesture, Leg};
+
+/// Closer than this a key is where the gesture begins, and needs no joining curve [m].
+const AGREES: f64 = 1e-9;
+/// A joining curve shorter than this is worse than a late one [s]: 3 mm in 5 ms are 3,600 m/s².
+const JOIN_MIN: f64 = 5e-3;
+
+/// A curve that leads onto a gesture's path, up to an instant [s].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Joining {
+    pub(super) curve: Quintic,
+    pub(super) end: f64,
+}
+
+crate::archive::option!(Joining, maybe);
+crate::archive::state!(Joining { curve, end });
+
+impl Joining {
+    fn new(from: Knot, to: Knot) -> Self {
+        Self {
+            curve: Quintic::joining(from, to),
+            end: to.t,
+        }
+    }
+}
+
+impl Voice {
+    /// Begin the next gesture, or the curve that joins it, when its time has come.
+    pub(super) fn begin(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
+        let rate = scene.scheme.rate;
+        while let Some(&index) = script.gestures.get(self.begun) {
+            let gesture = &scene.gestures[index];
+            let now = n as f64 / rate;
+            let joined = self.now.as_ref().is_some_and(|now| now.gesture == index);
+            if n >= gesture.first {
+                self.begun += 1;
+                scene.reports[index].start = now;
+                if joined {
+                    continue;
+                }
+                let late = self.late_joining(script, scene, gesture, n);
+                scene.reports[index].first_point_missed = late.is_some();
+                self.now = Some(Running::new(index, late));
+                continue;
+            }
+            let left = gesture.gesture.start - now;
+            let in_time =
+                n >= gesture.join_from && left >= JOIN_MIN.min(gesture.gesture.manner.join);
+            if self.now.is_none() && in_time {
+                let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
+                let still = (from.x - gesture.gesture.entry.x).abs() <= AGREES
+                    && (from.v / rate).abs() <= AGREES;
+                if !still && gesture.gesture.manner.join > 0.0 {
+                    self.now = Some(Running::new(
+                        index,
+                        Some(Joining::new(from, gesture.gesture.entry)),
+                    ));
+                }
+            }
+            return;
+        }
+    }
+
+    /// The curve by which a gesture that begins elsewhere joins its own path after its start.
+    fn late_joining(
+        &self,
+        script: &VoiceScript,
+        scene: &Scene<'_>,
+        gesture: &FramedGesture,
+        n: u64,
+    ) -> Option<Joining> {
+        let Leg::Path { path, .. } = gesture.legs.first()? else {
+            return None;
+        };
+        let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
+        // Where one gesture ends as the next begins, off the grid of frames, the key has not quite
+        // come to the point they share.
+        let before = self
+            .begun
+            .checked_sub(2)
+            .map(|before| &scene.gestures[script.gestures[before]]);
+        let shared = before.is_some_and(|it| {
+            n.abs_diff(it.last()) < gesture.score_frame()
+                && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
+        });
+        let agrees = shared
+            || [path.at(from.t).0, gesture.gesture.entry.x]
+                .iter()
+                .any(|x| (from.x - x).abs() <= AGREES);
+        if agrees || gesture.gesture.manner.join == 0.0 {
+            return None;
+        }
+        let last = gesture.last() as f64 / scene.scheme.rate;
+        let t = (from.t + gesture.gesture.manner.join)
+            .min(path.stop())
+            .min(last);
+        let (x, v, a) = path.at(t);
+        (t > from.t).then(|| Joining::new(from, Knot { t, x, v, a }))
+    }
+}

@@ -1,0 +1,96 @@
+//! A voice that begins in the middle, or goes on where one of another version stands.
+
+use std::collections::HashMap;
+
+use super::{Running, Voice, VoiceScript};
+use crate::island::written_hand::framed::FramedGesture;
+
+/// What one voice passes on to another.
+#[derive(Clone, Debug)]
+pub(crate) struct VoiceTakeover {
+    /// Which voice of the island before, and of this one.
+    pub(crate) from: usize,
+    pub(crate) to: usize,
+    /// MATs of the free key here and there, where the two are not alike in all.
+    pub(crate) mats: Option<Vec<(usize, usize)>>,
+    /// The same gestures, there and here; rising.
+    pub(crate) gestures: Vec<(usize, usize)>,
+}
+
+impl VoiceTakeover {
+    /// Here, a gesture of there.
+    fn gesture(&self, there: usize) -> Option<usize> {
+        let at = self.gestures.binary_search_by_key(&there, |pair| pair.0);
+        at.ok().map(|at| self.gestures[at].1)
+    }
+}
+
+/// The gestures of one voice that are also in another: there and here, rising.
+pub(crate) fn shared(
+    (own, gestures): (&VoiceScript, &[FramedGesture]),
+    (their, others): (&VoiceScript, &[FramedGesture]),
+) -> Vec<(usize, usize)> {
+    let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
+    for &own in &own.gestures {
+        let start = gestures[own].gesture.start.to_bits();
+        by_start.entry(start).or_default().push(own);
+    }
+    let mut found = Vec::new();
+    for &their in &their.gestures {
+        let Some(same) = by_start.get_mut(&others[their].gesture.start.to_bits()) else {
+            continue;
+        };
+        if let Some(at) = same
+            .iter()
+            .position(|&own| gestures[own].gesture.is_same(&others[their].gesture))
+        {
+            found.push((their, same.remove(at)));
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+impl Voice {
+    /// Begin at frame `n`: gestures that began before it have gone by.
+    pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) {
+        let past = |&own: &usize| gestures[own].first < n;
+        self.begun = script.gestures.partition_point(past);
+        self.free.seek(n);
+    }
+
+    /// Go on as `old` does, with the gesture that it plays where it is still to be played. Where it is not, the key
+    /// goes on by itself, and what comes next joins it there.
+    pub(crate) fn go_on(
+        &mut self,
+        script: &VoiceScript,
+        old: &mut Self,
+        then: &VoiceScript,
+        takeover: &VoiceTakeover,
+    ) {
+        match &takeover.mats {
+            None => std::mem::swap(&mut self.free, &mut old.free),
+            Some(pairs) => {
+                let (own, their) = (&mut self.free.body, &old.free.body);
+                for &(to, from) in pairs {
+                    (own.x[to], own.d[to]) = (their.x[from], their.d[from]);
+                }
+                self.free.settle();
+            }
+        }
+        let latest = |voice: &Self, script: &VoiceScript| {
+            let now = voice.now.as_ref().map(|now| now.gesture);
+            now.or_else(|| voice.begun.checked_sub(1).map(|last| script.gestures[last]))
+        };
+        let before = latest(old, then).map(|there| takeover.gesture(there));
+        self.flight = std::mem::take(&mut old.flight);
+        self.is_led = old.is_led;
+        self.now = old.now.take().and_then(|now| {
+            let gesture = takeover.gesture(now.gesture)?;
+            Some(Running { gesture, ..now })
+        });
+        // What is due at this very frame is held against what comes of it in the same gesture's report.
+        let is_same = before == Some(latest(self, script));
+        self.asked = if is_same { old.asked } else { f64::NAN };
+    }
+}

@@ -1,0 +1,82 @@
+//! The mixer of a version takes over from that of the version before.
+
+use super::{Mixer, Route, To};
+
+impl Mixer {
+    /// Take the state of `old` over: gains of groups, filters and delays of routes that both have, and rooms of the same
+    /// name. Over 20 ms from the next multiple of 64 frames on, routes that are new fade in, those that are gone fade out,
+    /// and gains glide. Routes with a delay or a curve end at once. Allocates nothing.
+    ///
+    /// `outputs`: for each output of `old` the output here, where they differ.
+    pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
+        self.frame = old.frame;
+        let groups = self.groups.iter_mut().zip(&old.groups);
+        groups.for_each(|(own, old)| *own = *old);
+        let out = |before: &Route| match outputs {
+            Some(outputs) => outputs.get(before.out).copied().flatten(),
+            None => Some(before.out),
+        };
+        // Routes come in about the same order: search after the previous one first.
+        let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
+        let (mut next, n) = (0, old.routes.len());
+        for own in &mut self.routes {
+            let is_same = |&at: &usize| own.is_as(&old.routes[at], out(&old.routes[at]));
+            let Some(at) = in_turn(next, n).find(is_same) else {
+                own.fade(self.rate, 0.0, 1.0);
+                continue;
+            };
+            next = at + 1;
+            let before = &old.routes[at];
+            if let (Some(section), Some(before)) = (&mut own.highpass, &before.highpass) {
+                section.take_over(before);
+            }
+            if let (Some(delay), Some(before)) = (&mut own.delay, &before.delay) {
+                delay.take_over(before);
+            }
+            own.fade = before.fade;
+            let (gone, come) = (before.written(old.frame), own.written(old.frame));
+            if come != gone && come != 0.0 {
+                let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+                own.fade(self.rate, gone * there / come, 1.0);
+            }
+        }
+        for room in &mut self.rooms {
+            room.take_over(&old.rooms);
+        }
+        self.leave(old, out);
+        self.is_fading = true;
+    }
+
+    /// Let routes of `old` fade out that have no successor here; their outputs here are `out`.
+    fn leave(&mut self, old: &Self, out: impl Fn(&Route) -> Option<usize>) {
+        let (mut next, n) = (0, self.routes.len());
+        let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
+        let mut places = self.leaving.iter_mut();
+        for before in old.leaving.iter().flatten().chain(&old.routes) {
+            let here = out(before);
+            let (Some(own), true) = (here, before.group < self.groups.len()) else {
+                continue;
+            };
+            let successor = (next..n)
+                .chain(0..next)
+                .find(|&at| self.routes[at].is_as(before, here));
+            if let Some(at) = successor {
+                next = at + 1;
+                continue;
+            }
+            if before.delay.is_some() || before.curve.is_some() {
+                continue; // a copy of theirs would be allocated
+            }
+            let Some(place) = places.next() else { return };
+            let mut route = before.clone();
+            route.out = own;
+            let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+            route.fade(self.rate, there, 0.0);
+            let is_there = match before.to {
+                To::Channel(channel) => channel < n_channels,
+                To::Room(room) => room < n_rooms,
+            };
+            *place = is_there.then_some(route);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Where a sound has faded.
+
+/// Of the highest peak: -80 dB.
+const FADED: f64 = 1e-4;
+/// Length of a window [s].
+const WINDOW: f64 = 0.1;
+/// So many quiet windows in a row end a sound: what beats comes back sooner.
+const WINDOWS: u64 = 10;
+
+/// Looks for the first tenth of a second, after a given frame, that begins a quiet second.
+///
+/// Quiet is 80 dB below the highest peak before. The place does not depend on how frames are cut into blocks.
+///
+/// ```
+/// use ergon_engine::mix::quiet::FadeFinder;
+///
+/// let mut finder = FadeFinder::new(1_000.0, 1, 0);
+/// assert_eq!(finder.take(&[1.0; 1_000]), None);
+/// assert_eq!(finder.take(&[5e-5; 1_000]), Some(1_100));
+/// ```
+#[derive(Clone, Debug)]
+pub struct FadeFinder {
+    window: u64,
+    channels: usize,
+    from: u64,
+    at: u64,
+    n_quiet: u64,
+    peak: f64,
+    loudest: f64,
+}
+
+impl FadeFinder {
+    /// Of frames at `rate` [Hz]; it looks from frame `from` on, counted from the first that it takes.
+    pub fn new(rate: f64, n_channels: usize, from: u64) -> Self {
+        Self {
+            window: (WINDOW * rate + 0.5).max(1.0) as u64,
+            channels: n_channels.max(1),
+            from,
+            at: 0,
+            n_quiet: 0,
+            peak: 0.0,
+            loudest: 0.0,
+        }
+    }
+
+    /// How many channels it takes.
+    pub fn n_channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Take (n_frames · n_channels); the frame at which it has faded, once that is known.
+    pub fn take(&mut self, frames: &[f64]) -> Option<u64> {
+        let mut rest = frames;
+        while !rest.is_empty() {
+            let left = (self.window - self.at % self.window) as usize;
+            let count = left.min(rest.len() / self.channels);
+            let part;
+            (part, rest) = rest.split_at(count * self.channels);
+            self.loudest = part.iter().fold(self.loudest, |most, x| most.max(x.abs()));
+            self.at += count as u64;
+            if count < left {
+                return None;
+            }
+            self.peak = self.peak.max(self.loudest);
+            let is_after = self.at - self.window >= self.from;
+            let is_quiet = is_after && self.loudest <= FADED * self.peak;
+            self.n_quiet = if is_quiet { self.n_quiet + 1 } else { 0 };
+            self.loudest = 0.0;
+            if self.n_quiet == WINDOWS {
+                return Some(self.at - (WINDOWS - 1) * self.window);
+            }
+        }
+        None
+    }
+}

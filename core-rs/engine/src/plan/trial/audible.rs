@@ -1,0 +1,97 @@
+//! What is heard of the difference of two runs: pitch and decay of the strongest partials, and levels of third octaves.
+
+mod levels;
+mod partials;
+
+use crate::plan::budget::Budget;
+use crate::plan::trial::pilot_run::PilotRun;
+use crate::plan::trial::waveform_error::Spans;
+
+/// What is heard of an error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Audible {
+    /// Largest error of a pitch among the strongest partials [cents].
+    pub cents: f64,
+    /// Largest error of a T60 among them, of itself.
+    pub t60: f64,
+    /// Largest error of a third octave that is not masked by the others [dB].
+    pub level: f64,
+}
+
+/// Where pitch is right to 3 cents, T60 is to be right to this part, and third octaves to so much [dB].
+///
+/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 5 %: the difference limen of reverberation times, ISO 3382-1 (2009), table A.1.
+/// 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1.
+const CENTS: f64 = 3.0;
+const T60: f64 = 0.05;
+const LEVEL: f64 = 1.0;
+
+impl Audible {
+    /// Of a run against one of half its step, from the first event on, up to `upto` [Hz] of partials.
+    pub(in crate::plan) fn of(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
+        let n_out = spans.n_out.max(1);
+        let from = spans.event() * n_out;
+        let one = |x: &[f64], output: usize| -> Vec<f64> {
+            let own: Vec<f64> = x[from..]
+                .iter()
+                .skip(output)
+                .step_by(n_out)
+                .copied()
+                .collect();
+            let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
+            own.iter().map(|x| x - mean).collect()
+        };
+        (0..n_out).fold(Self::default(), |worst, output| {
+            let (ours, theirs) = (one(run, output), one(finer, output));
+            let (cents, t60) = partials::apart(&ours, &theirs, spans.rate, upto);
+            worst.with(Self {
+                cents,
+                t60,
+                level: levels::apart(&ours, &theirs, spans.rate),
+            })
+        })
+    }
+
+    /// The same where a budget of pitch asks for it and the run is not lost.
+    pub(in crate::plan) fn of_budget(
+        budget: &Budget,
+        (run, finer): (&PilotRun, &[f64]),
+        spans: &Spans,
+    ) -> Option<Self> {
+        match *budget {
+            Budget::Cents { upto, .. } if !run.is_lost => {
+                Some(Self::of(&run.sound, finer, spans, upto))
+            }
+            _ => None,
+        }
+    }
+
+    /// The larger error of each.
+    pub(in crate::plan) fn with(self, other: Self) -> Self {
+        Self {
+            cents: self.cents.max(other.cents),
+            t60: self.t60.max(other.t60),
+            level: self.level.max(other.level),
+        }
+    }
+
+    /// So many times as large.
+    pub(in crate::plan) fn times(self, by: f64) -> Self {
+        Self {
+            cents: by * self.cents,
+            t60: by * self.t60,
+            level: by * self.level,
+        }
+    }
+
+    /// The largest of the three, as a multiple of what a budget of pitch allows; 0 where the budget is another.
+    pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
+        match *budget {
+            Budget::Cents { cents, .. } => {
+                let all = [self.cents / CENTS, self.t60 / T60, self.level / LEVEL];
+                all.into_iter().fold(0.0, f64::max) * CENTS / cents
+            }
+            Budget::Error(_) | Budget::Method(_) => 0.0,
+        }
+    }
+}

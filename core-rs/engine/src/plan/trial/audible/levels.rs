@@ -1,0 +1,141 @@
+//! Third octaves that are heard beside each other.
+//!
+//! A band is heard where it is above what the others mask. They spread over the basilar membrane by
+//! 15.81 + 7.5·(Δ + 0.474) − 17.5·√(1 + (Δ + 0.474)²) dB at a distance of Δ Bark (Schroeder, Atal & Hall, J. Acoust. Soc.
+//! Am. 66, 1979), and mask what lies 14.5 + z dB below, z the Bark of the band: the offset of tones, which mask least (Johnston,
+//! IEEE J. Sel. Areas Commun. 6, 1988). z = 26.81·f/(1960 + f) − 0.53 (Traunmüller, J. Acoust. Soc. Am. 88, 1990).
+
+use std::f64::consts::PI;
+
+use crate::maths::{log10, pow, sincos, sqrt};
+use crate::plan::trial::third_octaves::{Band, bands, powers};
+
+/// A level is the mean of as many numbers as width × duration says: here the same sound is looked at twice, and one
+/// number will do.
+const FEWEST: f64 = 1.0;
+/// Bands so far below the strongest are not compared, and one that is missing is as far off as this [power].
+const HEARD: f64 = 1e-6;
+const MISSING: f64 = 1e-10;
+/// One part of so many of a sound fades.
+const FADED: usize = 4;
+
+/// The largest difference of a third octave that is heard in `b` [dB].
+pub(super) fn apart(a: &[f64], b: &[f64], rate: f64) -> f64 {
+    let bands = bands(b.len(), rate, FEWEST);
+    let of = |x: &[f64]| -> Vec<f64> {
+        let powers = powers(faded(x));
+        let sum = |band: &Band| powers[band.bins.clone()].iter().sum();
+        bands.iter().map(sum).collect()
+    };
+    let (ours, theirs) = (of(a), of(b));
+    let centres: Vec<f64> = bands.iter().map(|band| band.centre).collect();
+    let heard = heard(&centres, &theirs);
+    let each = ours.iter().zip(&theirs).zip(heard);
+    let heard = each.filter(|(_, is_heard)| *is_heard);
+    heard.fold(0.0, |worst, ((ours, theirs), _)| {
+        worst.max(10.0 * log10((ours / theirs).max(MISSING)).abs())
+    })
+}
+
+/// A sound that ends by fading: cut off it would be heard in every band.
+fn faded(x: &[f64]) -> Vec<f64> {
+    let n = x.len() / FADED;
+    let from = x.len() - n;
+    let mut x = x.to_vec();
+    for (at, x) in x[from..].iter_mut().enumerate() {
+        let s = sincos(0.5 * PI * (at as f64 + 0.5) / n as f64).1;
+        *x *= s * s;
+    }
+    x
+}
+
+/// Which bands, of these centres [Hz] and powers, are not masked.
+fn heard(centres: &[f64], powers: &[f64]) -> Vec<bool> {
+    let strongest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
+    let barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
+    let masked = |at: usize| -> f64 {
+        let others = powers.iter().zip(&barks).enumerate();
+        let others = others.filter(|(other, _)| *other != at);
+        let spread = others.map(|(_, (power, bark))| power * decibels(spreads(barks[at] - bark)));
+        spread.sum::<f64>() * decibels(-14.5 - barks[at])
+    };
+    let own = powers.iter().enumerate();
+    own.map(|(at, power)| *power > (HEARD * strongest).max(masked(at)))
+        .collect()
+}
+
+fn bark(f: f64) -> f64 {
+    26.81 * f / (1960.0 + f) - 0.53
+}
+
+/// How much of a masker reaches so far above it [Bark]; in dB.
+fn spreads(bark: f64) -> f64 {
+    let d = bark + 0.474;
+    15.81 + 7.5 * d - 17.5 * sqrt(1.0 + d * d)
+}
+
+/// A level [dB] as a power.
+fn decibels(db: f64) -> f64 {
+    pow(10.0, 0.1 * db)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::maths::sincos;
+
+    const RATE: f64 = 44_100.0;
+
+    /// Sines of a frequency [Hz] and an amplitude, 0.3 s that fade in: a sudden beginning would be heard in every band.
+    fn tones(of: &[(f64, f64)]) -> Vec<f64> {
+        let at = |n: usize| {
+            let rise = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
+            let each = of.iter();
+            let sum: f64 = each
+                .map(|(f, size)| size * sincos(TAU * f * n as f64 / RATE).0)
+                .sum();
+            rise * rise * sum
+        };
+        (0..13_230).map(at).collect()
+    }
+
+    #[test]
+    fn a_masker_spreads_further_up_than_down() {
+        assert!(spreads(0.0).abs() < 0.01);
+        assert!((spreads(3.0) + 21.4).abs() < 0.1, "{}", spreads(3.0));
+        assert!((spreads(-3.0) + 50.7).abs() < 0.1, "{}", spreads(-3.0));
+    }
+
+    #[test]
+    fn what_is_masked_counts_nothing() {
+        // 50 dB below a strong tone: next to it nothing is heard of that, two octaves away it is.
+        let (near, far) = ((1_260.0, 3e-3), (4_000.0, 3e-3));
+        let loud = (1_000.0, 1.0);
+        let b = tones(&[loud, near, far]);
+        let without = |gone: (f64, f64)| {
+            let rest = [loud, near, far].map(|own| {
+                if own == gone {
+                    (own.0, 0.3 * own.1)
+                } else {
+                    own
+                }
+            });
+            apart(&tones(&rest), &b, RATE)
+        };
+        assert!(without(near) < 1e-6, "{}", without(near));
+        let change = -20.0 * log10(0.3);
+        assert!((without(far) - change).abs() < 0.5, "{}", without(far));
+    }
+
+    #[test]
+    fn silence_and_what_is_missing_are_no_nonsense() {
+        let b = tones(&[(500.0, 1.0)]);
+        let silence = vec![0.0; b.len()];
+        assert_eq!(apart(&b, &b, RATE), 0.0);
+        assert_eq!(apart(&b, &silence, RATE), 0.0);
+        assert!((apart(&silence, &b, RATE) - 100.0).abs() < 1e-9);
+        assert_eq!(apart(&[], &[], RATE), 0.0);
+    }
+}

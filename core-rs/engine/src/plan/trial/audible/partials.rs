@@ -1,0 +1,192 @@
+//! Pitch and decay of the strongest partials in two takes, by demodulation: both are shifted by −f and smoothed; of their
+//! ratio the slopes of argument and logarithm, weighted by power, are the difference of frequency and of decay.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::maths::{atan2, log, log2, sincos};
+use crate::plan::trial::third_octaves::{length, powers};
+
+/// Partials of which there are so many at most, so far below the strongest at most [power].
+const COUNT: usize = 5;
+const WEAKEST: f64 = 1e-4;
+/// A Hann window of so long [s]: partials 40 Hz apart do not mix.
+const WINDOW: f64 = 0.05;
+/// From window to window [s].
+const HOP: f64 = 5e-3;
+/// A decay is told where a straight line through the level is as near [nepers], and falls by so much at least.
+const STRAIGHT: f64 = 0.1;
+const FALLS: f64 = 0.1;
+/// A pitch is told of so many windows.
+const FEWEST: usize = 8;
+
+/// Largest error of a pitch [cents] and of a T60, of itself, up to `upto` [Hz]; `b` is the reference.
+pub(super) fn apart(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
+    let found = strongest(b, rate, upto).into_iter();
+    found.fold((0.0, 0.0), |(cents, t60), f| {
+        let (own_cents, own_t60) = compare(a, b, f, rate).unwrap_or((0.0, 0.0));
+        (f64::max(cents, own_cents), f64::max(t60, own_t60))
+    })
+}
+
+/// Frequencies of the strongest partials [Hz], each the strongest around it.
+fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
+    let window = hann(x.len());
+    let powers = powers(x.iter().zip(window).map(|(x, w)| x * w).collect());
+    let bin = rate / length(x.len()) as f64;
+    let reach = ((2.0 / WINDOW / bin) as usize).max(2);
+    let last = ((upto / bin) as usize).min(powers.len().saturating_sub(1));
+    let is_top = |at: &usize| {
+        let around = &powers[at - reach.min(*at)..(at + reach + 1).min(powers.len())];
+        powers[*at] > 0.0 && around.iter().all(|power| *power <= powers[*at])
+    };
+    let mut tops: Vec<usize> = (reach..last).filter(is_top).collect();
+    tops.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
+    tops.truncate(COUNT);
+    let most = tops.first().map_or(0.0, |top| powers[*top]);
+    tops.retain(|top| powers[*top] >= WEAKEST * most);
+    tops.into_iter().map(|top| top as f64 * bin).collect()
+}
+
+/// Error of the pitch [cents] and of the T60 of the partial near `f` [Hz]; `None` where there is too little of it.
+fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
+    let (ours, theirs) = (baseband(a, f, rate), baseband(b, f, rate));
+    if theirs.len() < FEWEST {
+        return None;
+    }
+    let weights: Vec<f64> = theirs.iter().map(|[re, im]| re * re + im * im).collect();
+    // ours/theirs, and theirs by its own step before: arguments that turn little from one to the next.
+    let ratios = ours.iter().zip(&theirs);
+    let ratios: Vec<[f64; 2]> = ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
+    let drift = slope(&unwrapped(&ratios), &weights).0 / (TAU * HOP);
+    let level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
+    let levels = |of: &[[f64; 2]]| -> Vec<f64> { of.iter().map(level).collect() };
+    let (falls, rest) = slope(&levels(&theirs), &weights);
+    let (ours, _) = slope(&levels(&ours), &weights);
+    let cents = 1200.0 * log2((1.0 + drift / f).max(f64::MIN_POSITIVE)).abs();
+    let is_decay = rest < STRAIGHT && -falls * theirs.len() as f64 > FALLS;
+    // T60 over T60.
+    let t60 = if is_decay && ours < 0.0 {
+        (falls / ours - 1.0).abs()
+    } else {
+        0.0
+    };
+    Some((cents, t60))
+}
+
+/// A sound shifted by −f and smoothed, once every `HOP`.
+fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
+    let size = ((WINDOW * rate) as usize).max(4);
+    let hop = ((HOP * rate) as usize).max(1);
+    let shifted: Vec<[f64; 2]> = x
+        .iter()
+        .enumerate()
+        .map(|(n, x)| {
+            let (sin, cos) = sincos(-TAU * f * n as f64 / rate);
+            [x * cos, x * sin]
+        })
+        .collect();
+    let window = hann(size);
+    let smooth = |at: usize| {
+        let own = shifted[at..at + size].iter().zip(&window);
+        own.fold([0.0; 2], |sum, (x, w)| {
+            [sum[0] + w * x[0], sum[1] + w * x[1]]
+        })
+    };
+    let last = x.len().checked_sub(size);
+    last.map_or_else(Vec::new, |last| {
+        (0..=last).step_by(hop).map(smooth).collect()
+    })
+}
+
+fn hann(size: usize) -> Vec<f64> {
+    let at = |n: usize| {
+        let s = sincos(PI * (n as f64 + 0.5) / size as f64).0;
+        s * s
+    };
+    (0..size).map(at).collect()
+}
+
+fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
+}
+
+/// Arguments without jumps.
+fn unwrapped(of: &[[f64; 2]]) -> Vec<f64> {
+    let mut last = [1.0, 0.0];
+    let mut sum = 0.0;
+    let turn = |own: &[f64; 2]| {
+        let by = times(*own, [last[0], -last[1]]);
+        sum += if by == [0.0; 2] {
+            0.0
+        } else {
+            atan2(by[1], by[0])
+        };
+        last = *own;
+        sum
+    };
+    of.iter().map(turn).collect()
+}
+
+/// Of the straight line that fits best by weighted least squares: its slope a step, and how far it is off (rms).
+fn slope(values: &[f64], weights: &[f64]) -> (f64, f64) {
+    let total: f64 = weights.iter().sum();
+    if total <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let mean = |of: &dyn Fn(usize) -> f64| -> f64 {
+        let each = weights.iter().enumerate();
+        each.map(|(i, weight)| weight * of(i)).sum::<f64>() / total
+    };
+    let (t, y) = (mean(&|i| i as f64), mean(&|i| values[i]));
+    let spread = mean(&|i| (i as f64 - t) * (i as f64 - t));
+    if spread <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let by = mean(&|i| (i as f64 - t) * (values[i] - y)) / spread;
+    let rest = mean(&|i| {
+        let off = values[i] - y - by * (i as f64 - t);
+        off * off
+    });
+    (by, rest.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maths::exp;
+
+    const RATE: f64 = 44_100.0;
+
+    /// Two partials with a decay each [1/s].
+    fn sound(low: (f64, f64), high: (f64, f64)) -> Vec<f64> {
+        let one = |t: f64, (f, decay): (f64, f64)| exp(-decay * t) * sincos(TAU * f * t).0;
+        (0..13_230)
+            .map(|n| n as f64 / RATE)
+            .map(|t| one(t, low) + 0.1 * one(t, high))
+            .collect()
+    }
+
+    #[test]
+    fn pitch_and_decay_are_told_of_weaker_partials_too() {
+        let b = sound((220.0, 8.0), (1_310.0, 20.0));
+        let (cents, t60) = apart(&b, &b, RATE, 5_000.0);
+        assert_eq!((cents, t60), (0.0, 0.0));
+        // 5 cents, and a T60 that is a tenth longer.
+        let a = sound((220.0, 8.0), (1_310.0 * 1.002_892, 20.0 / 1.1));
+        let (cents, t60) = apart(&a, &b, RATE, 5_000.0);
+        assert!((cents - 5.0).abs() < 0.2, "{cents}");
+        assert!((t60 - 0.1).abs() < 0.01, "{t60}");
+        // Where pitch is not asked for it is not told.
+        assert!(apart(&a, &b, RATE, 1_000.0).0 < 0.3);
+    }
+
+    #[test]
+    fn short_and_silent_sounds_tell_nothing() {
+        assert_eq!(apart(&[], &[], RATE, 5_000.0), (0.0, 0.0));
+        assert_eq!(apart(&[0.0; 500], &[0.0; 500], RATE, 5_000.0), (0.0, 0.0));
+        let b = sound((220.0, 8.0), (1_310.0, 20.0));
+        let silence = vec![0.0; b.len()];
+        let (cents, t60) = apart(&silence, &b, RATE, 5_000.0);
+        assert!(cents.is_finite() && t60.is_finite());
+    }
+}

@@ -1,0 +1,158 @@
+//! How long an error holds: where keys meet what sounds again and again, runs may part long after a pilot's end.
+
+use crate::island::inside::BodyPlan;
+use crate::maths::log10;
+use crate::network::LinkKind;
+use crate::plan::IslandPlan;
+use crate::plan::report::row::Measured;
+use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::trial::pilot_run::{play, work};
+use crate::plan::trial::third_octaves::levels_apart;
+use crate::plan::trial::waveform_error::Spans;
+
+/// From one look at the error to the next [s].
+const LOOK: f64 = 0.1;
+/// Takes whose error is larger have no waveform in common [dB].
+const PARTED: f64 = -10.0;
+/// Up to here an error may grow beyond a pilot's and still be the same [dB].
+const SAME: f64 = 3.0;
+
+/// What is played last is heard for so long [s].
+const RINGS: f64 = 8.0;
+/// The part of the work that lies aside that is counted on: contacts and guards add to a run.
+const SHARE: f64 = 0.5;
+
+/// A way to play an island: its plan, and how often a step contacts are computed.
+type Played<'a> = (&'a IslandPlan, usize);
+
+/// Whether errors may grow after a pilot: keys are led to contacts, so that each meeting begins where the one before it
+/// ended, or parts are slow.
+pub(in crate::plan) fn may_grow(island_plan: &IslandPlan) -> bool {
+    let runs = island_plan.network.runs().iter();
+    let has_contacts = runs
+        .clone()
+        .any(|run| matches!(run.kind, LinkKind::But(_) | LinkKind::Lnl(_)));
+    let mut bodies = island_plan.bodies.iter();
+    let is_slow = bodies.any(|body| matches!(body, BodyPlan::Slow(_)));
+    is_slow || (has_contacts && !island_plan.timeline.gestures.is_empty())
+}
+
+/// An error that a pilot measured between two runs [dB], and until when it is no more than `most` [dB] or what it was:
+/// over all that is played where it stays so: the score, or as much of it as the work that is left allows.
+pub(in crate::plan) fn held(
+    measured: Measured,
+    most: f64,
+    [own, other]: [Played<'_>; 2],
+    allowance: &Allowance,
+) -> Result<Measured, TrialError> {
+    let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
+    if measured.db > PARTED {
+        return Ok(measured); // there is no waveform that could hold
+    }
+    // What cannot be paid for leaves no trace: of the pilot everything is known.
+    let rest = allowance.aside();
+    let each = work(own.0) + work(other.0);
+    let n_frames = (end(own.0) * rate).min(SHARE * rest.spent().1 / each) as usize;
+    let pilot = (measured.over * rate) as usize;
+    let look = ((LOOK * rate) as usize).max(1);
+    if n_frames < pilot + look {
+        return Ok(measured);
+    }
+    let runs = play(own.0, own.1, n_frames, &rest)
+        .and_then(|run| Ok((run, play(other.0, other.1, n_frames, &rest)?)));
+    allowance.spend_aside(rest.spent().0);
+    let (run, other) = match runs {
+        Ok(runs) => runs,
+        Err(TrialError::AllowanceSpent) => return Ok(measured),
+        Err(error) => return Err(error),
+    };
+    let spans = Spans::of(own.0, n_frames);
+    let changes = changes(&run.sound, &other.sound, spans.n_out, look);
+    let change = |n: usize| changes[n.div_ceil(look).min(changes.len()) - 1];
+    // Of what was measured the change between the two is a part: by so much an error is more than it.
+    let beyond = measured.db - change(pilot);
+    let least = most.max(measured.db + SAME);
+    let (mut until, mut db) = (pilot, measured.db);
+    let mut n = pilot;
+    while n < n_frames {
+        n = (n + look).min(n_frames);
+        let now = change(n) + beyond;
+        if now > least {
+            let from = until * spans.n_out.max(1);
+            let spectral = levels_apart(
+                &run.sound[from..],
+                &other.sound[from..],
+                spans.n_out,
+                spans.rate,
+            );
+            return Ok(Measured {
+                db,
+                over: until as f64 / rate,
+                spectral: Some(spectral),
+                ..measured
+            });
+        }
+        (until, db) = (n, db.max(now));
+    }
+    Ok(Measured {
+        db,
+        over: n_frames as f64 / rate,
+        ..measured
+    })
+}
+
+/// ‖a − b‖ / ‖b‖ [dB] of the output where it is worst, from the start to each look; that something stands aside is no sound.
+fn changes(a: &[f64], b: &[f64], n_out: usize, look: usize) -> Vec<f64> {
+    let n_out = n_out.max(1);
+    // Of each output: the difference, the sum and the square so far, both beside where it begins.
+    let mut sums = vec![[0.0; 3]; n_out];
+    let mut n = 0.0;
+    let mut found = Vec::new();
+    let looks = a.chunks(look * n_out).zip(b.chunks(look * n_out));
+    for (a, b_own) in looks {
+        for (a, b_frame) in a.chunks(n_out).zip(b_own.chunks(n_out)) {
+            n += 1.0;
+            for (output, sums) in sums.iter_mut().enumerate() {
+                let x = b_frame[output] - b[output];
+                let apart = a[output] - b_frame[output];
+                *sums = [sums[0] + apart * apart, sums[1] + x, sums[2] + x * x];
+            }
+        }
+        let worst = sums.iter().fold(0.0_f64, |worst, [apart, sum, square]| {
+            let whole = square - sum * sum / n;
+            worst.max(if *apart > 0.0 { apart / whole } else { 0.0 })
+        });
+        found.push(10.0 * log10(worst.max(1e-30)));
+    }
+    found
+}
+
+/// When nothing more will happen, and what did has been heard [s].
+fn end(island_plan: &IslandPlan) -> f64 {
+    let timeline = &island_plan.timeline;
+    let gestures = timeline.gestures.iter();
+    let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
+    let strikes = timeline.strikes.iter().map(|strike| strike.at);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
+    gestures.chain(strikes).chain(ergons).fold(0.0, f64::max) + RINGS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_is_told_from_the_start_to_each_look() {
+        let b: Vec<f64> = (0..400).map(|n| 3.0 + f64::from(n % 7)).collect();
+        let a: Vec<f64> = (0..400)
+            .map(|n| b[n] + if n < 200 { 1e-3 } else { 1.0 })
+            .collect();
+        let found = changes(&a, &b, 1, 100);
+        assert_eq!(found.len(), 4);
+        // Variance of 0 … 6: 4.
+        assert!((found[0] + 66.0).abs() < 0.1, "{}", found[0]);
+        assert!((found[1] + 66.0).abs() < 0.1, "{}", found[1]);
+        assert!((found[3] + 9.0).abs() < 0.1, "{}", found[3]);
+        assert!(changes(&b, &b, 1, 100).iter().all(|db| *db <= -290.0));
+    }
+}

@@ -1,0 +1,205 @@
+//! Playing the beginning of an island, and for how long that is worth it.
+
+use crate::derivative::Derivatives;
+use crate::island::{Island, OnFault, Options};
+use crate::kernel::thread_team::ThreadTeam;
+use crate::network::Error;
+use crate::plan::cost::Costs;
+use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::{IslandPlan, cost};
+
+/// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
+pub(in crate::plan) const AFTER: f64 = 0.3;
+/// No contact until then: there is nothing to learn of contacts [s].
+const LONGEST: f64 = 10.0;
+/// A pilot that would take longer than this is not played [s].
+const WORTH: f64 = 0.5;
+/// A sample of an output is compared with others [s].
+const HEARD: f64 = 2e-8;
+/// Frames between two looks at the modes.
+pub(in crate::plan) const LOOK: usize = 64;
+
+/// The beginning of an island, played once.
+#[derive(Clone)]
+pub(in crate::plan) struct PilotRun {
+    /// (n_frames · n_out)
+    pub(in crate::plan) sound: Vec<f64>,
+    /// Square of the amplitude that each mode of each body reached.
+    pub(in crate::plan) squares: Vec<Vec<f64>>,
+    /// A part went beyond all bounds.
+    pub(in crate::plan) is_lost: bool,
+}
+
+/// Seconds of work for a frame, by the table of costs.
+pub(in crate::plan) fn work(island_plan: &IslandPlan) -> f64 {
+    let bodies: f64 = island_plan.bodies.iter().map(cost::body_cost).sum();
+    1e-9 * f64::from(island_plan.oversampling)
+        * (cost::stepped_cost(&island_plan.network, &island_plan.timeline) + bodies)
+}
+
+pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bool {
+    work(island_plan) * n_frames as f64 <= WORTH
+}
+
+/// How many frames a pilot plays; 0 where it would take long.
+///
+/// # Errors
+///
+/// [`TrialError::Engine`] where the island cannot be played, [`TrialError::AllowanceSpent`] where the allowance ends first.
+pub(in crate::plan) fn length(
+    island_plan: &IslandPlan,
+    allowance: &Allowance,
+) -> Result<usize, TrialError> {
+    let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
+    let most = ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize);
+    let after = (AFTER * rate) as usize;
+    if island_plan.contact_substeps > 1 {
+        let mut island = island(island_plan, island_plan.contact_substeps)?;
+        let mut meter = Meter::new(island_plan, allowance);
+        let mut sound = vec![0.0; LOOK * island.n_out()];
+        for at in (0..most).step_by(LOOK) {
+            meter.draw(&island, LOOK)?;
+            // Faults are muted: a pilot says nothing of them.
+            let _ = island.process(&mut sound, LOOK, &mut ThreadTeam::alone());
+            if island.has_touched() {
+                return Ok((at + after).min(most));
+            }
+        }
+        // Nothing touches: what there is to hear is the rest.
+    }
+    let timeline = &island_plan.timeline;
+    let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
+    let strikes = timeline.strikes.iter().map(|strike| strike.at);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
+    let inside = island_plan
+        .bodies
+        .iter()
+        .map(|body| body.first_strike() / rate);
+    let first = gestures.chain(strikes).chain(ergons).chain(inside);
+    let first = first.fold(f64::INFINITY, f64::min);
+    let first = if first.is_finite() {
+        first.max(0.0)
+    } else {
+        0.0
+    };
+    let n_frames = ((first * rate).min(1e12) as usize).saturating_add(after);
+    Ok(if n_frames <= most { n_frames } else { 0 })
+}
+
+/// Draws from an allowance what a trial costs, block by block: frames before they are played, and what contacts and
+/// guards added to them after.
+struct Meter<'a> {
+    allowance: &'a Allowance,
+    /// Work of a frame [s].
+    frame: f64,
+    /// Work of a step that a guard adds [s].
+    step: f64,
+    /// What contacts and guards have cost so far [s].
+    added: f64,
+}
+
+impl<'a> Meter<'a> {
+    fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
+        let rows: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
+        let short = rows + cost::lone_laws_cost(&island_plan.network);
+        let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short;
+        let heard = HEARD * island_plan.network.outputs().len() as f64;
+        Self {
+            allowance,
+            frame: frame + heard,
+            step: frame / f64::from(island_plan.oversampling),
+            added: 0.0,
+        }
+    }
+
+    fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
+        let fine = island.fine_work();
+        let added = 1e-9
+            * (Costs::of("kick") * fine.instants as f64 + Costs::of("port") * fine.products as f64)
+            + self.step * island.guard_steps() as f64;
+        let more = added - self.added;
+        self.added = added;
+        self.allowance.draw(self.frame * n_frames as f64 + more)
+    }
+}
+
+fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
+    let options = Options {
+        ledger: false,
+        record: false,
+        on_fault: OnFault::Mute,
+        threads: 1,
+        unchecked: false,
+    };
+    Island::new(
+        island_plan.network.clone(),
+        &island_plan.timeline,
+        &island_plan.bodies,
+        (contact_substeps, island_plan.oversampling),
+        options,
+    )
+}
+
+/// The beginning of an island: so many frames of it.
+///
+/// # Errors
+///
+/// [`TrialError::Engine`] where the island cannot be played, [`TrialError::AllowanceSpent`] where the allowance ends first.
+pub(in crate::plan) fn play(
+    island_plan: &IslandPlan,
+    contact_substeps: usize,
+    n_frames: usize,
+    allowance: &Allowance,
+) -> Result<PilotRun, TrialError> {
+    nudged(
+        (island_plan, contact_substeps),
+        n_frames,
+        (n_frames, 1.0),
+        allowance,
+    )
+}
+
+/// The same, with all speeds so many times as large at each step of a block.
+///
+/// # Errors
+///
+/// Those of [`play`].
+pub(in crate::plan) fn nudged(
+    (island_plan, contact_substeps): (&IslandPlan, usize),
+    n_frames: usize,
+    (block, by): (usize, f64),
+    allowance: &Allowance,
+) -> Result<PilotRun, TrialError> {
+    let mut meter = Meter::new(island_plan, allowance);
+    // What cannot be paid for is not begun.
+    meter
+        .allowance
+        .affords(work(island_plan) * n_frames as f64)?;
+    let mut island = island(island_plan, contact_substeps)?;
+    let n_out = island.n_out();
+    let mut sound = vec![0.0; n_frames * n_out];
+    let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
+    let mut derivatives = Derivatives::of(&island_plan.network, rate);
+    let mut squares: Vec<Vec<f64>> = island_plan
+        .bodies
+        .iter()
+        .map(|body| vec![0.0; body.n_modes()])
+        .collect();
+    for (at, sound) in sound.chunks_mut((LOOK * n_out).max(1)).enumerate() {
+        if at * LOOK == block {
+            island.damp(by);
+        } else if at * LOOK == block + LOOK {
+            island.damp(1.0);
+        }
+        let frames = sound.len() / n_out.max(1);
+        meter.draw(&island, frames)?;
+        let _ = island.process(sound, frames, &mut ThreadTeam::alone());
+        derivatives.process(sound, n_out);
+        island.squares(&mut squares);
+    }
+    Ok(PilotRun {
+        sound,
+        squares,
+        is_lost: !island.muted().is_empty(),
+    })
+}

@@ -1,0 +1,104 @@
+//! Stretches of islands that another run has computed: their sound, and the state at their end.
+//!
+//! Islands do not touch each other, so a render need not compute one again whose events did not change: it recalls the
+//! sound of one stretch after the other, and goes on computing from the state at the end of the last that it knows. The
+//! samples are those of a render from frame 0. Banks are computed: they cost less than what reading them would.
+
+use super::Simulation;
+use super::group::{Group, RunningUnit, SoundSource};
+use crate::archive::Damaged;
+use crate::island::Island;
+use crate::plan::{Content, Unit};
+
+/// An island whose stretches can be stored.
+#[derive(Clone, Debug)]
+pub struct StorableIsland {
+    unit: usize,
+    content: Content,
+    /// Number of outputs that hear it.
+    pub n_out: usize,
+    /// Work by the table of costs [ns a frame].
+    pub cost: f64,
+}
+
+impl Simulation {
+    /// The islands whose stretches can be stored; none where ledgers or streams of ergons are kept.
+    pub fn storable(&self) -> Vec<StorableIsland> {
+        let units = self.units().enumerate();
+        let islands = units.filter_map(|(unit, pair)| match pair {
+            (RunningUnit::Island(island), Unit::IslandPlan(island_plan))
+                if island.is_storable() =>
+            {
+                Some(StorableIsland {
+                    unit,
+                    content: Content::of(island_plan),
+                    n_out: island.n_out(),
+                    cost: pair.1.cost(),
+                })
+            }
+            _ => None,
+        });
+        islands.collect()
+    }
+
+    /// A hash of all that an island is a function of from frame 0 to the last of `frames` (64 hex digits); `before` is that up
+    /// to the first of them, and empty at 0.
+    pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), before: &str) -> String {
+        match &self.plan.units[island.unit] {
+            Unit::IslandPlan(island_plan) => island.content.key(island_plan, frames, before),
+            Unit::Bank(_) => String::new(),
+        }
+    }
+
+    /// Take the sound of an island from here on (n_frames · its n_out) instead of computing it: then its state stands still.
+    pub fn recall(&mut self, island: &StorableIsland, sound: Vec<f64>) {
+        *self.source(island) = SoundSource::Recalled(sound, 0);
+    }
+
+    /// Compute an island from here on, and keep its sound.
+    pub fn record(&mut self, island: &StorableIsland) {
+        *self.source(island) = SoundSource::Recorded(Vec::new());
+    }
+
+    /// The sound of an island since [`Simulation::record`] (n_frames · its n_out), and its state now.
+    pub fn recorded(&mut self, island: &StorableIsland) -> (Vec<f64>, Vec<u8>) {
+        let source = std::mem::replace(self.source(island), SoundSource::Computed);
+        let sound = match source {
+            SoundSource::Recorded(sound) => sound,
+            SoundSource::Computed | SoundSource::Recalled(..) => Vec::new(),
+        };
+        let state = self
+            .island(island)
+            .map_or_else(Vec::new, Island::write_state);
+        (sound, state)
+    }
+
+    /// Put an island into the state that an equal one had at this frame, and compute it from here on.
+    ///
+    /// # Errors
+    /// [`Damaged`] where the bytes are no state of it; the simulation is then of no use.
+    pub fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> Result<(), Damaged> {
+        *self.source(island) = SoundSource::Computed;
+        self.island(island).ok_or(Damaged)?.read_state(state)
+    }
+
+    fn group(&mut self, unit: usize) -> (&mut Group, usize) {
+        let at = self.groups.partition_point(|group| group.first <= unit) - 1;
+        let group = &mut self.groups[at];
+        let place = unit - group.first;
+        (group, place)
+    }
+
+    fn source(&mut self, island: &StorableIsland) -> &mut SoundSource {
+        let (group, place) = self.group(island.unit);
+        &mut group.sources[place]
+    }
+
+    fn island(&mut self, island: &StorableIsland) -> Option<&mut Island> {
+        let (group, place) = self.group(island.unit);
+        match &mut group.units[place] {
+            RunningUnit::Island(island) => Some(island),
+            RunningUnit::Bank(_) => None,
+        }
+    }
+}

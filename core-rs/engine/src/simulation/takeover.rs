@@ -1,0 +1,249 @@
+//! Finds what passes from one simulation to another that takes over from it, from their two plans: what both have goes
+//! on as if nothing had happened.
+//!
+//! It is found beforehand; then `take_over` passes it on without allocating.
+
+mod apply;
+mod pieces;
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use super::Simulation;
+use super::bodies::{Body, Room, bodies, names};
+use super::side::{At, MatLocation, Side, others, spots};
+use crate::bank::are_same;
+use crate::island::ItemTakeover;
+use crate::network::Network;
+use crate::plan::{IslandPlan, ModalTransform, Plan};
+use crate::timeline::DriveKind;
+
+/// What a simulation takes over from another, piece by piece.
+#[derive(Clone, Debug, Default)]
+pub struct Takeover {
+    /// The plans that it was made for.
+    pub(super) plans: Option<[Arc<Plan>; 2]>,
+    /// Whole units that are the same, there and here.
+    pub(super) units: Vec<(At, At)>,
+    /// Banks of the same modes, otherwise heard.
+    pub(super) modes: Vec<(At, At, usize)>,
+    /// MATs of all others.
+    pub(super) mats: Vec<(MatLocation, MatLocation)>,
+    /// Bodies there whose masses go on, and bodies here that do.
+    pub(super) from: Vec<Body>,
+    pub(super) to: Vec<Body>,
+    pub(super) room: Room,
+    /// Islands whose bodies came from elsewhere: their ports are to be placed.
+    pub(super) placed: Vec<At>,
+    pub(super) items: Vec<(At, At, ItemTakeover)>,
+    /// Here, an output of there.
+    pub(super) outputs: Vec<Option<usize>>,
+}
+
+impl Takeover {
+    /// What `new` takes over from `old`, by the names of modules; both at any moment.
+    pub fn new(old: &Simulation, new: &Simulation) -> Self {
+        let (there, here) = (Side::new(old), Side::new(new));
+        let mut takeover = Self {
+            plans: Some([old.plan.clone(), new.plan.clone()]),
+            ..Self::default()
+        };
+        let names = new.plan.network.outputs().iter().map(|output| &output.name);
+        let by_name: HashMap<&String, usize> = names.zip(0..).collect();
+        let outputs = old.plan.network.outputs().iter();
+        takeover.outputs = outputs
+            .map(|output| by_name.get(&output.name).copied())
+            .collect();
+        let (islands, banks) = (
+            takeover.islands(&there, &here),
+            takeover.banks(&there, &here),
+        );
+        takeover.bodies(&there, &here, &islands);
+        takeover.mats(&there, &here, &islands, &banks);
+        takeover.voices(&there, &here, new.frame);
+        takeover.holds(&there, &here);
+        takeover
+    }
+
+    /// Which output here an output of there has become.
+    pub fn outputs(&self) -> &[Option<usize>] {
+        &self.outputs
+    }
+
+    /// Islands that are the same in both; which those are: there, here.
+    fn islands(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
+        let mut same = [
+            vec![false; there.islands.len()],
+            vec![false; here.islands.len()],
+        ];
+        let first = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
+        // An imposed point that several islands touch, such as a hand's key, is the first of each.
+        let mut by_name: HashMap<String, Vec<usize>> = HashMap::new();
+        for (at, (_, _, island_plan)) in there.islands.iter().enumerate() {
+            by_name.entry(first(island_plan)).or_default().push(at);
+        }
+        for (at, &(to, _, island_plan)) in here.islands.iter().enumerate() {
+            let mut candidates = by_name.get(&first(island_plan)).into_iter().flatten();
+            let is_same = |&&before: &&usize| {
+                !same[0][before] && are_same_isles(island_plan, there.islands[before].2)
+            };
+            let Some(&before) = candidates.find(is_same) else {
+                continue;
+            };
+            (same[0][before], same[1][at]) = (true, true);
+            self.units.push((there.islands[before].0, to));
+        }
+        same
+    }
+
+    /// Banks that are the same in both; which those are: there, here.
+    fn banks(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
+        let mut same = [
+            vec![false; there.banks.len()],
+            vec![false; here.banks.len()],
+        ];
+        let first =
+            |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.of, bank.mats.first()) {
+                (Some(network), _) => network.mat_name(0),
+                (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
+                (None, None) => String::new(),
+            };
+        let all = there.banks.iter().enumerate();
+        let by_name: HashMap<String, usize> = all
+            .map(|(at, (_, bank))| (first(there, bank), at))
+            .collect();
+        for (at, &(to, bank)) in here.banks.iter().enumerate() {
+            let Some(&before) = by_name.get(&first(here, bank)) else {
+                continue;
+            };
+            let (from, other) = there.banks[before];
+            let is_same = match (&bank.of, &other.of) {
+                (Some(own), Some(their)) => own.is_same(their),
+                (None, None) => {
+                    let name = |network: &Network, mat: &(u32, f64)| {
+                        (network.mat_name(mat.0 as usize), mat.1.to_bits())
+                    };
+                    bank.mats.len() == other.mats.len()
+                        && bank.mats.iter().zip(&other.mats).all(|(own, their)| {
+                            name(here.network, own) == name(there.network, their)
+                        })
+                }
+                _ => false,
+            };
+            if !is_same {
+                continue;
+            }
+            if are_same(&bank.oscillators, &other.oscillators) {
+                self.units.push((from, to));
+            } else if bank.of.is_some() && are_alike(&bank.oscillators, &other.oscillators) {
+                self.modes.push((from, to, bank.oscillators.len()));
+            } else {
+                continue;
+            }
+            (same[0][before], same[1][at]) = (true, true);
+        }
+        same
+    }
+
+    /// Bodies of islands that are not the same, where the bodies are.
+    fn bodies(&mut self, there: &Side<'_>, here: &Side<'_>, same: &[Vec<bool>; 2]) {
+        for (&(to, _, island_plan), _) in others(&here.islands, &same[1]) {
+            let mut found = false;
+            for (own, body) in island_plan.bodies.iter().enumerate() {
+                let before = others(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
+                    let same = |their: &crate::island::inside::BodyPlan| {
+                        let name = |mat| island_plan.network.mat_name(mat);
+                        body.is_same(their, name, |mat| other.network.mat_name(mat))
+                    };
+                    Some((from, other.bodies.iter().position(same)?))
+                });
+                if let Some((from, their)) = before {
+                    self.items.push((from, to, ItemTakeover::Body(their, own)));
+                    found = true;
+                }
+            }
+            if found {
+                self.placed.push(to);
+            }
+        }
+    }
+
+    /// MATs of units that are not the same.
+    fn mats(
+        &mut self,
+        there: &Side<'_>,
+        here: &Side<'_>,
+        islands: &[Vec<bool>; 2],
+        banks: &[Vec<bool>; 2],
+    ) {
+        let taken = |here: bool| -> HashSet<(At, usize)> {
+            let bodies = self.items.iter().filter_map(|(from, to, item)| match item {
+                ItemTakeover::Body(_, own) if here => Some((*to, *own)),
+                ItemTakeover::Body(there, _) => Some((*from, *there)),
+                _ => None,
+            });
+            bodies.collect()
+        };
+        let (gone, come) = (taken(false), taken(true));
+        let before: [&[bool]; 2] = [&islands[0], &banks[0]];
+        let after: [&[bool]; 2] = [&islands[1], &banks[1]];
+        let singles = spots(there, before);
+        let known: HashSet<String> = {
+            let bodies = names(there, before, &gone).into_iter();
+            bodies
+                .chain(singles.iter().map(|(name, _)| name.clone()))
+                .collect()
+        };
+        let mut here_spots = spots(here, after);
+        let (more, to) = bodies(
+            here,
+            after,
+            &come,
+            |name| known.contains(name),
+            ModalTransform::ToAmplitudes,
+            &mut self.room,
+        );
+        here_spots.extend(more);
+        let wanted: HashSet<&str> = here_spots.iter().map(|(name, _)| name.as_str()).collect();
+        let is_wanted = |name: &str| wanted.contains(name);
+        let (more, from) = bodies(
+            there,
+            before,
+            &gone,
+            is_wanted,
+            ModalTransform::ToPositions,
+            &mut self.room,
+        );
+        let by_name: HashMap<String, MatLocation> = singles.into_iter().chain(more).collect();
+        for (name, to) in &here_spots {
+            if let Some(&from) = by_name.get(name) {
+                self.mats.push((from, *to));
+            }
+        }
+        self.placed.extend(to.iter().map(|body| body.place.at));
+        (self.from, self.to) = (from, to);
+    }
+}
+
+/// Whether one island can go on as another stands, to the last bit.
+fn are_same_isles(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
+    let imposed = |island_plan: &IslandPlan| -> Vec<usize> {
+        let drives = island_plan.timeline.drives.iter();
+        let paths = drives.filter(|drive| drive.kind == DriveKind::Position);
+        paths.map(|drive| drive.mat).collect()
+    };
+    let name = |mat| island_plan.network.mat_name(mat);
+    let bodies = || island_plan.bodies.iter().zip(&other.bodies);
+    (island_plan.contact_substeps, island_plan.oversampling)
+        == (other.contact_substeps, other.oversampling)
+        && island_plan.bodies.len() == other.bodies.len()
+        && island_plan.network.is_same(&other.network)
+        && imposed(island_plan) == imposed(other)
+        && bodies().all(|(own, their)| own.is_same(their, name, name))
+}
+
+/// Whether two banks are of the same modes, whatever hears them.
+fn are_alike(own: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
+    let numbers = |one: &crate::bank::Oscillator| (one.a, one.b);
+    own.iter().map(numbers).eq(other.iter().map(numbers))
+}

@@ -1,0 +1,107 @@
+//! The take-over itself: what was found beforehand is passed on, without allocating.
+
+use std::sync::Arc;
+
+use super::Takeover;
+use crate::plan::Plan;
+use crate::simulation::bodies::Room;
+use crate::simulation::side::{At, MatLocation};
+use crate::simulation::{RunningUnit, Simulation};
+
+impl Simulation {
+    /// Transfer the state of `old`, consuming it. Returns false, and transfers nothing, if the two are at different
+    /// frames or have other plans than those that `takeover` was made for. Allocates nothing.
+    pub fn take_over(&mut self, old: &mut Self, takeover: &mut Takeover) -> bool {
+        let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
+            Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
+        };
+        // One that was made for none takes nothing over: a simulation that begins anew.
+        if self.frame != old.frame || !takeover.plans.as_ref().is_none_or(is_made_for) {
+            return false;
+        }
+        self.derivatives
+            .take_over(&old.derivatives, &takeover.outputs);
+        for &(from, to) in &takeover.units {
+            match (self.playing(to), old.playing(from)) {
+                (RunningUnit::Island(own), RunningUnit::Island(old)) => own.go_on(old),
+                (RunningUnit::Bank(own), RunningUnit::Bank(old)) => own.go_on(old),
+                _ => {}
+            }
+        }
+        for &(from, to, n) in &takeover.modes {
+            if let (RunningUnit::Bank(own), RunningUnit::Bank(old)) =
+                (self.playing(to), old.playing(from))
+            {
+                (0..n).for_each(|mode| own.copy_motion(mode, old, mode));
+            }
+        }
+        let Takeover {
+            mats,
+            from,
+            to,
+            room,
+            ..
+        } = takeover;
+        from.iter().for_each(|body| body.look(old, room));
+        for &(from, to) in &*mats {
+            self.pass(old, room, from, to);
+        }
+        to.iter_mut().for_each(|body| body.put(self, room));
+        for (from, to, item) in &takeover.items {
+            if let (RunningUnit::Island(own), RunningUnit::Island(old)) =
+                (self.playing(*to), old.playing(*from))
+            {
+                own.receive(item, old);
+            }
+        }
+        for &at in &takeover.placed {
+            if let RunningUnit::Island(island) = self.playing(at) {
+                island.place();
+            }
+        }
+        true
+    }
+
+    pub(in crate::simulation) fn playing(&mut self, (group, unit): At) -> &mut RunningUnit {
+        &mut self.groups[group].units[unit]
+    }
+
+    /// One MAT goes on.
+    fn pass(&mut self, old: &mut Self, room: &mut Room, from: MatLocation, to: MatLocation) {
+        let motion = match from {
+            MatLocation::Room(slot) => room.mats[slot],
+            MatLocation::Island(at, mat) => match old.playing(at) {
+                RunningUnit::Island(island) => island.motion(mat),
+                RunningUnit::Bank(_) => return,
+            },
+            MatLocation::Bank(at, there, rest) => match old.playing(at) {
+                RunningUnit::Bank(bank) => {
+                    if let MatLocation::Bank(at, here, own) = to
+                        && own == rest
+                        && let RunningUnit::Bank(new) = self.playing(at)
+                    {
+                        new.copy_motion(here, bank, there);
+                        return;
+                    }
+                    let (now, before) = bank.motion(there);
+                    (now + rest, now - before)
+                }
+                RunningUnit::Island(_) => return,
+            },
+        };
+        match to {
+            MatLocation::Room(slot) => room.mats[slot] = motion,
+            MatLocation::Island(at, mat) => {
+                if let RunningUnit::Island(island) = self.playing(at) {
+                    island.set_motion(mat, motion);
+                }
+            }
+            MatLocation::Bank(at, oscillator, rest) => {
+                if let RunningUnit::Bank(bank) = self.playing(at) {
+                    let now = motion.0 - rest;
+                    bank.set_motion(oscillator, (now, now - motion.1));
+                }
+            }
+        }
+    }
+}

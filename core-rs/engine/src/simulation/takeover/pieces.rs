@@ -1,0 +1,160 @@
+//! What passes from one island to another piece by piece, and not as a whole island: voices with their gestures' reports, gates, hands, silence.
+
+use std::collections::HashMap;
+
+use super::Takeover;
+use crate::island::written_hand::voice::{VoiceTakeover, shared};
+use crate::island::{Island, ItemTakeover};
+use crate::plan::IslandPlan;
+use crate::simulation::side::{At, Side};
+
+/// A voice of an island that is known.
+type Known<'a> = (At, &'a Island, &'a IslandPlan, usize);
+
+impl Takeover {
+    /// Voices by the MATs that they strike, with their gestures' reports.
+    pub(super) fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
+        let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
+        for &(from, island, island_plan) in &there.islands {
+            for (voice, own) in island.script().voices.iter().enumerate() {
+                let name = (island_plan.network.mat_name(own.struck), own.layer);
+                by_name
+                    .entry(name)
+                    .or_default()
+                    .push((from, island, island_plan, voice));
+            }
+        }
+        for &(to, island, island_plan) in &here.islands {
+            let script = island.script();
+            let limit = n * u64::from(island_plan.oversampling);
+            for (voice, own) in script.voices.iter().enumerate() {
+                let name = (island_plan.network.mat_name(own.struck), own.layer);
+                let Some(candidates) = by_name.get_mut(&name) else {
+                    continue;
+                };
+                // A layer is its one gesture; a key has one voice for the others.
+                let mut same = None;
+                for (at, &(from, old, other, there)) in candidates.iter().enumerate() {
+                    let their = &old.script().voices[there];
+                    let gestures = shared((own, &script.gestures), (their, &old.script().gestures));
+                    if own.layer && gestures.is_empty() {
+                        continue;
+                    }
+                    same = Some((at, from, other, there, gestures));
+                    break;
+                }
+                let Some((at, from, other, there, gestures)) = same else {
+                    continue;
+                };
+                let old = candidates.remove(at).1.script();
+                let their = &old.voices[there];
+                let (name, other_name) = (
+                    |mat| island_plan.network.mat_name(mat),
+                    |mat| other.network.mat_name(mat),
+                );
+                let mats = if own.free.is_like(&their.free, name, other_name)
+                    && island_plan.oversampling == other.oversampling
+                {
+                    None
+                } else {
+                    let known: HashMap<String, usize> = their
+                        .free
+                        .members
+                        .iter()
+                        .map(|&mat| other_name(mat))
+                        .zip(0..)
+                        .collect();
+                    let members = own.free.members.iter().enumerate();
+                    let pair = |(to, &mat): (usize, &usize)| Some((to, *known.get(&name(mat))?));
+                    Some(members.filter_map(pair).collect())
+                };
+                let begun = gestures
+                    .iter()
+                    .filter(|pair| old.gestures[pair.0].join_from <= limit);
+                for &(there, here) in begun {
+                    let is_same = self.units.contains(&(from, to));
+                    self.items
+                        .push((from, to, ItemTakeover::Report(there, here, is_same)));
+                }
+                let voice = VoiceTakeover {
+                    from: there,
+                    to: voice,
+                    mats,
+                    gestures,
+                };
+                self.items.push((from, to, ItemTakeover::Voice(voice)));
+            }
+        }
+    }
+
+    /// Gates by their links, hands by their MATs, parts that may be mute.
+    pub(super) fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
+        let mut gates = HashMap::new();
+        let mut hands: HashMap<String, Vec<(At, usize)>> = HashMap::new();
+        for &(from, island, island_plan) in &there.islands {
+            for (gate, own) in island.script().gates.iter().enumerate() {
+                gates.insert(island_plan.network.link_name(own.link), (from, gate));
+            }
+            // A hand that several islands touch has a part in each of them.
+            for (hand, own) in island.script().hand_bindings.iter().enumerate() {
+                let name = island_plan.network.mat_name(own.mat());
+                hands.entry(name).or_default().push((from, hand));
+            }
+        }
+        let has_link = |name: &str| {
+            let of = |(at, island_plan): (At, &IslandPlan)| {
+                let runs = island_plan.network.runs().iter();
+                let mut names = runs.map(|run| island_plan.network.link_name(run.first));
+                names.any(|own| own == name).then_some(at)
+            };
+            let mut all = there
+                .islands
+                .iter()
+                .map(|&(at, _, island_plan)| (at, island_plan));
+            all.find_map(of)
+        };
+        let same: HashMap<At, At> = self.units.iter().map(|&(from, to)| (to, from)).collect();
+        for &(to, island, island_plan) in &here.islands {
+            let script = island.script();
+            for (gate, own) in script.gates.iter().enumerate() {
+                let name = island_plan.network.link_name(own.link);
+                if let Some(&(from, before)) = gates.get(&name) {
+                    let item = ItemTakeover::Gate(Some(before), gate);
+                    self.items.push((from, to, item));
+                } else if let Some(from) = has_link(&name) {
+                    self.items.push((from, to, ItemTakeover::Gate(None, gate)));
+                }
+            }
+            for (hand, own) in script.hand_bindings.iter().enumerate() {
+                let Some(known) = hands.get(&island_plan.network.mat_name(own.mat())) else {
+                    continue;
+                };
+                let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));
+                if let Some(&(from, before)) = ours.or(known.first()) {
+                    self.items
+                        .push((from, to, ItemTakeover::Hand(before, hand)));
+                }
+            }
+        }
+        for &(from, to) in &self.units.clone() {
+            let island = |side: &Side<'_>, at: At| {
+                let mut all = side.islands.iter();
+                all.find(|island| island.0 == at)
+                    .map(|island| island.2.network.clone())
+            };
+            let (Some(own), Some(their)) = (island(here, to), island(there, from)) else {
+                continue;
+            };
+            let mut parts: Vec<(u32, u32)> = {
+                let (own, their) = (&own.mats().part, &their.mats().part);
+                their.iter().copied().zip(own.iter().copied()).collect()
+            };
+            parts.sort_unstable();
+            parts.dedup();
+            for (there, own) in parts {
+                let item = ItemTakeover::Part(there as usize, own as usize);
+                self.items.push((from, to, item));
+            }
+        }
+    }
+}

@@ -1,0 +1,305 @@
+"""Measured cards of the instruments in `instruments/library`, for `docs/instruments`.
+
+Each instrument that `cards.yaml` names plays soft, middle and hard, by itself. What is measured
+of the sounds becomes rows of `cards.csv`, a page for each family, and a picture.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from docs.generators.spectra import spectrogram
+from numpy.typing import NDArray
+
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+Samples = NDArray[np.float64]
+
+HERE = Path(__file__).parent
+BESIDE = HERE.parents[1] / "scores" / "library" / "card.yaml"  # where such a score would lie
+STROKES = ("soft", "middle", "hard")
+SECONDS = 1.5  # of each stroke, which falls at 50 ms
+_HEARD = 0.55  # s, in which spectra are taken
+_FLOOR = -60.0  # dB below the strongest partial
+_TAIL = 0.35  # s after the beginning: no mallet touches any more
+_NAMES = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A partial: its frequency [Hz], level below the strongest [dB], T60 [s] or nan."""
+
+    f: float
+    level: float
+    t60: float
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What is measured of an instrument; frequencies in Hz, levels in dB."""
+
+    family: str
+    name: str
+    strongest: float
+    soft: float
+    middle: float
+    hard: float
+    partials: int
+    highest: float
+    loudness: float
+    treble: float
+    lean: float
+
+
+@dataclass(frozen=True)
+class Card:
+    """Figures, strongest modes of the hard stroke, and the sounds (three, n_frames)."""
+
+    figures: Figures
+    modes: tuple[Mode, ...]
+    sounds: Samples
+    rate: float
+
+
+def described() -> dict[str, dict[str, Any]]:
+    """`cards.yaml`: families, each with its title and its cards."""
+    text = (HERE / "cards.yaml").read_text(encoding="utf-8")
+    read: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return read
+
+
+def score(family: str, name: str, card: dict[str, Any]) -> str:
+    """A score that plays the instrument soft, middle and hard, each into a channel of its own."""
+    lines = ["ergon: 1", f"use: [instruments/{family}.yaml]"]
+    if "strike" in card:
+        lines += ["instruments:", *(f"  {own}: {{like: {name}}}" for own in STROKES), "strikes:"]
+        for own, impulse in zip(STROKES, card["impulse"].split(), strict=True):
+            to = ", ".join(f"{own}.{target}" for target in card["strike"].split())
+            lines.append(f"  s-{own}: {{to: [{to}], at: 50ms, impulse: {impulse}}}")
+    else:
+        keys = [f"  k-{own}: {{M: 200g, K: 0.5N/m, Z: 0.2Ns/m}}" for own in STROKES]
+        lines += ["keys:", *keys, "instruments:"]
+        for own in STROKES:
+            hair = f"{{LNL: {{between: [k-{own}, {card['bow']}], {card['law']}}}}}"
+            lines.append(f"  {own}: {{from: {family}/{name}, modules: {{hair: {hair}}}}}")
+        lines += ["players:", *(f"  p-{own}: {{key: k-{own}}}" for own in STROKES), "gestures:"]
+        for own, speed in zip(STROKES, card["speed"].split(), strict=True):
+            lines.append(f"  g-{own}: 0mm@0 line {2 * float(speed):g}mm@2s")
+        parts = [f"  p-{own}: [{{at: 0, play: g-{own}, touch: tracked}}]" for own in STROKES]
+        lines += ["parts:", *parts]
+    routes = ", ".join(f"{{from: {own}, to: {i}}}" for i, own in enumerate(STROKES, 1))
+    lines += [f"mix: {{channels: 3, route: [{routes}]}}", f"render: {{tail: {SECONDS}s}}"]
+    return "\n".join(lines) + "\n"
+
+
+def play(text: str, seconds: float) -> tuple[Samples, float]:
+    """The beginning of a score, (n_channels, n_frames) before any gain, and the rate."""
+    loaded = load(BESIDE, text=text)
+    if loaded.piece is None:
+        raise ValueError(str(loaded.diagnostics))
+    staged = stage(loaded.piece)
+    n_frames = min(int(seconds * staged.rate), staged.n_frames)
+    frames = np.zeros((n_frames, staged.simulation.n_out))
+    staged.simulation.process(frames)
+    mixed = np.zeros((n_frames, staged.n_channels))
+    staged.mixer(highpass=8.0).process(frames, mixed)
+    return mixed.T, staged.rate
+
+
+def spectrum(x: Samples, rate: float) -> tuple[Samples, Samples]:
+    """Frequencies [Hz] and magnitudes, under Hann's window, twice as fine as the stretch allows."""
+    magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x)), 2 * len(x)))
+    return np.fft.rfftfreq(2 * len(x), 1 / rate), magnitude
+
+
+def centroid(x: Samples, rate: float) -> float:
+    """Mean frequency between 20 Hz and 16 kHz, weighed by energy [Hz]."""
+    f, magnitude = spectrum(x, rate)
+    heard = (f > 20) & (f < 16_000)
+    power = magnitude[heard] ** 2
+    return float(np.sum(f[heard] * power) / np.sum(power))
+
+
+def above(x: Samples, rate: float, lowest: float) -> float:
+    """Energy above a frequency over all energy [dB]."""
+    f, magnitude = spectrum(x, rate)
+    share = np.sum(magnitude[f > lowest] ** 2) / np.sum(magnitude**2)
+    return float(10 * np.log10(share + 1e-30))
+
+
+def partials(x: Samples, rate: float) -> list[tuple[float, float]]:
+    """Frequency [Hz] and level [dB] of each peak within 60 dB of the highest, 20 Hz apart."""
+    f, magnitude = spectrum(x, rate)
+    levels = 20 * np.log10(magnitude / magnitude.max() + 1e-15)
+    width = int(20 / f[1])
+    padded = np.pad(levels, (width, width), constant_values=-300.0)
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).max(axis=1)
+    tops = np.flatnonzero((levels >= around) & (levels > _FLOOR) & (f > 20) & (f < 20_000))
+    found = []
+    for i in tops:
+        a, b, c = levels[i - 1 : i + 2]
+        bend = a - 2 * b + c
+        found.append((float(f[i] + (0.5 * (a - c) / bend if bend else 0.0) * f[1]), float(b)))
+    return found
+
+
+def decay(x: Samples, rate: float, f: float) -> float:
+    """T60 [s] of a partial by a line through its level, nan where it does not fall evenly."""
+    n = int(0.1 * rate)
+    wave = np.exp(-2j * np.pi * f * np.arange(len(x)) / rate) * x
+    starts = np.arange(int(_TAIL * rate), len(x) - n, n // 4)
+    window = np.hanning(n)
+    levels = 20 * np.log10([abs(np.sum(wave[i : i + n] * window)) + 1e-30 for i in starts])
+    t = starts / rate
+    seen = levels > levels[0] - 50
+    if np.sum(seen) < 6:
+        return float("nan")
+    slope, start = np.polyfit(t[seen], levels[seen], 1)
+    even = np.std(levels[seen] - (slope * t[seen] + start)) < 1.5
+    return float(-60 / slope) if slope < -0.5 and even else float("nan")
+
+
+def measured(family: str, name: str, card: dict[str, Any]) -> Card:
+    """Play an instrument and measure it."""
+    sounds, rate = play(score(family, name, card), SECONDS)
+    first = 0 if "strike" in card else int(0.5 * rate)
+    heard = sounds[:, first : first + int(_HEARD * rate)]
+    hard = heard[2]
+    found = sorted(partials(hard, rate), key=lambda one: -one[1])
+    soft, middle, strong = (centroid(x, rate) for x in heard)
+    peak = float(np.max(np.abs(sounds[2])))
+    figures = Figures(
+        family,
+        name,
+        round(found[0][0], 2),
+        round(soft, 1),
+        round(middle, 1),
+        round(strong, 1),
+        len(found),
+        round(max(f for f, _ in found), 0),
+        round(20 * np.log10(float(np.max(np.abs(sounds[1])))), 1),
+        round(above(hard, rate, 16_000), 1),
+        round(20 * np.log10(abs(float(np.mean(sounds[2]))) / peak + 1e-12), 0),
+    )
+    strongest = sorted(found[:8])
+    modes = tuple(
+        Mode(f, level, decay(sounds[2], rate, f) if "strike" in card else float("nan"))
+        for f, level in strongest
+    )
+    return Card(figures, modes, sounds, rate)
+
+
+def note(f: float) -> str:
+    """A frequency as a note and cents."""
+    semitones = 12 * np.log2(f / 440) + 69
+    nearest = round(float(semitones))
+    away = round(100 * (float(semitones) - nearest))
+    name = f"{_NAMES[nearest % 12]}{nearest // 12 - 1}"
+    return f"{name} {away:+d} cents".replace("-", "−") if away else name
+
+
+def text(card: Card, said: dict[str, Any]) -> str:
+    """A card as Markdown."""
+    own = card.figures
+    octaves = np.log2(own.hard / own.soft)
+    rows = [
+        f"## {own.name}",
+        "",
+        f"![{own.name}: soft, middle, hard]({own.name}.svg)",
+        "",
+        _played(own.name, said),
+        "",
+        "| | soft | middle | hard |",
+        "|---|---|---|---|",
+        f"| centre of the spectrum [Hz] | {own.soft:.0f} | {own.middle:.0f} | {own.hard:.0f} |",
+        "",
+        f"From soft to hard the centre of the spectrum moves by {octaves:+.1f} octaves. The hard "
+        f"stroke has {own.partials} partials within 60 dB, up to {own.highest:,.0f} Hz, a share of "
+        f"{own.treble:.0f} dB above 16 kHz, and a mean {-own.lean:.0f} dB below its peak. The "
+        f"middle one peaks at {own.loudness:.0f} dB re {_unit(own)}.".replace("-", "−"),
+        "",
+        "| strongest modes | note | level [dB] | T60 [s] |",
+        "|---|---|---|---|",
+    ]
+    for mode in card.modes:
+        lasts = f"{mode.t60:.2g}" if np.isfinite(mode.t60) else "–"
+        level = f"{mode.level:.0f}".replace("-", "−")
+        rows.append(f"| {mode.f:.1f} Hz | {note(mode.f)} | {level} | {lasts} |")
+    if "known" in said:
+        rows += ["", *_known(card, said["known"])]
+    return "\n".join(rows) + "\n"
+
+
+def _unit(own: Figures) -> str:
+    """The unit of what is heard of an instrument."""
+    path = BESIDE.parents[2] / "instruments" / "library" / f"{own.family}.yaml"
+    read = yaml.safe_load(path.read_text(encoding="utf-8"))
+    out = read["instruments"][own.name]["out"]
+    kind = next(iter(out)) if "left" not in out else next(iter(out["left"]))
+    return {"SOX": "1 m", "SOV": "1 m/s", "SOA": "1 m/s²"}[kind]
+
+
+def _played(name: str, said: dict[str, Any]) -> str:
+    if "strike" in said:
+        to = ", ".join(f"`{name}.{target}`" for target in said["strike"].split())
+        return f"Struck at {to} with {', '.join(said['impulse'].split())}."
+    speeds = ", ".join(said["speed"].split())
+    return f"Rubbed at `{name}.{said['bow']}` by `{{{said['law']}}}` at {speeds} mm/s."
+
+
+def _known(card: Card, known: dict[str, Any]) -> list[str]:
+    found = [f for f, _ in partials(card.sounds[2][: int(_HEARD * card.rate)], card.rate)]
+    cells, away = [], []
+    for ratio in known["ratios"]:
+        nearest = min(found, key=lambda f: abs(np.log2(f / (known["of"] * ratio))))
+        off = 1200 * np.log2(nearest / (known["of"] * ratio))
+        cells.append(f"{ratio:g}")
+        away.append(f"{off:+.0f}".replace("-", "−") if abs(off) < 150 else "not heard")
+    return [
+        f"| ratio: {known['source']} | {' | '.join(cells)} |",
+        f"|---|{'---|' * len(cells)}",
+        f"| here, cents away | {' | '.join(away)} |",
+    ]
+
+
+def main() -> None:
+    """Measure the families that are named (all, if none is), and write their pages."""
+    folder = Path(sys.argv[1])
+    table = folder / "cards.csv"
+    names = [one.name for one in fields(Figures)]
+    kept: dict[str, list[dict[str, Any]]] = {}
+    if table.exists():
+        with table.open(encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                kept.setdefault(row["family"], []).append(row)
+    families = described()
+    for family in sys.argv[2:] or families:
+        said = families[family]
+        cards = [measured(family, name, card) for name, card in said["cards"].items()]
+        kept[family] = [asdict(card.figures) for card in cards]
+        parts = [
+            f"# {said['title']}\n\nMeasured by `make docs` ([how](README.md)). The text of these "
+            f"instruments is `instruments/library/{family}.yaml`; `use: "
+            f"[instruments/{family}.yaml]` brings them in.\n"
+        ]
+        for card in cards:
+            parts.append(text(card, said["cards"][card.figures.name]))
+            drawn = spectrogram(card.sounds, card.rate, card.figures.name, STROKES)
+            (folder / f"{card.figures.name}.svg").write_text(drawn, encoding="utf-8")
+        (folder / f"{family}.md").write_text("\n".join(parts), encoding="utf-8")
+    with table.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, names, lineterminator="\n")
+        writer.writeheader()
+        for family in families:
+            writer.writerows(kept.get(family, []))
+
+
+if __name__ == "__main__":
+    main()

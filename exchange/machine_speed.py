@@ -1,0 +1,66 @@
+"""How many times as long as the table of costs says work takes on this machine, once measured.
+
+$XDG_CACHE_HOME/ergon/speed.json, or ~/.cache/ergon/speed.json; ERGON_CACHE=off keeps none. It
+belongs to the processor that it was measured on: elsewhere, and where it is broken, it counts as
+none. No plan depends on it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+
+from ergon.common.regular import read_bounded
+
+from .cache_folder import of_user
+from .safe import FileRefusedError, writing
+
+_BYTES_MAX = 10_000
+_RANGE = (0.01, 100.0)  # beyond it nothing was measured
+
+
+def kept(environment: Mapping[str, str] = os.environ) -> float | None:
+    """The correction that `keep` kept on this processor; None where there is none."""
+    path = _path(environment)
+    if path is None:
+        return None
+    try:
+        content = json.loads(read_bounded(path, _BYTES_MAX))
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(content, dict) or content.get("processor") != processor():
+        return None
+    correction = content.get("correction")
+    is_one = isinstance(correction, float) and _RANGE[0] <= correction <= _RANGE[1]
+    return correction if is_one else None
+
+
+def keep(correction: float, environment: Mapping[str, str] = os.environ) -> bool:
+    """Keep a correction for this processor; whether that could be done."""
+    path = _path(environment)
+    if path is None:
+        return False
+    content = {"made by ergon": "doctor", "processor": processor(), "correction": correction}
+    with contextlib.suppress(OSError, FileRefusedError):
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with writing(path, binary=False, force=True, sync=False) as file:
+            file.write(f"{json.dumps(content)}\n".encode())
+        return True
+    return False
+
+
+def processor() -> str:
+    """The processor, as it calls itself."""
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _path(environment: Mapping[str, str]) -> Path | None:
+    return of_user("speed.json", environment)

@@ -1,0 +1,90 @@
+"""Stretches of islands in the user's cache folder: their sound, and their state at the end.
+
+A file is a head (magic, a checksum of all after it), the number of samples, the samples as f64 and
+the state; one that is cut, changed or foreign counts as none.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from . import cache_folder
+from .cache_folder import CacheFolder, of_this_version
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_HEAD = struct.Struct("<8sQ")
+_LENGTH = struct.Struct("<Q")
+_MAGIC = b"ERGONST1"
+_FILES_MAX = 20_000
+_BYTES_MAX = 4_000_000_000  # of all files: eleven minutes of 100 outputs at 44.1 kHz
+_BYTES_MAX_ONE = 128_000_000
+
+
+class Computed(Protocol):
+    """A stretch as a simulation gives it."""
+
+    @property
+    def sound(self) -> NDArray[np.float64]:
+        """(n_frames · n_out,) [m or N]."""
+
+    @property
+    def state(self) -> bytes:
+        """The state of the island after it."""
+
+
+class Stretch(NamedTuple):
+    """The sound of an island (n_frames · n_out,) [m or N], and its state after it."""
+
+    sound: NDArray[np.float64]
+    state: bytes
+
+
+class StretchStore:
+    """Stretches by the hash of all that they are a function of."""
+
+    def __init__(self, folder: Path, n_bytes: int = _BYTES_MAX) -> None:
+        """Use a folder, which need not exist, for at most so many bytes."""
+        self._folder = CacheFolder(folder, ".stretch", _FILES_MAX, n_bytes, _BYTES_MAX_ONE)
+
+    def get(self, key: str) -> Stretch | None:
+        """The stretch that was kept under a key."""
+        import numpy as np
+
+        data = self._folder.read(of_this_version(key))
+        if data is None or len(data) < _HEAD.size + _LENGTH.size:
+            return None
+        magic, checksum = _HEAD.unpack_from(data)
+        rest = memoryview(data)[_HEAD.size :]
+        if magic != _MAGIC or checksum != zlib.crc32(rest):
+            return None
+        (n_samples,) = _LENGTH.unpack_from(rest)
+        stop = _LENGTH.size + 8 * n_samples
+        if stop > len(rest):
+            return None
+        sound = np.frombuffer(rest[_LENGTH.size : stop], dtype="<f8")
+        return Stretch(sound.astype(np.float64, copy=False), bytes(rest[stop:]))
+
+    def put(self, key: str, stretch: Computed) -> bool:
+        """Keep a stretch, if that can be; whether it was."""
+        samples = stretch.sound.astype("<f8", copy=False).tobytes()
+        rest = _LENGTH.pack(len(stretch.sound)) + samples + stretch.state
+        head = _HEAD.pack(_MAGIC, zlib.crc32(rest))
+        return self._folder.write(of_this_version(key), head + rest)
+
+    def forget(self) -> None:
+        """Remove the stretches that were used least recently, until the rest is within bounds."""
+        self._folder.forget()
+
+
+def of_user(environment: Mapping[str, str] = os.environ) -> StretchStore | None:
+    """The user's own stretches; None where they are to be kept nowhere."""
+    folder = cache_folder.of_user("stretches", environment)
+    return None if folder is None else StretchStore(folder)

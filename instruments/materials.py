@@ -1,0 +1,106 @@
+"""What matter is made of: density, stiffness and losses of each material, and where they are from.
+
+`loss` is the loss factor η, the share of its elastic energy that matter loses in a radian; it
+varies by a factor of two or more from piece to piece. Woods have `young` along the grain and
+`across` it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import MISSING, Either, choice
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """Density [kg/m³], Young's modulus [Pa] (`across` the grain, too), Poisson's ratio, loss."""
+
+    density: float
+    young: float
+    poisson: float
+    loss: float
+    source: str
+    across: float | None = None
+
+
+_METAL = "W. D. Callister and D. G. Rethwisch, Materials Science and Engineering, app. B; "
+_LOSS = "loss: L. Cremer, M. Heckl and B. A. T. Petersson, Structure-Borne Sound (2005)"
+_WOOD = "Forest Products Laboratory, Wood Handbook (2010), ch. 5; "
+_WOOD_LOSS = "loss: U. G. K. Wegst, Am. J. Bot. 93 (2006) 1439"
+_STRING = "N. Lynch-Aird and J. Woodhouse, Materials "
+_STRING_LOSS = "loss in bending: estimated, after J. Woodhouse, euphonics.org, §7.2"
+_HEAD_LOSS = (
+    "loss: estimated, so that a drumhead fades as those in T. D. Rossing, "
+    "Science of Percussion Instruments (2000), ch. 2"
+)
+
+MATERIALS: Mapping[str, Material] = {
+    "steel": Material(7850.0, 207e9, 0.30, 3e-4, _METAL + _LOSS),
+    "bronze": Material(8800.0, 110e9, 0.35, 5e-4, _METAL + "loss: estimated from church bells"),
+    "brass": Material(8530.0, 110e9, 0.35, 5e-4, _METAL + _LOSS),
+    "copper": Material(8890.0, 115e9, 0.33, 2e-3, _METAL + _LOSS),
+    "aluminium": Material(2710.0, 69e9, 0.33, 1e-4, _METAL + _LOSS),
+    "glass": Material(2500.0, 69e9, 0.23, 1e-3, _METAL + _LOSS),
+    "spruce": Material(430.0, 10.9e9, 0.37, 8e-3, _WOOD + _WOOD_LOSS, 0.85e9),
+    "maple": Material(700.0, 13.9e9, 0.42, 1.1e-2, _WOOD + _WOOD_LOSS, 1.8e9),
+    "rosewood": Material(830.0, 13.5e9, 0.37, 6e-3, _WOOD + _WOOD_LOSS, 2.2e9),
+    "nylon": Material(1070.0, 5e9, 0.39, 3e-2, _STRING + "10 (2017) 497; " + _STRING_LOSS),
+    "gut": Material(1280.0, 6.5e9, 0.40, 5e-2, _STRING + "11 (2018) 2160; " + _STRING_LOSS),
+    "fluorocarbon": Material(1780.0, 7e9, 0.40, 3e-2, _STRING + "11 (2018) 2160; " + _STRING_LOSS),
+    "skin": Material(1100.0, 0.5e9, 0.40, 3e-2, "estimated for calfskin; " + _HEAD_LOSS),
+    "mylar": Material(
+        1390.0, 4.9e9, 0.38, 1.5e-2, "DuPont, Mylar A, product information; " + _HEAD_LOSS
+    ),
+}
+
+
+def _material(values: Values) -> Any:
+    if any(name not in values.given for name in values.nodes):
+        return MISSING  # reported
+    like = values["like"]
+    own = {name: value for name, value in values.given.items() if name != "like"}
+    if like is not None:
+        if "young" in own:  # of a matter of one's own that has no grain
+            own.setdefault("across", None)
+        return replace(MATERIALS[like], **own)
+    missing = [name for name in ("density", "young", "poisson", "loss") if name not in own]
+    if missing:
+        message = f"{values.context.of('material')} has no {', '.join(missing)}; write "
+        message += "what is missing, or a named material that it is `like`"
+        values.context.error("E103", message, values.node.place)
+        return MISSING
+    return Material(**own, source="written")
+
+
+_NAMED = choice(*MATERIALS)
+OWN_MATERIAL = Record(
+    "material",
+    "a material of one's own, or a named one with other values",
+    (
+        Field("like", _NAMED, "the material whose values hold where none are written"),
+        Field("density", k.DENSITY, "mass of a cubic metre"),
+        Field("young", k.PRESSURE, "Young's modulus E; of wood along its grain"),
+        Field("across", k.PRESSURE, "Young's modulus across the grain of a wood"),
+        Field("poisson", k.POISSON, "Poisson's ratio"),
+        Field("loss", k.UNIT_RATIO, "loss factor η: 1/η is the quality factor Q"),
+    ),
+    _material,
+)
+
+
+@dataclass(frozen=True)
+class MaterialShape(Either):
+    """`steel`, or `{like: bronze, density: 8600kg/m3}`: a `Material`."""
+
+    def read(self, node: Any, name: str, context: Any) -> Any:
+        """Read a node."""
+        value = Either.read(self, node, name, context)
+        return MATERIALS[value] if isinstance(value, str) else value
+
+
+MATERIAL = MaterialShape(_NAMED, OWN_MATERIAL)

@@ -1,0 +1,340 @@
+"""The kinds of modules: which fields each has, in which units, and what they mean."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from ergon.instruments.bodies import DECAY, Bending
+from ergon.instruments.materials import MATERIAL
+from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES
+from ergon.instruments.stiff import INHARMONICITY, STRETCHING
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
+    MISSING,
+    Context,
+    Either,
+    ListOf,
+    Name,
+    Pair,
+    Reference,
+    Shape,
+    Text,
+    choice,
+    wrong_shape,
+)
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import TextError
+
+MAX_MODULES = 2_000_000  # of one generator: some 200 MB of state and parameters
+MAX_RADIUS = 400  # of a PLATE: half a million masses, whose lowest mode takes ten seconds to find
+MAX_LAW = 2_000  # characters of a law
+MAX_POINTS = 10_000  # of a law given by points
+
+Family = Literal["mat", "link", "generator", "input"]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A module kind: its family, its table in SI units and its table under `units: ca`."""
+
+    name: str
+    family: Family
+    table: Record
+    ca_table: Record
+
+
+def _law(text: str) -> str:
+    if not text.strip() or len(text) > MAX_LAW:
+        message = f"a law has from 1 to {MAX_LAW} characters, such as k*d + q*d**3"
+        raise TextError(message, length=max(1, min(len(text), 80)), code="E207")
+    return text
+
+
+LAW = Text(_law, "a law, such as k*d + q*d**3, or the name of one", types=("string",))
+ENDPOINT = Reference(
+    "a module, such as m, bell.m, gong.centre or a key", ("modules", "instruments", "keys")
+)
+BETWEEN = Field(
+    "between", ListOf(ENDPOINT, 2, 2), "the two MATs that it joins: [a, b]", required=True
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """`X0: {at: centre, x: 1mm}`: which members start at a value, and which value."""
+
+    at: Name
+    value: float
+
+
+def _start(name: str, unit: Shape, letter: str) -> Shape:
+    def build(values: Values) -> Start:
+        return Start(values["at"], values[letter])
+
+    fields = (
+        Field("at", Reference("members, such as centre, 12 or 3..8"), "which members", None, True),
+        Field(letter, unit, "the value", None, True),
+    )
+    one = Record("start", f"{name} of some members", fields, build)
+    return Either(unit, one, ListOf(one))
+
+
+def _mats(ca: bool) -> dict[str, Record]:
+    mass, stiffness, damping = (
+        (k.POSITIVE, k.NUMBER, k.NUMBER) if ca else (k.MASS, k.STIFFNESS, k.DAMPING)
+    )
+    m = Field("M", mass, "mass", required=True)
+    x0 = Field("X0", k.POSITION, "position at the beginning", 0.0)
+    v0 = Field("V0", k.SPEED, "velocity at the beginning", 0.0)
+    stiff = Field("K", stiffness, "stiffness")
+    damp = Field("Z", damping, "viscosity")
+    rest = Field("rest", k.POSITION, "elongation at which the spring has no force", 0.0)
+    pitch = Field("f", k.PITCH, "damped frequency, instead of K")
+    decay = Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay")
+    cel = (m, stiff, damp, pitch, decay, x0, v0, rest)
+    link = (BETWEEN, stiff, damp, rest)
+    tables = {
+        "MAS": ("a point mass", (m, x0, v0)),
+        "SOL": ("a fixed point", (x0,)),
+        "CEL": ("a mass on a spring to the ground, with viscosity", cel),
+        "RES": ("a spring", (BETWEEN, stiff, rest)),
+        "FRO": ("a damper", (BETWEEN, damp)),
+        "REF": ("a spring and damper", link),
+        "BUT": ("a one-sided contact: the first of `between` strikes the second", _but(ca)),
+        "LNL": ("a non-linear link", _lnl()),
+    }
+    constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
+    return {
+        name: Record("module", doc, fields, free=constant if name == "LNL" else None)
+        for name, (doc, fields) in tables.items()
+    }
+
+
+def _but(ca: bool) -> tuple[Field, ...]:
+    exponent_stiffness = k.NUMBER if ca else k.STIFFNESS
+    return (
+        BETWEEN,
+        Field("K", exponent_stiffness, "stiffness (magic chooses its own)"),
+        Field("Z", k.NUMBER if ca else k.DAMPING, "viscosity while they touch", 0.0),
+        Field("gap", k.POSITION, "distance at which they touch", 0.0),
+        Field("side", choice("below", "above"), "side from which the first MAT comes", "below"),
+        Field(
+            "contact",
+            choice("plain", "exact", "magic"),
+            "CA's own rule, the energy-exact one, or a rebound of exact restitution",
+            "plain",
+        ),
+        Field("restitution", k.UNIT_RATIO, "speed after a rebound over speed before (magic)", 1.0),
+        Field("exponent", k.EXPONENT, "power of the penetration (1.5: Hertz)", 1.0),
+        Field("clamp", k.TRUTH, "never pull at the exit", False),
+        Field("steps", k.integer(2, 1000, "4"), "samples that a magic contact lasts", 2),
+    )
+
+
+def _lnl() -> tuple[Field, ...]:
+    return (
+        BETWEEN,
+        Field("law", LAW, "force over elongation d [m]"),
+        Field("damping", LAW, "force over elongation d and its rate v [m/s]"),
+        Field(
+            "points",
+            ListOf(Pair(k.POSITION, k.PUSH), 2, MAX_POINTS),
+            "elongations and forces, joined by straight lines",
+        ),
+        Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
+    )
+
+
+_RADIUS = k.count_or_size(
+    1, MAX_RADIUS, f"a whole number from 1 to {MAX_RADIUS}, such as 12, or a length, such as 30cm"
+)
+_SIDE = k.count_or_size(
+    1,
+    2 * MAX_RADIUS + 1,
+    f"a whole number from 1 to {2 * MAX_RADIUS + 1}, such as 40, or a length, such as 40cm",
+)
+_SIDES = Pair(_SIDE, _SIDE)
+
+
+def _generators() -> dict[str, Record]:
+    m = Field("M", k.MASS, "mass of the whole body", required=True)
+    f = Field("f", k.PITCH, "lowest mode that is not rigid", required=True)
+    t60 = Field(
+        "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"
+    )
+    hardening = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
+    starts = (
+        Field("X0", _start("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
+        Field("V0", _start("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
+    )
+    material = Field(
+        "material", MATERIAL, "what it is made of: sets M, f, t60 and stiffness from its size"
+    )
+    string = (
+        Field("masses", k.integer(1, MAX_MODULES, "60"), "how many MAS in a row", required=True),
+        material,
+        Field("length", k.SIZE, "length of a wire of that material"),
+        Field("diameter", k.SIZE, "diameter of that wire"),
+        Field("tension", k.FORCE, "tension of that wire"),
+        m,
+        f,
+        t60,
+        Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
+        Field(
+            "stiffness",
+            k.RATIO,
+            "springs to neighbours but one, which lower partials (see inharmonicity)",
+            0.0,
+        ),
+        Field(
+            "inharmonicity",
+            INHARMONICITY,
+            "B of partials f·n·√((1 + B·n²)/(1 + B)), or the wire that has it",
+            shown="that of a row of springs",
+        ),
+        hardening,
+        Field(
+            "stretching",
+            STRETCHING,
+            "q of q·S·d on every link, S the sum of the squares of all elongations; or the wire",
+            0.0,
+        ),
+        *starts,
+    )
+    plate = (
+        Field("shape", choice("hex", "square", "rectangle", "disc"), "form of the mesh", "hex"),
+        Field("radius", _RADIUS, "rings round its centre; with a material its size"),
+        Field("sides", _SIDES, "masses across and up a rectangle; with a material its size"),
+        material,
+        Field("thickness", k.SIZE, "thickness of a sheet of that material"),
+        Field("tension", k.SURFACE_TENSION, "pull on each metre of it: it is a membrane"),
+        Field("masses", k.integer(1, MAX_MODULES, "400"), "about how many, with a material"),
+        m,
+        f,
+        t60,
+        Field("rim", choice("free", "fixed"), "whether the rim is held", "free"),
+        Field("bending", Bending(), "whether it resists curvature, as metal does", shown="false"),
+        hardening,
+        *starts,
+    )
+    bank = (
+        Field("count", k.integer(1, MAX_MODULES, "10000"), "how many CEL", required=True),
+        Field("M", k.MASS, "mass of each", required=True),
+        Field("f", BANK_PITCHES, "frequencies, spread by logarithm, or of each", required=True),
+        Field("t60", BANK_DECAYS, "decays: low for high f where even, or of each", required=True),
+        Field("gain", BANK_GAINS, "of a list: how much faster than the mass M each moves"),
+        Field("modes", k.PATH, "a CSV file of f, t60 and gain, instead of lists"),
+        Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
+        Field("place", choice("line", "spiral"), "positions of the members on the bench", "line"),
+        *starts,
+    )
+    return {
+        "STRING": Record("module", "masses in a row", string),
+        "PLATE": Record("module", "a mesh of masses", plate),
+        "BANK": Record("module", "many CEL", bank),
+    }
+
+
+@dataclass(frozen=True)
+class Source(Shape):
+    """What drives an ENX or ENF: a take's name, or a constant."""
+
+    constant: Text
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, Scalar):
+            return wrong_shape(self, node, name, context)
+        if re.fullmatch(r"[a-z]+\d+\.\d+", node.text):
+            message = (
+                f"{context.of(name)}: an axis of a device is not "
+                "built yet; write a take or a constant"
+            )
+            context.error("E108", message, node.place)
+            return MISSING
+        if re.match(r"[+-]?[.\d]", node.text):
+            return self.constant.read(node, name, context)
+        return Reference(self.words()).read(node, name, context)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["string", "number"]}
+
+    def words(self) -> str:
+        """In words."""
+        return f"a take, or {self.constant.what}"
+
+
+def _input(unit: Text, quantity: str) -> Record:
+    fields = (
+        Field("to", ENDPOINT, "the MAT that it drives", required=True),
+        Field("from", Source(unit), f"where its {quantity} comes from", required=True),
+        Field("at", k.WHEN, "when a take begins", shown="the beginning"),
+        Field("scale", k.NUMBER, "factor of a take", 1.0),
+    )
+    return Record("module", f"an imposed {quantity}", fields)
+
+
+def _all() -> dict[str, Kind]:
+    families: dict[str, Family] = dict.fromkeys(("MAS", "SOL", "CEL"), "mat")
+    si, ca = _mats(False), _mats(True)
+    kinds = {
+        name: Kind(name, families.get(name, "link"), table, ca[name]) for name, table in si.items()
+    }
+    for name, table in _generators().items():
+        kinds[name] = Kind(name, "generator", table, table)
+    inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
+    for name, table in inputs.items():
+        kinds[name] = Kind(name, "input", table, table)
+    return kinds
+
+
+KINDS = _all()
+MATS = tuple(name for name, kind in KINDS.items() if kind.family == "mat")
+LINKS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
+GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
+HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
+
+
+# Fields of generators that scores of earlier versions could not write, and their defaults: the hash
+# of a score leaves them out there, so that it stays what it was.
+HASH_OMITS_DEFAULTS: dict[str, Any] = {
+    "inharmonicity": None,
+    "stretching": 0.0,
+    "sides": None,
+    "bending": None,
+    "gain": None,
+}
+
+
+def tables(ca: bool, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
+    """Tables by kind, in SI units or under `units: ca`."""
+    return {name: KINDS[name].ca_table if ca else KINDS[name].table for name in names}
+
+
+def partly(table: Record) -> Record:
+    """The table of fields that may stand in what `like:` or `from:` begins with."""
+    fields = tuple(replace(field, required=False) for field in table.fields)
+    return replace(table, fields=fields)
+
+
+def member_count(kind: str, fields: Mapping[str, Any]) -> int:
+    """How many MATs a module has."""
+    if kind == "PLATE":
+        return _plate_count(fields["shape"], fields["rim"], fields["radius"] or 1, fields["sides"])
+    return int(fields.get("masses") or fields.get("count") or 1)
+
+
+def _plate_count(shape: str, rim: str, radius: int, sides: tuple[int, int] | None) -> int:
+    if shape == "rectangle":
+        across, up = sides or (1, 1)
+        return across * up
+    if shape == "square":
+        return (2 * radius + 1) ** 2
+    # The outermost ring of a disc is its rim; a hexagon with a fixed one has one ring more.
+    rings = radius - 1 if shape == "disc" and rim == "fixed" else radius
+    return 3 * rings * (rings + 1) + 1

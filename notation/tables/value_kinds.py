@@ -1,0 +1,179 @@
+"""The scalar kinds of the score language: each a parser with its words and its pattern."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from ergon.notation.clock.meter import parse_meter
+from ergon.notation.clock.occurrences import parse_times
+from ergon.notation.clock.positions import parse_length, parse_position
+from ergon.notation.clock.tempo import parse_bpm
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError, quote, with_article
+
+_NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?(/[0-9]+)?"
+_NOTE = r"[A-G][#b]?-?[0-9]([+-][0-9.]+cents?)?"
+_POSITION = r"[0-9]+\|[0-9./]+.*|[^0-9.|+-][^|]*|[0-9./]+ *(ms|s|beats?)?"
+_LENGTH = r"[0-9./eE+-]+ *(bars?|beats?|ms|s)?"
+MAX_TITLE = 1000  # characters
+MAX_CACHED = 4096  # texts of one kind: a score of 10,000 entries repeats a few hundred
+
+
+def _cached(parse: Callable[[str], Any]) -> Callable[[str], Any]:
+    # Errors are not cached: place_at changes nothing in them, but their offsets may.
+    return lru_cache(MAX_CACHED)(parse)
+
+
+def _units(dimension: q.Dimension) -> str:
+    return "|".join(re.escape(unit) for unit in dimension.units)
+
+
+def quantity(dimension: q.Dimension, doc: str = "") -> Text:
+    """A number with a unit, as an SI float."""
+    words = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
+    units = f" *({_units(dimension)}){'?' if dimension.bare else ''}" if dimension.units else ""
+    pattern = f"^({_NUMBER}{units}{'' if dimension.bare else '|0'})$"
+    parse = _cached(lambda text: q.quantity(text, dimension))
+    return Text(parse, words, pattern, units=tuple(dimension.units), is_value=True)
+
+
+def span(dimension: q.Dimension, example: str) -> Text:
+    """`low..high` as a pair of SI floats; a lone value is both ends."""
+
+    def read(text: str) -> float:
+        return q.frequency(text) if dimension is q.FREQUENCY else q.quantity(text, dimension)
+
+    def parse(text: str) -> tuple[float, float]:
+        if ".." in text:
+            return q.span(text, read, example)
+        value = read(text)
+        return value, value
+
+    one = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
+    words = f"{with_article(dimension.name)} or a range, such as {example}"
+    return Text(_cached(parse), words, rf"^{one}(\.\.{one})?$", is_value=True)
+
+
+def integer(low: int, high: int, example: str) -> Text:
+    """A whole number."""
+    words = f"a whole number from {low:,} to {high:,}, such as {example}"
+    parse = _cached(lambda text: q.integer(text, low, high))
+    return Text(parse, words, f"^{_NUMBER}$", is_value=True)
+
+
+def count_or_size(low: int, high: int, words: str) -> Text:
+    """A whole number of masses as an int, or a length with its unit as metres."""
+
+    def parse(text: str) -> int | float:
+        if text.strip()[-1:].isalpha():
+            return q.quantity(text, q.SIZE)
+        return q.integer(text, low, high)
+
+    pattern = f"^{_NUMBER}( *({_units(q.SIZE)}))?$"
+    return Text(_cached(parse), words, pattern, units=tuple(q.SIZE.units), is_value=True)
+
+
+def _title(text: str) -> str:
+    if len(text) > MAX_TITLE:
+        raise TextError(f"the text has more than {MAX_TITLE} characters", length=1, code="E202")
+    return " ".join(text.split())
+
+
+def _path(text: str) -> str:
+    if not text.strip() or len(text) > 1000 or "\x00" in text:
+        raise TextError("the name of a file is expected", length=max(1, len(text)), code="E201")
+    return text.strip()
+
+
+def _truth(text: str) -> bool:
+    if text in ("true", "false"):
+        return text == "true"
+    suggestion = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(text.lower())
+    message = f"{quote(text)} is neither true nor false"
+    raise TextError(message, length=max(1, len(text)), suggestion=suggestion, code="E206")
+
+
+MASS = quantity(q.MASS)
+STIFFNESS = quantity(q.STIFFNESS)
+DAMPING = quantity(q.DAMPING)
+POSITION = quantity(q.POSITION)
+SIZE = quantity(q.SIZE)
+DISC = quantity(q.DISTANCE, "a radius, such as 5cm")
+DISTANCE = quantity(q.DISTANCE)
+ROOM_SIZE = quantity(q.ROOM_SIZE)
+PAN = quantity(q.PAN, "a place from -1 (first channel) to 1 (second channel), such as -0.3")
+DENSITY = quantity(q.DENSITY)
+PRESSURE = quantity(q.PRESSURE)
+SURFACE_TENSION = quantity(q.SURFACE_TENSION)
+INHARMONICITY = quantity(q.INHARMONICITY)
+POISSON = quantity(q.POISSON, "Poisson's ratio, such as 0.33")
+SPEED = quantity(q.SPEED)
+FORCE = quantity(q.FORCE)
+PUSH = quantity(q.PUSH, "a force of either sign, such as -5N")
+HARDENING = quantity(q.HARDENING)
+HERTZ = quantity(q.FREQUENCY)
+RATE = quantity(q.RATE)
+TICK_RATE = quantity(q.TICK_RATE)
+DURATION = quantity(q.DURATION)
+PAUSE = quantity(q.INSTANT)  # a duration that may be none
+TAIL = Text(
+    lambda text: "auto" if text.strip() == "auto" else q.quantity(text, q.INSTANT),
+    f"{PAUSE.what}, or auto",
+    f"^({(PAUSE.pattern or '')[1:-1]}|auto)$",
+    is_value=True,
+)
+LEVEL = quantity(q.LEVEL)
+ERROR = quantity(q.ERROR)
+CENTS = quantity(q.CENTS)
+SHARE = quantity(q.SHARE)
+CHANCE = quantity(q.CHANCE, "a chance from 0 to 1, such as 0.6 or 60%")
+NUMBER = quantity(q.NUMBER)
+RATIO = quantity(q.RATIO)
+UNIT_RATIO = quantity(q.UNIT_RATIO)
+CONSTANT = quantity(q.CONSTANT, "a constant of the law, such as 900N/m")
+POSITIVE = quantity(q.FACTOR)
+EXPONENT = quantity(q.EXPONENT)
+PITCH = Text(
+    _cached(q.frequency),
+    "a frequency or a note, such as 220Hz or A3",
+    f"^({_NUMBER} *(Hz|kHz)?|{_NOTE})$",
+    is_value=True,
+)
+TRAVEL = span(q.POSITION, "-15mm..15mm")
+PITCHES = span(q.FREQUENCY, "20Hz..10kHz")
+DURATIONS = span(q.DURATION, "0.5s..8s")
+TRIM = span(q.INSTANT, "0.4s..4s")
+IMPULSES = span(q.IMPULSE, "1uNs..4uNs")
+GAIN = Text(
+    _cached(q.gain),
+    "a level or a factor, such as -6dB or x0.5",
+    f"^({_NUMBER} *dB|x{_NUMBER})$",
+    types=("string",),
+    is_value=True,
+)
+WHEN = Text(
+    _cached(parse_position),
+    "a position in the piece, such as 3|2.5, B+2, 12.5s or beats",
+    f"^({_POSITION})$",
+)
+LENGTH = Text(
+    _cached(parse_length),
+    "a length, such as 4bar, 1/2 (beats) or 250ms",
+    f"^{_LENGTH}$",
+    is_value=True,
+)
+METER = Text(parse_meter, "a meter, such as 4/4", r"^[0-9]+(\+[0-9]+)*/[0-9]+$", types=("string",))
+BPM = Text(
+    parse_bpm,
+    "a tempo, such as 60 or 60 -> 96",
+    rf"^{_NUMBER}( *-> *{_NUMBER})?$",
+    is_value=True,
+)
+TITLE = Text(_title, "a text", types=("string", "number", "boolean"))
+PATH = Text(_path, "the name of a file", types=("string",))
+TIMES = Text(_cached(parse_times), "how often, such as 8", "^[0-9]+$", is_value=True)
+TRUTH = Text(_truth, "true or false", types=("boolean",))

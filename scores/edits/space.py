@@ -1,0 +1,134 @@
+"""Where instruments sound: places between channels, rooms, fades."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.tables import quantities as q
+from ergon.notation.text import edit
+from ergon.scores.edits import structure
+from ergon.scores.edits.lists import items, place
+from ergon.scores.edits.positions import written
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.mixing import Fade
+from ergon.scores.reading.piece import Piece, Route
+
+_SOON = 0.02  # [s] in which a sound that is to come from silence falls silent
+
+
+def treat(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
+    """Give the routes of an instrument other fields (`pan`, `gain`). Raises EditError."""
+    texts = structure.routed(texts, piece)
+    for path in _routes(texts, name):
+        for field, text in fields.items():
+            texts = texts.put((*path, field), text)
+    return texts
+
+
+def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
+    """Let an instrument sound in a room. Raises EditError."""
+    texts = structure.routed(texts, piece)
+    for path in _routes(texts, name):
+        texts = texts.put((*path, "send", room), level)
+    return texts
+
+
+def room(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
+    """Add a room, or give one other fields. Raises EditError."""
+    if not any(own.name == name for own in piece.mix.rooms):
+        said: dict[str, edit.Tree] = {**({} if "t60" in fields else {"t60": "2s"}), **fields}
+        return texts.put(("mix", "rooms", name), edit.flow(said))
+    for field, text in fields.items():
+        texts = texts.put(("mix", "rooms", name, field), text)
+    return texts
+
+
+def fade(
+    texts: Texts, piece: Piece, name: str | None, at: float, end: float, *, is_in: bool
+) -> Texts:
+    """Fade an instrument (None: everything) from its level on one beat to all or nothing on
+    another. Raises EditError."""
+    if name is None:
+        own = piece.mix.master.fade if piece.mix.master else ()
+        path = ("mix", "master", "fade")
+        return texts.put(path, edit.flow(_points(piece, own, at, end, is_in=is_in)))
+    texts = structure.routed(texts, piece)
+    members = {name, *piece.families.get(name, ())}
+    known = next((route.fade for route in piece.mix.routes if route.part in members), ())
+    said = edit.flow(_points(piece, known, at, end, is_in=is_in))
+    for route in _routes(texts, name):
+        texts = texts.put((*route, "fade"), said)
+    return texts
+
+
+def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
+    """The level of a fade on a beat, as a ratio."""
+    instant = tempo.seconds(beat)
+    before: tuple[float, float] | None = None
+    for t, gain, is_smooth in sorted(
+        ((tempo.seconds(tempo.resolve(one.at)), one.gain, one.is_smooth) for one in fade),
+        key=lambda one: one[0],
+    ):
+        if t > instant:
+            if before is None:
+                return gain
+            begin, low = before
+            u = (instant - begin) / (t - begin)
+            u = u * u * (3.0 - 2.0 * u) if is_smooth else u
+            if low > 0.0 and gain > 0.0:
+                return q.level_between(low, gain, u)
+            return low + (gain - low) * u
+        before = t, gain
+    return 1.0 if before is None else before[1]
+
+
+def kept(texts: Texts, piece: Piece, start: float, stop: float) -> Texts:
+    """The fades of the beats from `start` to `stop`, told from `start` on."""
+    tempo = piece.tempo_map
+
+    def within(fade: Fade) -> list[edit.Tree]:
+        said: list[edit.Tree] = [{"at": "0", "gain": _ratio(level(fade, tempo, start))}]
+        for one in fade:
+            beat = tempo.resolve(one.at)
+            if start < beat:
+                curve = "smooth" if one.is_smooth else "line"
+                at = f"{beat - start:.12g}"
+                said.append({"at": at, "gain": _ratio(one.gain), "curve": curve})
+        return said
+
+    if piece.mix.master is not None and piece.mix.master.fade:
+        texts = texts.put(("mix", "master", "fade"), edit.flow(within(piece.mix.master.fade)))
+    for name in dict.fromkeys(route.part for route in piece.mix.routes if route.fade):
+        route = next(own for own in piece.mix.routes if own.part == name and own.fade)
+        for path in _routes(texts, _written(piece, route)):
+            texts = texts.put((*path, "fade"), edit.flow(within(route.fade)))
+    return texts
+
+
+def _written(piece: Piece, route: Route) -> str:
+    """The name of a route's instrument, or of the one whose note it is."""
+    return next((own for own, notes in piece.families.items() if route.part in notes), route.part)
+
+
+def _points(piece: Piece, fade: Fade, at: float, end: float, *, is_in: bool) -> list[edit.Tree]:
+    tempo = piece.tempo_map
+    said: list[edit.Tree] = []
+    if fade or not is_in:
+        said.append({"at": written(piece, at), "gain": _ratio(level(fade, tempo, at))})
+    else:
+        soon = tempo.beats(tempo.seconds(at) + _SOON)
+        said.append({"at": written(piece, at), "gain": "0dB"})
+        said.append({"at": written(piece, soon), "gain": "x0"})
+    return [*said, {"at": written(piece, end), "gain": "0dB" if is_in else "x0"}]
+
+
+def _ratio(level: float) -> str:
+    return f"x{level:.12g}"
+
+
+def _routes(texts: Texts, name: str) -> Iterator[edit.Path]:
+    """The paths of the routes of an instrument."""
+    for number, node in enumerate(items(texts, "mix", "route")):
+        if structure.is_of(node, name):
+            yield place(texts, "mix", number, "route")

@@ -1,0 +1,72 @@
+"""The highest mode of each string and plate, and how many masses would reach higher."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil, sqrt
+
+from ergon.instruments.model import Module
+from ergon.instruments.module_kinds import member_count
+from ergon.notation.text.errors import Diagnostic, quote
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.scene import Scene
+
+FULL = 5_000.0  # [Hz] a body that stops below sounds dull
+_MOST_RADIUS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class HighestMode:
+    """The highest mode [Hz] of a STRING or PLATE, by itself."""
+
+    name: str
+    module: Module
+    hertz: float
+
+
+def highest_modes(piece: Piece, scene: Scene) -> list[HighestMode]:
+    """Those of all bodies of instruments in SI units, in the order of the score."""
+    return list(_each(piece, scene))
+
+
+def _each(piece: Piece, scene: Scene) -> Iterator[HighestMode]:
+    assembly = scene.assembly
+    for instrument in piece.instruments.values():
+        for module in instrument.modules:
+            first = assembly.mats.get((instrument.name, module.name))
+            if module.kind not in ("STRING", "PLATE") or first is None or instrument.ca_rate:
+                continue
+            name = ".".join(filter(None, (instrument.name, module.name)))
+            yield HighestMode(name, module, assembly.network.highest_mode(first))
+
+
+def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
+    """W331 for each body whose highest mode lies below 5 kHz, with the masses that would do."""
+    found = []
+    for one in modes:
+        if one.hertz >= FULL:
+            continue
+        message = f"{quote(one.name)} has no mode above {one.hertz / 1e3:.3g} kHz"
+        help = f"{_enough(one)} would reach {FULL / 1e3:g} kHz"
+        place = one.module.place
+        found.append(Diagnostic("W331", message, place, None, help))
+    return found
+
+
+def _enough(one: HighestMode) -> str:
+    """The field that says how many masses would reach 5 kHz, about."""
+    module, fields = one.module, one.module.fields
+    masses, more = member_count(module.kind, fields), FULL / one.hertz
+    if module.kind == "STRING":
+        return f"about masses: {ceil(masses * more)}"
+    # The highest mode of a lattice goes by its spacing, of one that bends by the square of that.
+    side = sqrt(more) if fields["bending"] is not None else more
+    if fields["shape"] == "rectangle":
+        across, up = (ceil(count * side) for count in fields["sides"])
+        return f"about {across * up:,} masses ({across} by {up})"
+    radius = ceil(fields["radius"] * side)
+    if radius > _MOST_RADIUS:
+        return f"more than the {_MOST_RADIUS} rings that a plate may have"
+    wider = {**fields, "radius": radius}
+    return f"about {member_count(module.kind, wider):,} masses ({radius} rings)"

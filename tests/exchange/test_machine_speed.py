@@ -1,0 +1,111 @@
+"""What `ergon doctor` keeps of a machine's speed, and what it is used for."""
+
+import json
+from pathlib import Path
+
+import pytest
+from checked import check
+from commands import records
+
+from ergon.cli import app
+from ergon.exchange import machine_speed
+from ergon.live import fitness
+from ergon.scores.staging.stage import stage
+
+Capture = pytest.CaptureFixture[str]
+SCORE = """\
+ergon: 1
+instruments:
+  s:
+    modules:
+      a: {MAS: {M: 10g, X0: 1mm}}
+      w: {SOL: {}}
+      k: {LNL: {between: [w, a], law: cubic, k: 2000, q: 1e9, damping: cubic, z: 0.1}}
+    out: {x: {SOX: a}}
+accuracy: {error: -40dB, cpu: 1%}
+render: {tail: 0.5s}
+"""
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "cache" / "ergon" / "speed.json"
+
+
+def test_a_correction_belongs_to_its_processor(cache: Path, monkeypatch: pytest.MonkeyPatch):
+    assert machine_speed.kept() is None
+    assert machine_speed.keep(2.8)
+    assert machine_speed.kept() == 2.8
+    monkeypatch.setattr(machine_speed, "processor", lambda: "another")
+    assert machine_speed.kept() is None
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    assert not machine_speed.keep(1.0)
+    assert json.loads(cache.read_text())["correction"] == 2.8
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"correction": 2.0}', "[" * 10_000, "NaN", "\0"])
+def test_what_is_broken_counts_as_none(cache: Path, text: str):
+    cache.parent.mkdir(parents=True)
+    cache.write_text(text)
+    assert machine_speed.kept() is None
+    for correction in ("1e9", "0.0", "NaN", "true", '"2"', "-1.0"):
+        own = json.dumps(machine_speed.processor())
+        cache.write_text(f'{{"processor": {own}, "correction": {correction}}}')
+        assert machine_speed.kept() is None
+
+
+def test_it_changes_what_is_shown_and_never_what_is_computed(capsys: Capture):
+    Path("a.yaml").write_text(SCORE)
+
+    def planned() -> tuple[dict, str]:
+        assert app.run(["plan", "a.yaml", "--json"]) == 0
+        found = records(capsys)
+        (plan,) = (line for line in found if line["event"] == "plan")
+        assert app.run(["plan", "a.yaml"]) == 0
+        shown = capsys.readouterr()
+        return plan, shown.out + shown.err
+
+    plain, said = planned()
+    assert plain["cost_here"] is None
+    assert "on this machine" not in said
+    assert "W402" not in said
+    assert machine_speed.keep(50.0)
+    corrected, said = planned()
+    assert corrected["hash"] == plain["hash"]
+    assert corrected["cost"] == plain["cost"]
+    assert corrected["cost_here"] == pytest.approx(50.0 * plain["cost"])
+    assert "× on this machine by `ergon doctor`" in said
+    assert "W402" in said
+
+
+def test_what_fits_a_share_of_a_core_is_chosen_by_the_table_alone():
+    piece = check(SCORE.replace("error: -40dB, ", "")).piece
+    assert piece is not None
+    plans = [stage(piece, planned=True, correction=own).plan for own in (1.0, 100.0)]
+    assert plans[0] is not None
+    assert plans[1] is not None
+    assert plans[0].hash == plans[1].hash
+
+
+def test_doctor_keeps_what_it_measures(monkeypatch: pytest.MonkeyPatch, capsys: Capture):
+    def speed(seconds: float) -> fitness.Finding:
+        assert seconds > 0.0
+        return fitness.Finding("speed", "measured", numbers={"correction": 1.5})
+
+    monkeypatch.setattr(fitness, "speed", speed)
+    assert app.run(["doctor", "--no-audio", "--seconds", "0.1"]) == 0
+    assert "speed    measured" in capsys.readouterr().out
+    assert machine_speed.kept() == 1.5
+
+
+def test_a_speed_is_a_ratio_of_times():
+    found = fitness.speed(0.0)  # one block of each
+    assert found.what == "speed"
+    each = found.numbers["each"]
+    assert isinstance(each, list)
+    assert len(each) == 3
+    assert all(ratio > 0.0 for ratio in each)

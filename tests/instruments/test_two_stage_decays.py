@@ -1,0 +1,44 @@
+"""A decay in two stages from two strings that meet at a bridge (Weinreich, JASA 62, 1977)."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+RATE = 44100.0
+PAGE = Path(__file__).parents[2] / "docs/language.md"
+
+
+def snippet() -> str:
+    blocks = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    (found,) = (block for block in blocks if "bridge: {FRO" in block)
+    return found
+
+
+def level(strike: str) -> np.ndarray:
+    """Of the lowest partial, every 0.1 s [dB]."""
+    text = snippet() + f"strikes: {{s: {{to: {strike}, at: 0s, impulse: 1mNs}}}}\n"
+    simulation = stage(load("x.yaml", text=text).piece, planned=True).simulation
+    out = np.zeros((int(6 * RATE), 1))
+    simulation.process(out)
+    length = 8820
+    turn = np.exp(-2j * np.pi * 220.0 / RATE * np.arange(length)) * np.hanning(length)
+    starts = range(0, len(out) - length, 4410)
+    return np.array([20 * np.log10(abs(np.dot(out[at : at + length, 0], turn))) for at in starts])
+
+
+def test_one_string_that_is_struck_falls_in_two_stages():
+    heard = level("course.one.12")
+    # Half of the motion is alike in both strings, and half is opposite.
+    t = np.arange(len(heard)) * 0.1 + 0.1
+    slow = np.polyfit(t[30:], heard[30:], 1)
+    assert -60.0 / slow[0] == pytest.approx(8.0, rel=0.03)
+    over = 10.0 ** (heard[:6] / 20.0) - 10.0 ** (np.polyval(slow, t[:6]) / 20.0)
+    fast = np.polyfit(t[:6], 20.0 * np.log10(over), 1)
+    assert -60.0 / fast[0] == pytest.approx(1.0, rel=0.1)
+    # Where the slopes meet at the beginning the two are alike.
+    assert np.polyval(fast, 0.0) - np.polyval(slow, 0.0) == pytest.approx(0.0, abs=1.0)

@@ -1,0 +1,188 @@
+"""Renders that recall what earlier ones computed: the samples of a render from scratch."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import random_scores
+
+import ergon
+from ergon.api.render import RenderOptions
+from ergon.exchange.stretch_store import Stretch, StretchStore
+from ergon.rendering import resumed
+
+# Every kind of body, method, contact and hand; a later event can be put in without moving another.
+SCENES = {
+    "modes": ("", "wire.s.3", "STRING: {masses: 24, M: 4g, f: D4, t60: 2s}", "s.17", "s.5"),
+    "hardening": (
+        "",
+        "wire.p.0",
+        "PLATE: {shape: hex, radius: 2, M: 50g, f: 900Hz, t60: 1s, hardening: 1e10N/m3}",
+        "p.centre",
+        "p.1",
+    ),
+    **{
+        method: (
+            f"{{method: {method}}}",
+            "wire.p.0",
+            "PLATE: {shape: hex, radius: 2, M: 50g, f: 900Hz, t60: 1s, hardening: 1e8N/m3}",
+            "p.centre",
+            "p.1",
+        )
+        for method in ("ca", "ca2p", "bm4", "ieq")
+    },
+    "exact": ("{error: -60dB}", "wire.m", "CEL: {M: 2g, f: 440Hz, t60: 0.5s}", "m", "m"),
+}
+SCORE = """\
+ergon: 1
+accuracy: {accuracy}
+keys: {{k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}}}
+instruments:
+  wire:
+    modules:
+      {name}: {{{body}}}
+      b: {{BUT: {{between: [k1, {port}], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}}}
+      h: {{MAS: {{M: 1g}}}}
+      n: {{LNL: {{between: [h, {port}], law: "k*d + q*d**3", k: 200N/m, q: 4e7N/m3}}}}
+    out: {{x: {{SOX: {heard}}}, v: {{SOV: {port}}}}}
+gestures:
+  knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2
+  toss: 0mm@0 throw 5mm@1/8 smooth 0mm@1/4
+  shake: 0mm@0 smooth 0.3mm@1/16 smooth 0mm@1/8
+players: {{ada: {{key: k1}}}}
+parts:
+  ada:
+    - {{at: 1|1, play: knock, every: 1, times: 3}}
+    - {{at: 1|2.5, play: shake, layer: true}}
+    - {{at: 1|4, play: toss, ergons: particle}}
+    - {{at: 2|1, play: {last}}}
+strikes:
+  a: {{to: [{struck}], at: 0.1s, impulse: 1mNs}}
+  c: {{to: [{struck}], at: {late}s, impulse: 3mNs}}
+render: {{tail: 0.3s, bits: float}}
+"""
+
+
+def text(scene: str, last: str = "knock", late: float = 3.9) -> str:
+    accuracy, struck, body, heard, port = SCENES[scene]
+    return SCORE.format(
+        accuracy=accuracy or "{error: -50dB}",
+        name=struck.split(".")[1],
+        body=body,
+        port=port,
+        heard=heard,
+        struck=struck,
+        last=last,
+        late=late,
+    )
+
+
+class Counted:
+    """The counts of each render, by its simulation."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.all: list[resumed.ResumedSimulation] = []
+        plain = resumed.ResumedSimulation.__init__
+
+        def init(own: resumed.ResumedSimulation, *of: object) -> None:
+            plain(own, *of)  # type: ignore[arg-type]
+            self.all.append(own)
+
+        monkeypatch.setattr(resumed.ResumedSimulation, "__init__", init)
+
+    @property
+    def recalled(self) -> list[int]:
+        return [own.n_recalled for own in self.all]
+
+
+@pytest.fixture
+def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Counted:
+    """Stretches of 4,096 frames, of islands of any cost, in a folder of the test's own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(resumed, "STRETCH", 4096)
+    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
+    return Counted(monkeypatch)
+
+
+def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, kept: bool, **options: object) -> str:
+    Path("a.yaml").write_text(score)
+    monkeypatch.setenv("ERGON_CACHE", "on" if kept else "off")
+    frames = ergon.render("a.yaml", RenderOptions(**options)).frames  # type: ignore[arg-type]
+    return hashlib.sha256(frames.tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_an_edit_recalls_what_it_does_not_change(
+    scene: str, counted: Counted, monkeypatch: pytest.MonkeyPatch
+):
+    versions = [text(scene), text(scene), text(scene, last="toss"), text(scene, late=4.1)]
+    scratch = [sound(version, monkeypatch, kept=False) for version in versions]
+    assert len(set(scratch)) == 3, "the edits are heard"
+    kept = [sound(version, monkeypatch, kept=True) for version in versions]
+    assert kept == scratch
+    first, again, *edited = counted.recalled
+    assert first == 0
+    assert again > 0
+    # All frames of all islands before the edit, but for the stretch that it is in.
+    assert all(0.5 * again < recalled < again for recalled in edited)
+
+
+def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytest.MonkeyPatch):
+    score = text("hardening")
+    scratch = sound(score, monkeypatch, kept=False)
+    for options in ({"threads": 2}, {"block": 1000}, {"block": 10_000, "threads": 3}):
+        assert sound(score, monkeypatch, kept=True, **options) == scratch
+    assert counted.recalled[1] == counted.recalled[2] > 0
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_scores_sound_as_from_scratch(
+    seed: int, counted: Counted, monkeypatch: pytest.MonkeyPatch
+):
+    score = random_scores.score(seed)
+    try:
+        scratch = sound(score, monkeypatch, kept=False)
+    except ergon.ErgonError:
+        pytest.skip("this score is refused")
+    assert sound(score, monkeypatch, kept=True) == scratch
+    assert sound(score, monkeypatch, kept=True) == scratch
+
+
+def test_what_is_damaged_counts_as_none(tmp_path: Path):
+    store = StretchStore(tmp_path)
+    key = "0" * 64
+    stretch = Stretch(np.arange(5.0), b"state")
+    assert store.get(key) is None
+    assert store.put(key, stretch)
+    known = store.get(key)
+    assert known is not None
+    assert known.state == b"state"
+    assert known.sound.tolist() == stretch.sound.tolist()
+    (path,) = tmp_path.iterdir()
+    whole = path.read_bytes()
+    for at in range(len(whole)):
+        path.write_bytes(whole[:at])
+        assert store.get(key) is None
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        assert store.get(key) is None
+
+
+def test_a_folder_that_cannot_be_written_is_no_mistake(
+    tmp_path: Path, counted: Counted, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "cache").write_text("a file where the folder would be")
+    score = text("modes")
+    assert sound(score, monkeypatch, kept=True) == sound(score, monkeypatch, kept=False)
+    assert counted.recalled == [0]
+
+
+def test_the_least_recently_used_go_first(tmp_path: Path):
+    store = StretchStore(tmp_path, n_bytes=1000)
+    for index in range(10):
+        store.put(f"{index:064}", Stretch(np.zeros(20), b""))
+    store.forget()
+    kept = [index for index in range(10) if store.get(f"{index:064}") is not None]
+    assert 1 <= len(kept) <= 5

@@ -1,0 +1,178 @@
+"""Where instruments sound, typed: places between channels, rooms, fades."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edited import opened
+from sessions import Stepped
+
+from ergon.scores.edits import space
+
+SCORE = """\
+ergon: 1
+tempo: [{at: 1|1, bpm: 240}]               # a bar is a second
+keys:
+  k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 20g, f: 220Hz, t60: 0.6s}}
+      b: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: m}
+  drone:
+    modules:
+      m: {CEL: {M: 20g, K: 85kN/m, X0: 1mm}}
+    out: {SOX: m}
+gestures:
+  knock: 0mm@0 smooth 6mm@60ms 0mm@160ms
+players:
+  ada: {key: k1}
+parts:
+  ada: [{at: 1|1, play: knock, every: 1, until: 99|1}]
+mix: {channels: 2, route: [{from: bell, to: [1, 2]}, {from: drone, to: [1, 2]}]}
+"""
+
+
+@pytest.fixture
+def at(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    stepped.ok("play")
+    yield stepped
+    stepped.close()
+
+
+def level(at: Stepped, seconds: float) -> list[float]:
+    """The level of each channel over the last seconds."""
+    return [float(x) for x in np.sqrt(np.mean(at.sound[-int(seconds * at.rate) :] ** 2, axis=0))]
+
+
+def same_again(at: Stepped) -> None:
+    """Saved, undone and computed anew, it is what was heard."""
+    text = at.session.commits.head.texts.text
+    at.ok("save typed")
+    at.run(0.3)
+    assert opened(str(at.journal.with_name("typed.yaml")))
+    at.ok(f"back {len(at.session.history.numbers) - 1}")
+    at.run(1.1)
+    assert at.session.commits.head.texts.text == SCORE
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+    assert text != SCORE
+
+
+def test_an_instrument_is_placed_between_its_channels(at: Stepped):
+    at.ok("mute bell now")
+    at.ok("route drone pan -0.6 now")
+    at.run(1.0)
+    left, right = level(at, 0.5)
+    assert right / left == pytest.approx(0.5, rel=1e-3)  # (1 - 0.6) / (1 + 0.6), by the power
+    at.ok("route drone gain -6dB now")
+    at.run(1.0)
+    assert level(at, 0.5)[0] / left == pytest.approx(10 ** (-6 / 20), rel=0.01)
+    (route,) = (r for r in at.session.commits.head.piece.mix.routes if r.part == "drone")
+    assert route.to == (1, 2)
+    assert route.pan == pytest.approx((0.8**0.5, 0.2**0.5))
+    same_again(at)
+
+
+def test_a_room_is_added_sent_to_and_changed(at: Stepped):
+    at.ok("room hall t60=1s size=8m gain=-3dB")
+    at.ok("route bell send hall -6dB")
+    at.run(3.0)
+    piece = at.session.commits.head.piece
+    assert [(room.name, room.size, room.t60[0][1]) for room in piece.mix.rooms] == [
+        ("hall", 8.0, 1.0)
+    ]
+    assert [route.sends for route in piece.mix.routes] == [
+        (("hall", pytest.approx(10 ** (-6 / 20))),),
+        (),
+    ]
+    at.ok("room hall t60=2s")
+    at.run(1.5)
+    assert at.session.commits.running.version.piece.mix.rooms[0].t60[0][1] == 2.0
+    same_again(at)
+
+
+def test_an_instrument_fades_out_and_in_again(at: Stepped):
+    at.ok("mute bell now")
+    at.run(0.5)
+    before = level(at, 0.3)[0]
+    at.ok("fade drone out over 2bar")
+    at.run(1.6)
+    half = level(at, 0.1)[0]
+    assert 0.4 * before < half < 0.65 * before
+    at.run(1.2)
+    assert level(at, 0.1)[0] == 0.0
+    at.ok("fade drone in over 1bar")
+    at.run(2.3)
+    assert level(at, 0.2)[0] == pytest.approx(before, rel=0.02)
+    bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
+    assert bends.max() < 1.2 * bends[: int(0.2 * at.rate)].max()  # nothing clicks
+    same_again(at)
+
+
+def test_a_fade_that_is_turned_goes_on_from_its_level(at: Stepped):
+    at.ok("mute bell now")
+    at.ok("fade drone out over 2bar now")
+    at.run(1.0)
+    at.ok("fade drone in over 1bar now")
+    at.run(0.1)
+    piece = at.session.commits.running.version.piece
+    (route,) = (r for r in piece.mix.routes if r.part == "drone")
+    assert 0.3 < route.fade[0].gain < 0.7
+    bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
+    assert bends.max() < 1.2 * bends[: int(0.1 * at.rate)].max()
+    at.run(1.5)
+    same_again(at)
+
+
+def test_a_change_of_tempo_moves_the_end_of_a_fade(at: Stepped):
+    at.ok("mute bell now")
+    at.ok("fade drone out over 4bar now")
+    at.run(0.5)
+    at.ok("tempo 480 now")
+    at.run(1.9)
+    assert level(at, 0.05)[0] == 0.0
+    same_again(at)
+
+
+def test_everything_fades_and_a_fade_is_kept(at: Stepped):
+    at.ok("fade master out over 4bar")
+    at.run(3.3)
+    at.ok("keep 2bar as verse")
+    text, piece = opened(str(at.journal.with_name("verse.yaml")))
+    assert "master" in text.text
+    assert piece.mix.master is not None
+    own = at.session.commits.head.piece
+    assert own.mix.master is not None
+    start = own.tempo_map.bars.start(2)
+    for beat in (0.0, 3.0, 7.0):
+        there = space.level(own.mix.master.fade, own.tempo_map, start + beat)
+        assert space.level(piece.mix.master.fade, piece.tempo_map, beat) == pytest.approx(there)
+    at.run(2.0)
+    assert level(at, 0.1) == [0.0, 0.0]
+    same_again(at)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("route bell", "channels, such as 3 or 3 4 is missing"),
+        ("route bell pan 2", "2"),
+        ("route bell 1 pan 0.3", "`pan` lies between two channels"),
+        ("route bell send hall -6dB", "is not a room"),
+        ("room hall size=12kg", "'kg'"),
+        ("room hall t61=2s", "a room has no field 't61'"),
+        ("fade bell over 2bar", "neither in nor out"),
+        ("fade bell out", "over"),
+        ("fade nobody out over 2bar", "is not an instrument or master"),
+    ],
+)
+def test_what_cannot_be_is_refused(at: Stepped, line: str, message: str):
+    reply = at.type(line)
+    assert not reply.taken, reply.text
+    assert message in reply.text
+    assert at.session.commits.head.texts.text == SCORE

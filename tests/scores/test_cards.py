@@ -1,0 +1,49 @@
+"""Each instrument of the library sounds as its card in docs/instruments says."""
+
+import csv
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from docs.generators.cards import described, measured
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "docs" / "instruments"
+FAMILIES = described()
+CARDS = [(family, name) for family, said in FAMILIES.items() for name in said["cards"]]
+with (FOLDER / "cards.csv").open(encoding="utf-8") as file:
+    ROWS: dict[str, dict[str, str]] = {row["name"]: row for row in csv.DictReader(file)}
+CLICKS = ("pebbles",)  # stones are clicks
+
+
+def test_every_instrument_of_a_family_has_a_card() -> None:
+    for family, said in FAMILIES.items():
+        text = (ROOT / "instruments" / "library" / f"{family}.yaml").read_text(encoding="utf-8")
+        assert list(said["cards"]) == list(yaml.safe_load(text)["instruments"]), family
+        page = (FOLDER / f"{family}.md").read_text(encoding="utf-8")
+        assert all(f"## {name}\n" in page for name in said["cards"])
+    assert list(ROWS) == [name for _, name in CARDS]
+
+
+def test_pictures_are_small() -> None:
+    assert all((FOLDER / f"{name}.svg").stat().st_size < 40_000 for _, name in CARDS)
+
+
+@pytest.mark.parametrize(("family", "name"), CARDS, ids=[name for _, name in CARDS])
+def test_an_instrument_sounds_as_its_card_says(family: str, name: str) -> None:
+    said: dict[str, Any] = FAMILIES[family]["cards"][name]
+    own = measured(family, name, said).figures
+    for key, value in asdict(own).items():
+        if isinstance(value, str):
+            assert ROWS[name][key] == value
+        elif key not in ("treble", "lean"):  # those two are about what is nearly nothing
+            assert value == pytest.approx(float(ROWS[name][key]), rel=0.01, abs=0.5), key
+    assert own.lean < -55.0  # no mean: it does not lean on the loudspeaker
+    assert own.treble < -20.0 or name in CLICKS
+    if said.get("follows"):
+        assert own.hard >= 2.0 * own.soft
+    if said.get("bright"):
+        assert own.partials >= 20
+        assert own.highest >= 8000.0

@@ -1,0 +1,53 @@
+"""How high bodies sound, and the warning of one that stops low (W331)."""
+
+import re
+
+import pytest
+from checked import check
+
+from ergon.scores.staging.highest import highest_modes, stops_low
+from ergon.scores.staging.stage import prepare
+
+SCORE = "ergon: 1\ninstruments:\n  s: {modules: {body: {%s}}}\n"
+
+
+def modes(fields: str) -> list:
+    piece = check(SCORE % fields).piece
+    return highest_modes(piece, prepare(piece).scene)
+
+
+def test_the_highest_mode_of_a_row_is_that_of_its_formula():
+    (one,) = modes("STRING: {masses: 40, M: 1g, f: 100Hz, t60: 3s}")
+    # sin(40·π/82)/sin(π/82) of the lowest; losses do not count.
+    assert (one.name, one.hertz) == ("s.body", pytest.approx(2608.9, rel=1e-3))
+
+
+@pytest.mark.parametrize(
+    ("body", "low", "enough"),
+    [
+        ("STRING: {masses: %d, M: 1g, f: 110Hz}", 70, 72),
+        ("STRING: {masses: %d, M: 1g, f: 110Hz, inharmonicity: 1e-4}", 50, 53),
+        ("PLATE: {radius: %d, M: 1g, f: 110Hz, rim: fixed}", 24, 48),
+        ("PLATE: {radius: %d, M: 1g, f: 80Hz, bending: true}", 4, 10),
+        ("PLATE: {radius: %d, shape: disc, M: 1g, f: 110Hz, rim: fixed}", 12, 43),
+    ],
+)
+def test_a_body_that_stops_low_says_what_would_reach_and_that_does(body, low, enough):
+    (warning,) = stops_low(modes(body % low))
+    assert warning.code == "W331"
+    said = re.search(r"masses: (\d+)|\((\d+) rings\)", warning.help)
+    number = int(said[1] or said[2])
+    assert low < number <= enough
+    assert modes(body % number)[0].hertz > 0.93 * 5000.0
+    assert stops_low(modes(body % (number + 4))) == []
+
+
+def test_a_rectangle_says_its_masses():
+    (warning,) = stops_low(
+        modes("PLATE: {shape: rectangle, sides: [9, 7], M: 1g, f: 100Hz, bending: true}")
+    )
+    across, up = map(int, re.search(r"\((\d+) by (\d+)\)", warning.help).groups())
+    (one,) = modes(
+        f"PLATE: {{shape: rectangle, sides: [{across}, {up}], M: 1g, f: 100Hz, bending: true}}"
+    )
+    assert one.hertz > 4000.0
