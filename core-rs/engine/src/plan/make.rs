@@ -254,7 +254,11 @@ impl Maker<'_> {
         let mut hub = if self.plan.rows.len() == first_row {
             cost::seconds(
                 cost::stepped_cost(&island_plan.network, &island_plan.timeline)
-                    + cost::laws_cost(&island_plan.network, island_plan.contact_substeps),
+                    + cost::laws_cost(
+                        &island_plan.network,
+                        &island_plan.bodies,
+                        island_plan.contact_substeps,
+                    ),
                 &island_plan.timeline,
             )
         } else {

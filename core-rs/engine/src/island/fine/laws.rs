@@ -17,7 +17,7 @@ const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
 /// in parts; slopes are looked up again every few rounds.
 const ROUNDS: usize = 60;
 const FEW_ROUNDS: usize = 8;
-const AGREE: f64 = 1e-10;
+const AGREE: f64 = 1e-9;
 const LOOK_AGAIN: usize = 3;
 /// Steps of the differences that tell a law's slopes, relative to what is looked at and at least [m, m/s].
 const NEAR: (f64, f64) = (1e-6, 1e-9);
@@ -25,6 +25,13 @@ const NEAR: (f64, f64) = (1e-6, 1e-9);
 /// miss their laws at both its ends by less than this part of the largest. Not by more: steps that follow the swing lose
 /// the balance of errors that even steps have (a cubic spring: -72 dB at 1e-3, -104 dB by whole frames alone).
 const SMOOTH: f64 = 1e-6;
+/// Forces that still change by more than this part of the largest are not found by Newton's steps.
+const LOST: f64 = 1e-3;
+/// Rounds over laws that are found by halving, how often an interval is doubled and halved, and the first one relative to
+/// what is unmet.
+const BRACKET_ROUNDS: usize = 20;
+const HALVINGS: u64 = 64;
+const FIRST_LOOK: f64 = 0.01;
 /// Of the largest force so much stays from frame to frame.
 const FADE: f64 = 0.999;
 
@@ -280,10 +287,14 @@ impl Fine {
         }
         let most = laws.divisions.len() - 1;
         let rounds = if most == 0 { ROUNDS } else { FEW_ROUNDS };
-        let is_met = self.solve(script, laws, (gates, 0), (0, rounds));
+        let left = self.solve(script, laws, (gates, 0), (0, rounds));
         if most == 0 {
+            if left > LOST {
+                self.bracket(script, laws, (gates, 0, 0));
+            }
             return self.give_laws(script, laws, (0, 0));
         }
+        let is_met = left == 0.0;
         let missed = if is_met {
             self.missed(script, laws, gates)
         } else {
@@ -313,20 +324,22 @@ impl Fine {
                     state.force = laws.ahead.map(|row| dot(&row, &state.force));
                 }
             }
-            self.solve(script, laws, (gates, own), (part, ROUNDS));
+            if self.solve(script, laws, (gates, own), (part, ROUNDS)) > LOST {
+                self.bracket(script, laws, (gates, own, part));
+            }
             self.give_laws(script, laws, (own, part));
             self.bend_paths(script, division, part);
         }
     }
 
-    /// Find the forces of all laws in a part of a frame; says whether they meet them.
+    /// Find the forces of all laws in a part of a frame; how far they miss them, relative to the largest; 0 where they agree.
     fn solve(
         &mut self,
         script: &Script,
         laws: &LawScript,
         (gates, own): (&[f64], usize),
         (part, rounds): (usize, usize),
-    ) -> bool {
+    ) -> f64 {
         let (n, division) = (script.basis.n(), &laws.divisions[own]);
         let rows = 3 * part * n..3 * (part + 1) * n;
         let (value, slope) = (&division.value[rows.clone()], &division.slope[rows]);
@@ -346,14 +359,59 @@ impl Fine {
             let pace = change / last;
             if change <= AGREE || (round > 0 && pace < 0.5 && change * pace <= AGREE) {
                 // Slopes that took so long to lead there are looked up again.
-                if round >= LOOK_AGAIN - 1 {
+                if round >= LOOK_AGAIN {
                     self.laws.iter_mut().for_each(|state| state.known = None);
                 }
-                return true;
+                return 0.0;
             }
             last = change;
         }
-        false
+        last
+    }
+
+    /// One force for each law over a part of a frame, equal to the law halfway, for laws so steep that Newton's steps do
+    /// not end: of order 2, and it neither grows beyond the law nor depends on its slope.
+    fn bracket(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        (gates, own, part): (&[f64], usize, usize),
+    ) {
+        const MIDDLE: usize = 1;
+        let (n_laws, division) = (laws.links.len(), &laws.divisions[own]);
+        let s = division.s[STAGES * part + MIDDLE];
+        for state in &mut self.laws {
+            // Newton's last forces may be anything.
+            (state.force, state.known) = ([state.begin; STAGES], None);
+        }
+        for _ in 0..BRACKET_ROUNDS {
+            let mut change = 0.0_f64;
+            for law in 0..n_laws {
+                let state = &self.laws[law];
+                let (mut e, mut v) = (state.elongation[MIDDLE], state.rate[MIDDLE]);
+                let mut give = [0.0; 2];
+                let pairs = self.laws.iter().zip(&division.moves[law * n_laws..]);
+                for (other, (state, [by_x, by_v])) in pairs.enumerate() {
+                    let [x, v_by] = [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
+                    if other == law {
+                        give = [x, v_by];
+                    } else {
+                        e += x * state.force[MIDDLE];
+                        v += v_by * state.force[MIDDLE];
+                    }
+                }
+                let now = self.law(script, gates, (laws.links[law], s));
+                let unmet = |f: f64| f - now.at(e + give[0] * f, (v + give[1] * f) * now.rate());
+                let old = state.force[MIDDLE];
+                let (force, evaluations) = root(&unmet, old);
+                self.work.instants += evaluations / STAGES as u64;
+                change = change.max((force - old).abs() - AGREE * force.abs());
+                self.laws[law].force = [force; STAGES];
+            }
+            if change <= 0.0 {
+                break;
+            }
+        }
     }
 
     /// Push by the forces that were found for a part of a frame.
@@ -618,6 +676,45 @@ impl LawState {
     }
 }
 
+/// Where a function that rises in the end is zero, near a guess; and how often it was asked. The guess where it is zero
+/// nowhere.
+fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
+    let at_guess = f(guess);
+    let mut asked = 1;
+    if at_guess == 0.0 || !at_guess.is_finite() {
+        return (guess, asked);
+    }
+    // It is zero towards where it has the other sign: look ever further.
+    let mut far = guess;
+    let mut near;
+    let mut by = -FIRST_LOOK * at_guess;
+    loop {
+        (near, far) = (far, far + by);
+        let at_far = f(far);
+        asked += 1;
+        if !at_far.is_finite() || asked > HALVINGS {
+            return (guess, asked);
+        }
+        if (at_far > 0.0) != (at_guess > 0.0) {
+            break;
+        }
+        by *= 2.0;
+    }
+    for _ in 0..HALVINGS {
+        let half = 0.5 * (near + far);
+        if half == near || half == far {
+            break;
+        }
+        asked += 1;
+        if (f(half) > 0.0) == (at_guess > 0.0) {
+            near = half;
+        } else {
+            far = half;
+        }
+    }
+    (far, asked)
+}
+
 fn inverse(m: &Square) -> Square {
     let cofactor = |row: usize, column: usize| {
         let [r, s] = [(row + 1) % 3, (row + 2) % 3];
@@ -634,4 +731,22 @@ fn inverse(m: &Square) -> Square {
         }
     }
     inverse
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_root_is_found_however_steep_a_law_is() {
+        // A smooth bow whose slope at rest is 10⁴ times what Newton's step bears.
+        let bow = |v: f64| v * 1e4 / (1.0 + 1e8 * v * v);
+        for v in [-0.3, -1e-5, 0.0, 1e-6, 0.02] {
+            let unmet = |f: f64| f - bow(v - 0.5 * f);
+            let (force, _) = root(&unmet, 0.0);
+            assert!(unmet(force).abs() < 1e-6, "{v}: {force}");
+        }
+        // Nothing is zero: what was known stays.
+        assert_eq!(root(&|_| 1.0, 7.0).0, 7.0);
+    }
 }

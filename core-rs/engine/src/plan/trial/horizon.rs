@@ -21,6 +21,8 @@ const SAME: f64 = 3.0;
 const RINGS: f64 = 8.0;
 /// The part of the work that lies aside that is counted on: contacts and guards add to a run.
 const SHARE: f64 = 0.5;
+/// The part of what is left after the first run that the second may be expected to take.
+const FITS: f64 = 0.9;
 
 /// A way to play an island: its plan, and how often a step contacts are computed.
 type Played<'a> = (&'a IslandPlan, usize);
@@ -52,16 +54,25 @@ pub(in crate::plan) fn held(
     // What cannot be paid for leaves no trace: of the pilot everything is known.
     let rest = allowance.aside();
     let each = work(own.0) + work(other.0);
-    let n_frames = (end(own.0) * rate).min(SHARE * rest.spent().1 / each) as usize;
+    let most_frames = (end(own.0) * rate).min(SHARE * rest.spent().1 / each) as usize;
     let pilot = (measured.over * rate) as usize;
     let look = ((LOOK * rate) as usize).max(1);
-    if n_frames < pilot + look {
+    if most_frames < pilot + look {
         return Ok(measured);
     }
-    let runs = play(own.0, own.1, n_frames, &rest)
-        .and_then(|run| Ok((run, play(other.0, other.1, n_frames, &rest)?)));
+    let runs = play(own.0, own.1, most_frames, &rest).and_then(|run| {
+        // What contacts added to the first run they add to each step of the other too.
+        let (drawn, total) = rest.spent();
+        let steps = f64::from(other.0.oversampling) / f64::from(own.0.oversampling);
+        let lasts = FITS * (total - drawn) / (steps * drawn) * most_frames as f64;
+        let n_frames = most_frames.min(lasts as usize);
+        if n_frames < pilot + look {
+            return Err(TrialError::AllowanceSpent);
+        }
+        Ok((run, play(other.0, other.1, n_frames, &rest)?, n_frames))
+    });
     allowance.spend_aside(rest.spent().0);
-    let (run, other) = match runs {
+    let (run, other, n_frames) = match runs {
         Ok(runs) => runs,
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
@@ -80,7 +91,7 @@ pub(in crate::plan) fn held(
         if now > least {
             let from = until * spans.n_out.max(1);
             let spectral = levels_apart(
-                &run.sound[from..],
+                &run.sound[from..other.sound.len()],
                 &other.sound[from..],
                 spans.n_out,
                 spans.rate,

@@ -27,6 +27,10 @@ use crate::plan::trial::waveform_error::{Spans, difference, errors};
 /// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
 const CONTACT: f64 = 4.0;
 const LAW: f64 = 2.0;
+/// Contacts are not computed more finely where so many doublings one after the other gain less than this [dB]: what
+/// differs is then no error of theirs. (A steep law may begin to gain later.)
+const IDLE: usize = 2;
+const GAIN: f64 = 3.0;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
@@ -103,6 +107,7 @@ pub(in crate::plan) fn pilot(
                 error: Some(error),
                 run,
                 parting: None,
+                is_idle: false,
             };
             (other, plain)
         }
@@ -110,10 +115,15 @@ pub(in crate::plan) fn pilot(
     };
     let search = Search {
         assemble,
+        chaos: found.parting.as_ref().filter(|_| found.is_idle),
         stretches: &stretches,
         spans: &spans,
         allowance,
-        once: found.contact_substeps * island.island_plan.oversampling as usize,
+        // What is computed once a step stays so at any rate.
+        once: match found.contact_substeps {
+            1 => 1,
+            some => some * island.island_plan.oversampling as usize,
+        },
         n_frames,
         budget,
     };
@@ -252,6 +262,8 @@ struct Contacts {
     run: PilotRun,
     /// Where it is chaotic: then the error is that of the time until runs part.
     parting: Option<Parting>,
+    /// Computing them more finely gains nothing.
+    is_idle: bool,
 }
 
 impl Contacts {
@@ -278,6 +290,7 @@ impl Contacts {
             error: None,
             run,
             parting: None,
+            is_idle: false,
         }
     }
 }
@@ -336,6 +349,7 @@ fn contacts(
             error: None,
             run: play(island_plan, 1, n_frames, allowance)?,
             parting: None,
+            is_idle: false,
         });
     }
     let aim = budget.contact();
@@ -346,6 +360,9 @@ fn contacts(
     let (mut parting, mut until) = (None, n_frames);
     // What is known of the run: its error, and where it parts from others.
     let mut known: Option<(f64, Option<Parting>)> = None;
+    // The last run from which doubling gained something, and how often it has gained nothing since.
+    let mut settled: Option<Contacts> = None;
+    let mut idle = 0;
     loop {
         let finer = play(island_plan, 2 * contact_substeps, n_frames, allowance);
         let finer = match (finer, known.take()) {
@@ -356,6 +373,7 @@ fn contacts(
                     error: Some(error),
                     run,
                     parting,
+                    is_idle: false,
                 });
             }
             (Err(TrialError::AllowanceSpent), None) if run.is_lost => {
@@ -386,6 +404,8 @@ fn contacts(
         };
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let (own, left) = errors(change, last, order);
+        let is_idle = !island.may_collocate && last.is_some_and(|last| change > last - GAIN);
+        idle = if is_idle { idle + 1 } else { 0 };
         // Once a step is another method: it tells nothing of how fast the error falls.
         last = Some(change).filter(|_| contact_substeps > 1);
         if own <= aim {
@@ -395,6 +415,7 @@ fn contacts(
                 error: Some(own),
                 run,
                 parting,
+                is_idle: false,
             });
         }
         contact_substeps *= 2;
@@ -404,9 +425,29 @@ fn contacts(
                 error: Some(left),
                 parting: told(true),
                 run: finer,
+                is_idle: false,
+            });
+        }
+        if idle == IDLE
+            && let Some(settled) = settled
+        {
+            let chaos = pair.map(|pair| pair.chaos(island_plan, contact_substeps / 2, allowance));
+            return Ok(Contacts {
+                parting: chaos.transpose()?.flatten().or(settled.parting),
+                is_idle: true,
+                ..settled
             });
         }
         known = Some((left, told(true)));
+        if idle == 0 {
+            settled = Some(Contacts {
+                contact_substeps: contact_substeps / 2,
+                error: Some(own),
+                parting: told(false),
+                run,
+                is_idle: false,
+            });
+        }
         run = finer;
     }
 }

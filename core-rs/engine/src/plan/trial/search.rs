@@ -31,6 +31,8 @@ pub(in crate::plan) struct Search<'a, F> {
     pub(in crate::plan) spans: &'a Spans,
     /// Of the first run that was not lost.
     pub(in crate::plan) stretches: &'a OnceCell<Stretches>,
+    /// What is known of chaos before the search.
+    pub(in crate::plan) chaos: Option<&'a Parting>,
     /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
@@ -141,6 +143,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 stretches: self.stretches.get_or_init(first),
             };
             pair.parting(&island.island_plan, contact_substeps, self.allowance)?
+                .or_else(|| self.chaos.map(|known| known.again(&pair, false)))
         };
         let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
             .filter(|_| parting.is_none())
