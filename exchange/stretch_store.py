@@ -61,7 +61,7 @@ class StretchStore:
         return Stretch(sound.astype(np.float64, copy=False), bytes(rest[stop:]))
 
     def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
-        """Keep the sound (n_frames · n_out,) and the state after it, if that can be; whether it was."""
+        """Keep the sound (n_frames · n_out,) and the state after it; whether that could be."""
         samples = sound.astype("<f8", copy=False).tobytes()
         rest = _LENGTH.pack(len(sound)) + samples + state
         head = _HEAD.pack(_MAGIC, zlib.crc32(rest))

@@ -15,7 +15,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# Files are shared out whole. A long one that is begun last keeps one worker busy while the others wait.
+# Files are shared out whole: all wait for a long one that is begun last.
 _FIRST = (
     "house/test_wheel.py",
     "lab/test_lab_maps.py",

@@ -92,7 +92,7 @@ class Terminal:
         return True
 
     def until(self, true: Callable[[], object], what: str = "") -> None:
-        """Look until something is so on a screen that is drawn whole: a program hides its cursor while it draws."""
+        """Look until something is so on a whole screen: a program that draws hides its cursor."""
         end = time.monotonic() + PATIENCE
         while self.screen.cursor.hidden or not true():
             assert time.monotonic() < end, f"{what or true} never came:\n{self.text}"
