@@ -70,14 +70,14 @@ def test_single_laws_cost_what_the_page_says(name: str):
 
 @pytest.mark.parametrize("name", ["stability-fric-10", "stability-fric-12", "stability-fric-13"])
 def test_a_steep_bow_keeps_its_stick_and_slip(name: str):
-    """Newton's steps do not end on such slopes; the motion was 100 times as large as the exact one."""
+    """Newton's steps do not end on such slopes; the motion was 100 times as large."""
     (asked,) = audit.look(name, named(name), (-60.0,), plain=False).plans
     assert not asked.refused
     assert asked.whole <= -60.0
 
 
 def test_contacts_that_chaos_moves_are_not_computed_ever_finer():
-    """Doublings gained nothing and went on up to 64 steps a frame; the plan says until when it holds."""
+    """Doublings gained nothing up to 64 steps a frame; the plan says until when it holds."""
     piece = load("scene.yaml", text=named("key-16")).piece
     assert piece is not None
     ready = prepare(piece)

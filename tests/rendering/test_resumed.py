@@ -130,7 +130,7 @@ def test_an_edit_recalls_what_it_does_not_change(
     assert all(0.5 * again < recalled < again for recalled in edited)
 
 
-# A law and two contacts between frames; a cell and a stop that glide away and back, so that they were retuned.
+# A law and two contacts between frames; a cell and a stop glide away, the cell back.
 BETWEEN = """\
 ergon: 1
 accuracy: {{error: -80dB}}

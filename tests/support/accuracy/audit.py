@@ -117,7 +117,7 @@ def look(
 
 
 def look_drawn(family: str, seed: int) -> Audit:
-    """Everything that is asked of a random scene; here, for a spawned process knows no `__main__`."""
+    """Everything that is asked of a random scene; a spawned process knows no `__main__`."""
     return look(f"{family}-{seed}", random_text(family, seed))
 
 

@@ -626,7 +626,9 @@ impl LawNow<'_> {
 impl LawState {
     /// Go on as the same law of another version stands.
     pub(super) fn go_on(&mut self, old: &Self) {
-        (self.force, self.largest) = (old.force, old.largest);
+        (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
+        (self.begin, self.largest) = (old.begin, old.largest);
+        (self.inverse, self.known) = (old.inverse, old.known);
     }
 
     /// Forces of the law at three instants, at their elongations and rates [N].

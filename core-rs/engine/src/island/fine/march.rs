@@ -20,8 +20,6 @@ const MOST: usize = 256;
 /// A contact that rests and swings faster than this takes that step at once: half the rate is as fast as is heard
 /// [rad/frame].
 const HEARD: f64 = PI;
-/// Contacts that rest take so many of a frame's steps where they swing slower than that [rad/frame].
-const AT_REST: f64 = 0.5;
 /// An instant is found once it moves by less than this part of a step.
 const FOUND: f64 = 1e-9;
 const TRIES: usize = 30;
@@ -302,18 +300,10 @@ impl Fine {
     fn length(&self, script: &Script, gates: &[f64], s: f64) -> f64 {
         let (steps, step) = (script.steps as f64, script.rate.step());
         let at = At::new(script.basis.n(), s);
-        let pushing = || (0..script.links.len()).filter(|&index| self.pushes[index]);
-        // What pushes all the time is smooth.
-        let mut quickest = if pushing().all(|index| self.rests[index]) {
-            AT_REST
-        } else {
-            1.0
-        };
-        for index in pushing() {
+        let mut quickest = 1.0_f64;
+        for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
             if let Some(own) = self.own(script, gates, (index, s)) {
-                quickest = own
-                    .quickness(self.look(script, &own, &at), step)
-                    .max(quickest);
+                quickest = quickest.max(own.quickness(self.look(script, &own, &at), step));
             }
         }
         let rest = 1.0 - s;
