@@ -28,6 +28,7 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.points import CURVES
 from ergon.scores.reading import mixing
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.include import INCLUDE
@@ -40,7 +41,7 @@ from ergon.scores.reading.piece import METHODS
 RATE = 44100.0  # frames a second of a score that says nothing
 MAX_CHANNELS = 1024
 MAX_SEED = 2**64 - 1  # the generator's key holds 64 bits of it
-CURVE = choice("smooth", "line", "hold", "throw")
+CURVE = choice(*CURVES)
 
 
 @dataclass(frozen=True)

@@ -166,8 +166,8 @@ impl Fine {
         }
     }
 
-    /// Go on as the same contacts of another version stand.
-    pub(super) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as the same contacts of another version stand.
+    pub(super) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.before, &mut old.before);
         std::mem::swap(&mut self.later, &mut old.later);
         self.has_touched = old.has_touched;
