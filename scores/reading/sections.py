@@ -119,7 +119,7 @@ KEY = Record(
         Field("X0", k.POSITION, "position at the beginning", 0.0),
         Field("V0", k.SPEED, "velocity at the beginning", 0.0),
         Field("travel", k.TRAVEL, "range of positions of the key", shown="anywhere"),
-        Field("reach", k.POSITIVE, "factor from the movement of the key to that of the scene", 1.0),
+        Field("reach", k.POSITIVE, "factor from the movement of the key to that of the piece", 1.0),
         Field("modules", NamesOf(module_table(False), "module"), MODULES_DOC),
         Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),

@@ -109,7 +109,7 @@ impl Keyboard {
         }
     }
 
-    /// The key of the device, without hand or scene.
+    /// The key of the device, without hand or piece.
     pub(super) fn key(&self) -> stiffness::Key {
         self.known.key(&self.guarded)
     }
