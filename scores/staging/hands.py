@@ -16,6 +16,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Position
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
+from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.sampled import refused_point, sentence
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
 from ergon.scores.pattern.steps import Steps
@@ -35,8 +36,6 @@ _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
 # What is put on a timeline at most: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
 MAX_PLAYED = 200_000
 MAX_POINTS = 750_000
-
-Curve = Literal["smooth", "line", "hold", "throw"]
 
 
 class _Options(TypedDict):

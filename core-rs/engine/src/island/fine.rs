@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use super::inside::RunningBody;
 use super::modal::RunningModal;
-use crate::cell::Cell;
-use crate::kernel;
+use crate::cell::{Cell, Split};
+use crate::kernel::{self, ports};
 use crate::network::{MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
@@ -31,6 +31,8 @@ struct Joint {
     port: Option<(usize, usize)>,
     /// Of a MAT that is stepped: its own motion, and where it rests [m].
     cell: Option<Cell>,
+    /// How impulses at j/S are split between two frames; of a MAT that is stepped   (S)
+    splits: Vec<Split>,
     rest: f64,
     /// Weights of where it is, and of where it goes, at j/S of the way   (S + 1)
     way: Vec<(f64, f64)>,
@@ -166,8 +168,8 @@ impl Fine {
         }
     }
 
-    /// Go on as the same contacts of another version stand.
-    pub(super) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as the same contacts of another version stand.
+    pub(super) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.before, &mut old.before);
         std::mem::swap(&mut self.later, &mut old.later);
         self.has_touched = old.has_touched;
@@ -316,12 +318,12 @@ impl Fine {
                         modal.give(port, given, body);
                     }
                 }
-                (None, Some(cell)) => {
-                    let pushes = given.iter().enumerate();
-                    for (j, &impulse) in pushes.filter(|(_, impulse)| **impulse != 0.0) {
+                (None, Some(_)) => {
+                    let pushes = given.iter().zip(&joint.splits);
+                    for (&impulse, split) in pushes.filter(|(impulse, _)| **impulse != 0.0) {
+                        // The responses are kept; counted as before, so that plans stay as they are.
                         self.work.products += 2 * RESPONSE;
-                        let alpha = j as f64 / script.steps as f64;
-                        let [now, later] = cell.split(impulse, alpha, script.rate);
+                        let [now, later] = split.of(impulse);
                         body.push(joint.mat, now);
                         self.later[at] += later;
                     }
@@ -366,9 +368,7 @@ impl Fine {
                     for other in 0..n {
                         let moves = &script.moves[end * n + other];
                         let way = &mut self.way[other * stride + j..(other + 1) * stride];
-                        for (x, by) in way.iter_mut().zip(moves) {
-                            *x += by * impulse;
-                        }
+                        ports::add_scaled(way, moves, impulse);
                         self.work.products += LOOP + moves.len().min(stride - j) as u64;
                     }
                 }
@@ -410,10 +410,14 @@ fn joint(
         ),
         None => (instants.map(|at| (1.0 - at, at)).collect(), 0.0),
     };
+    let splits = (cell.iter())
+        .flat_map(|cell| (0..steps).map(|j| cell.split_at(j as f64 / steps as f64, rate)))
+        .collect();
     Joint {
         mat,
         port,
         cell,
+        splits,
         rest,
         way,
     }

@@ -19,6 +19,16 @@ pub enum Kind {
     Emul,
 }
 
+impl Kind {
+    /// Whether its address is that of a serial port, whose board may have a serial number.
+    pub(crate) fn is_serial(self) -> bool {
+        match self {
+            Self::FireFader | Self::Frame => true,
+            Self::FrameUdp | Self::Haply | Self::Emul => false,
+        }
+    }
+}
+
 const KINDS: [(&str, Kind); 5] = [
     ("firefader", Kind::FireFader),
     ("frame", Kind::Frame),
