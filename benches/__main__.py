@@ -27,6 +27,7 @@ from benches.native import Loops, compiler
 from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
+from benches.replan import replan
 from benches.resume import resume
 from benches.soak import soak, soak_live
 from benches.stall import stall
@@ -52,6 +53,7 @@ def main(arguments: list[str]) -> int:
         "planning": planning,
         "start": reading.start,
         "repl": repl,
+        "replan": replan,
         "resume": resume,
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
