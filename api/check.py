@@ -57,6 +57,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     """The staged score (None where it has errors), and the diagnostics of the engine."""
     if loaded.piece is None:
         return None, []
+    from ergon.scores.staging.highest import highest_modes, stops_low
     from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.stage import StageError
     from ergon.scores.staging.unused import unused
@@ -65,6 +66,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     try:
         staged = stage_as_checked(loaded.piece, report)
         found = [*unused(loaded.piece), *implausible(loaded.piece), *staged.diagnostics]
+        found += stops_low(highest_modes(loaded.piece, staged.scene))
     except StageError as error:
         found = error.diagnostics
     scores.show(report, loaded, found)

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, sqrt
+from pathlib import Path
 
 from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import member_count
 from ergon.notation.text.errors import Diagnostic, quote
+from ergon.notation.text.files import is_shipped
+from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.scene import Scene
 
 FULL = 5_000.0  # [Hz] a body that stops below sounds dull
 _MOST_RADIUS = 400
+_BODIES_MAX = 256  # of a score: so many are looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,26 +30,38 @@ class HighestMode:
 
 
 def highest_modes(piece: Piece, scene: Scene) -> list[HighestMode]:
-    """Those of all bodies of instruments in SI units, in the order of the score."""
+    """Those of the first 256 bodies of instruments in SI units, in the order of the score."""
     return list(_each(piece, scene))
 
 
 def _each(piece: Piece, scene: Scene) -> Iterator[HighestMode]:
     assembly = scene.assembly
+    left = _BODIES_MAX
     for instrument in piece.instruments.values():
         for module in instrument.modules:
             first = assembly.mats.get((instrument.name, module.name))
             if module.kind not in ("STRING", "PLATE") or first is None or instrument.ca_rate:
                 continue
+            if left == 0:
+                return
+            left -= 1
             name = ".".join(filter(None, (instrument.name, module.name)))
             yield HighestMode(name, module, assembly.network.highest_mode(first))
 
 
 def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
-    """W331 for each body whose highest mode lies below 5 kHz, with the masses that would do."""
-    found = []
+    """W331 for each body whose highest mode lies below 5 kHz, with the masses that would do.
+
+    Once for each place in a file, for notes and copies have it in common; never for the library's.
+    """
+    lowest: dict[Place, HighestMode] = {}
     for one in modes:
-        if one.hertz >= FULL:
+        known = lowest.setdefault(one.module.place, one)
+        if one.hertz < known.hertz:
+            lowest[one.module.place] = one
+    found = []
+    for one in lowest.values():
+        if one.hertz >= FULL or is_shipped(Path(one.module.place.file)):
             continue
         message = f"{quote(one.name)} has no mode above {one.hertz / 1e3:.3g} kHz"
         help = f"{_enough(one)} would reach {FULL / 1e3:g} kHz"

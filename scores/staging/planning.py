@@ -15,6 +15,8 @@ _LOOSER = (-80.0, -60.0, -40.0, -20.0)
 # Parts of the allowance of work for trials: of the plan that is asked for and, where its cost is
 # bounded, of each that is looser. They add up to 1.
 _SHARE, _LOOSER_SHARE = 0.5, 0.125
+# What a draft leaves out is below the sound by so much, as errors of its contacts may be [dB].
+_DRAFT = -20.0
 # Methods of meshes, whose errors are known from trials alone.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
@@ -126,8 +128,11 @@ def make(
     *,
     is_foreseen: bool = True,
     correction: float = 1.0,
+    is_draft: bool = False,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
+
+    A draft is the cheapest that is stable, whatever the accuracy: it is made without trials.
 
     Where `cpu` alone is given: the most exact plan that it can pay for. What is as in a plan that
     it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too. Work
@@ -136,6 +141,9 @@ def make(
     """
     if pins is not None:
         return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
+    if is_draft:
+        draft = Accuracy(error=_DRAFT)
+        return Planned(_core.Plan(network, timeline, **_budget(draft), like=like, share=0.0), draft)
     planner = _Planner(network, timeline, store, like)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
@@ -165,6 +173,19 @@ def make(
     notes_with_cost = (*notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (made, accuracy)
     return Planned(*chosen, notes_with_cost, planner.are_kept())
+
+
+def draft_error(plan: _core.Plan) -> str:
+    """What is known of the error of a plan that was made without trials, as a sentence."""
+    rows = [row for row in plan.rows() if row.cost > 0.0]
+    left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
+    tried = [row for row in rows if row.what in _BY_TRIAL or row.what in ("stepped", "e4")]
+    names = list(dict.fromkeys(name for row in tried for name in row.parts))
+    known = "nothing is left out"
+    if left_out:
+        known = f"modes that are left out are {max(left_out):.0f} dB below the sound"
+    unknown = f"; the error of {' + '.join(names)} is not measured" if names else ""
+    return f"draft, by the cheapest stable methods and without trials: {known}{unknown}"
 
 
 def _percent(part: float) -> str:

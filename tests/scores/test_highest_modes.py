@@ -5,6 +5,7 @@ import re
 import pytest
 from checked import check
 
+from ergon.api import check as api_check
 from ergon.scores.staging.highest import highest_modes, stops_low
 from ergon.scores.staging.stage import prepare
 
@@ -51,3 +52,17 @@ def test_a_rectangle_says_its_masses():
         f"PLATE: {{shape: rectangle, sides: [{across}, {up}], M: 1g, f: 100Hz, bending: true}}"
     )
     assert one.hertz > 4000.0
+
+
+def test_check_warns_without_playing_once_for_all_notes_and_never_of_the_library(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_text(
+        "ergon: 1\ninstruments:\n"
+        "  s: {notes: [D3, F3, A3], modules: {m: {STRING: {masses: 20, M: 1g, f: D3, X0: 1mm}}},"
+        " out: {SOX: m.0}}\n"
+        "  g: {from: gong/tamtam}\n"
+    )
+    found = [one for one in api_check.check(path).diagnostics if one.code == "W331"]
+    assert [(one.place.line, one.message) for one in found] == [
+        (3, "'s.D3.m' has no mode above 1.96 kHz")
+    ]
