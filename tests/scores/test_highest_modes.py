@@ -91,5 +91,5 @@ def test_automation_that_passes_the_limit_of_a_step_says_when(tmp_path, accuracy
     assert highest * pitch / 110.0 == pytest.approx(44100.0 / np.pi, rel=1e-2)
     times = int(re.search(r"takes (\d+) steps", found.help)[1])
     assert times == np.ceil(highest * 8.0 / (44100.0 / np.pi))
-    path.write_text(AUTOMATED % "A2@0 line A4@4")
+    path.write_text(AUTOMATED % "A2@0 line A3@4")
     assert not [one for one in api_check.check(path).diagnostics if one.code == "W332"]
