@@ -358,7 +358,11 @@ def instrument(values: Values) -> Instrument:
             body = _retuned(values, body)
         if body is not MISSING and body is not None and whole(values.kind, body):
             made.append(module("", values.kind, body))
-    elif extra := values.written("t60", "M"):
+    elif extra := [
+        name
+        for name in values.written("t60", "M")
+        if values.given.get(name, MISSING) is not MISSING
+    ]:
         message = (
             f"{values.context.of(extra[0])}: only an instrument of one generator has this field"
         )

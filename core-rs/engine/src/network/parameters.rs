@@ -1,4 +1,4 @@
-//! Parameters of ties and contacts, in SI units, and which of them are refused.
+//! Parameters of ties and contacts, in SI units.
 
 use crate::maths;
 
