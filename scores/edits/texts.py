@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from ergon.common.regular import read_bounded
@@ -71,14 +72,17 @@ class Texts:
         if self.sealed and known is not None and known[0] == self:
             loaded: Loaded = known[1]
             return loaded
-        loaded = load(
+        read = partial(
+            load,
             self.path,
             text=self.text,
             overlay=self.overlay,
-            memory=self.memory,
             bounds=self.bounds,
             sealed=self.sealed,
         )
+        loaded = read(memory=self.memory)
+        if loaded.piece is None and self.memory.lines:
+            return read()  # what was remembered may stand in other lines now
         if self.sealed and loaded.piece is not None:
             self.memory.last = self, loaded
         return loaded

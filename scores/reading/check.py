@@ -72,7 +72,7 @@ class Checker:
         if not score.written("ergon"):
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
-        times = Times(score, self.collector)
+        times = Times(score, self.collector, self.uses.files.memory)
         self._played()
         self._parts()
         strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
@@ -83,7 +83,7 @@ class Checker:
         self._reach_led()
         included = self._included(times, len(duet))
         self._modules()
-        plays = self._plays()
+        plays = self._plays(times.known.names())
         changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
         for _, one in included:
             plays += one.parts
@@ -118,7 +118,7 @@ class Checker:
         begins = times.check(score, piece)
         if self.collector.has_errors():
             return piece
-        return replace(piece, starts=schedule(piece, begins, self.collector))
+        return replace(piece, starts=schedule(piece, begins, times.known, self.collector))
 
     # --- what other scores play ------------------------------------------------------------------
 
@@ -436,7 +436,8 @@ class Checker:
             self._reach_played(player.standin, values.context.of("standin"))
         return player
 
-    def _plays(self) -> list[Play]:
+    def _plays(self, known: dict[int, tuple[Play, tuple[str, ...]]]) -> list[Play]:
+        """The lines of all parts; what they name, where it is not `known`, is noted there."""
         plays: list[Play] = []
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
@@ -448,11 +449,19 @@ class Checker:
                 self.collector.error("E301", message, place, word=name, names=player_names)
             if part is MISSING:
                 continue
+            found: set[str] = set()
             for play in part:
-                for word in play.names:
+                one = known.get(id(play))
+                if one is None:
+                    one = known[id(play)] = play, play.names
+                if found.issuperset(one[1]):
+                    continue
+                for word in one[1]:
                     if isinstance(word, Name):
                         self._reach_played(word, f"part of {quote(name)}")
-                plays.append(play)
+                        is_there = word in self.gestures or word in self.takes
+                        found |= {str(word)} if is_there else set()
+            plays += part
         return plays
 
     def _strikes(self, values: Values) -> Strikes | None:
