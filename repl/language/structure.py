@@ -188,19 +188,6 @@ def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-_NAMED = v.name("a gesture, a take, a player or a block", "gestures", "takes", "players", "blocks")
-
-
-def _renamed(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
-    if text in scope.keys or text in scope.instruments:
-        message = (
-            f"{quote(text)} sounds under its name, by which it goes on from line to line: "
-            "`save NAME`, change the name in that file, and `load` it"
-        )
-        raise TextError(message, length=len(text))
-    return _NAMED.read(text, scope, given)
-
-
 PART_NAME = Value("a new name", _new_part, lambda _: ())
 BASE = Value("an instrument, or a file and a name such as bell/bell", _base, _bases)
 LINK_END = Value("a key or a module, such as k1 or bell.m", _end, _ends)
@@ -218,4 +205,7 @@ CHANNELS = Value("channels, such as 3 or 3 4", _channels, _channel_offers)
 REMOVABLE = Value(
     "a name of this score", _removed, lambda context: v.listed(_removable(context.scope))
 )
-RENAMED = Value(_NAMED.what, _renamed, _NAMED.offers)
+RENAMED = v.name(
+    "a gesture, a take, a player, a block, a key or an instrument",
+    *("gestures", "takes", "players", "blocks", "keys", "instruments"),
+)

@@ -172,7 +172,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("over", "LENGTH", v.LENGTH, "over")),
         _form("remove", "rem", "removes what has a name, and what belongs to it alone",
               "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
-        _form("rename", "ren", "gives a gesture, a take, a player or a block a new name",
+        _form("rename", "ren", "gives a gesture, a player, a key, an instrument … a new name",
               "rename lean tilt", c.Rename,
               Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME)),
         _form("uncouple", "unc", "removes what joins two keys",
