@@ -448,6 +448,7 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Position: ("text",),
     Target: ("text",),
     Hit: ("what",),
+    Instrument: ("pitch",),
     # What follows from the others, or is never computed.
     Piece: ("tempo_map", "starts", "blocks", "families"),
     RenderSpec: ("file",),
