@@ -15,11 +15,13 @@ class Memory:
     """Belongs to whoever reads one text again and again; keeps what the last two readings needed.
 
     What is kept may report later through the collector that it was read with, so all readings share
-    one.
+    one. Of a memory that `is_loose` items of long lists are read once, and keep the places where
+    they stood then: such a list may grow without end.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_loose: bool = False) -> None:
         """Start with nothing read."""
+        self.is_loose = is_loose
         self._collector = Collector()
         self._now: dict[Hashable, Any] = {}
         self._before: dict[Hashable, Any] = {}

@@ -98,7 +98,8 @@ def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Se
     """A section alone, if it can be read so."""
     collector = Collector()
     name = file, text.partition(":")[0]
-    found = by_lines(text, file, folder, row, memory.lines.get(name, {}))
+    known = memory.lines.get(name, {})
+    found = by_lines(text, file, folder, row, known) if memory.is_loose else None
     if found is None:
         section = compose(text, file, collector, row)
     else:

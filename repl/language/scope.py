@@ -38,6 +38,7 @@ class Scope:
     strikes: Mapping[str, str] = field(default_factory=dict)
     blocks: Mapping[str, str] = field(default_factory=dict)
     rooms: Mapping[str, str] = field(default_factory=dict)
+    phrases: Mapping[str, str] = field(default_factory=dict)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -67,6 +68,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         folder=folder,
         strikes={one.name: "strikes" for one in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
+        phrases={name: "phrase" for name in piece.phrases},
         blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 

@@ -178,6 +178,7 @@ def _removable(scope: Scope) -> dict[str, str]:
         scope.instruments,
         scope.marks,
         scope.blocks,
+        scope.phrases,
     )
     return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
 
@@ -206,6 +207,6 @@ REMOVABLE = Value(
     "a name of this score", _removed, lambda context: v.listed(_removable(context.scope))
 )
 RENAMED = v.name(
-    "a gesture, a take, a player, a block, a key or an instrument",
-    *("gestures", "takes", "players", "blocks", "keys", "instruments"),
+    "a gesture, a phrase, a take, a player, a block, a key or an instrument",
+    *("gestures", "phrases", "takes", "players", "blocks", "keys", "instruments"),
 )

@@ -22,7 +22,7 @@ from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.sounding import SoundingNames
 
 _PARTS = "keys", "instruments"
-_RENAMED = ("gestures", "takes", "players", "blocks", *_PARTS)
+_RENAMED = ("gestures", "phrases", "takes", "players", "blocks", *_PARTS)
 _WORD = re.compile(r"\S+")
 _MEMBERS = re.compile(rf"\.(?:{PATTERN})\Z")
 
@@ -30,15 +30,15 @@ Span = tuple[int, int]  # first and last character
 
 
 def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
-    """Give a gesture, a take, a player, a block, a key or an instrument another name, wherever it
-    is named.
+    """Give what a score defines another name, wherever it is named. Raises EditError.
 
-    Raises EditError.
+    That is a gesture, a phrase, a take, a player, a block, a key or an instrument.
     """
     section, _ = written_in(texts, old)
     if section not in _RENAMED or "." in old:
-        raise EditError(f"{old} is no gesture, take, player, block, key or instrument")
+        raise EditError(f"{old} is no gesture, phrase, take, player, block, key or instrument")
     names: dict[str, Container[str]] = {"players": piece.players, "blocks": piece.blocks}
+    names["phrases"] = piece.phrases
     parts = {*piece.keys, *piece.instruments, *piece.families}
     names |= dict.fromkeys(_PARTS, parts | {part.partition(".")[0] for part in parts})
     if new in names.get(section, {*piece.gestures, *piece.takes}):
@@ -146,6 +146,12 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[Span]:
     yield from _in_blocks(root.get("blocks"), name)
     parts = root.get("parts")
     players = parts.entries if isinstance(parts, document.Mapping) else {}
+    strikes = root.get("strikes")
+    for _, node in strikes.entries.values() if isinstance(strikes, document.Mapping) else ():
+        if section in ("phrases", "takes"):  # a take that is a MIDI file
+            yield from _same(node.get("play") if isinstance(node, document.Mapping) else None, name)
+    if section == "phrases":
+        return
     if section == "players":
         if name in players:
             yield players[name][0].start, players[name][0].end

@@ -129,6 +129,7 @@ def written_in(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
     for section in (
         "players",
         "gestures",
+        "phrases",
         "takes",
         "keys",
         "instruments",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 from ergon.common.regular import read_bounded
@@ -26,6 +25,10 @@ from ergon.scores.reading.uses import Names, Uses
 SECTIONS = tuple(SCORE.by_name)  # the order of sections
 
 
+def _remembering() -> Memory:
+    return Memory(is_loose=True)
+
+
 @dataclass(frozen=True, slots=True)
 class Texts:
     """A score's name and text; `overlay` holds texts that stand for files, by their paths.
@@ -39,7 +42,7 @@ class Texts:
     text: str
     overlay: Mapping[str, str] = field(default_factory=dict)
     sealed: bool = field(default=False, compare=False)
-    memory: Memory = field(default_factory=Memory, repr=False, compare=False)
+    memory: Memory = field(default_factory=_remembering, repr=False, compare=False)
     bounds: Bounds | None = None
 
     @classmethod
@@ -72,17 +75,14 @@ class Texts:
         if self.sealed and known is not None and known[0] == self:
             loaded: Loaded = known[1]
             return loaded
-        read = partial(
-            load,
+        loaded = load(
             self.path,
             text=self.text,
             overlay=self.overlay,
+            memory=self.memory,
             bounds=self.bounds,
             sealed=self.sealed,
         )
-        loaded = read(memory=self.memory)
-        if loaded.piece is None and self.memory.lines:
-            return read()  # what was remembered may stand in other lines now
         if self.sealed and loaded.piece is not None:
             self.memory.last = self, loaded
         return loaded

@@ -113,6 +113,7 @@ class Checker:
             tempo_map=times.map,
             automation=tuple(changes),
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
+            phrases=tuple(self._phrases()),
             families={n: tuple(own.values()) for n, own in self.scene.families.items()},
         )
         begins = times.check(score, piece)
