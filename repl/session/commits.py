@@ -461,8 +461,12 @@ class Commits:
 
 def fader_ratios(running: Running) -> dict[int, float]:
     """The ratio of each group of routes, by its number."""
-    faders = running.version.faders
-    return {group: faders.ratio(part) for group, part in enumerate(running.stage.listening.parts())}
+    version = running.version
+    parts = enumerate(running.stage.listening.parts())
+    return {
+        group: version.faders.ratio(version.sounds_as.shown(part, version.piece.instruments))
+        for group, part in parts
+    }
 
 
 def _moved(before: Running, after: Running) -> dict[int, float]:

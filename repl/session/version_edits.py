@@ -11,6 +11,7 @@ from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
 from ergon.repl.session import block_edits as block_edits
 from ergon.repl.session import midi_maps
+from ergon.repl.session import phrase_edits as phrase_edits
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS

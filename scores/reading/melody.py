@@ -57,7 +57,7 @@ class Row:
     jitter: Length = _STILL  # how far chance moves it, earlier or later
 
 
-class _WhatShape(Reference):
+class WhatShape(Reference):
     """Names apart by spaces, or as a list."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -111,7 +111,7 @@ def _row(values: Values) -> Row:
 def _entry(at: Text, doc: str) -> Record:
     fields = (
         Field("at", at, doc, required=True),
-        Field("what", _WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
+        Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
         Field("impulse", k.IMPULSES, "impulse of an ergon", shown="that of the strike before"),
     )
     doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
@@ -173,6 +173,10 @@ class Entries(Shape):
             error.offset += offset
             context.text_error(error, node, field, inside=False)
             return MISSING
+
+    def chosen(self, node: Node) -> Shape:
+        """The list of strikes, unless a table is written."""
+        return ListOf(self.entry, 1, MAX_ROWS) if isinstance(node, document.Sequence) else self
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -209,6 +209,11 @@ class MelodyShape(Shape):
         """In words."""
         return f"{self.record.words()}, or its entries alone"
 
+    def chosen(self, node: Node) -> Shape:
+        """The fields, unless entries stand alone."""
+        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
+        return self.record.by_name["entries"].shape.chosen(node) if is_bare else self.record
+
 
 _ANY = ["object", "array", "string", "null"]
 PLAYER = Record(

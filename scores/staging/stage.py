@@ -396,10 +396,8 @@ def _play(
     _drives(piece, assembly, hands)
     for played, window in spans:
         span_hands = hands if window is ALL else hands.other(played, window)
-        for play, starts in zip(played.parts, played.starts, strict=True):
-            if played.players[play.player].key not in live_keys:
-                span_hands.play(play, starts)
-    players_with_part = {*real, *(play.player for play in piece.parts)}
+        span_hands.play_parts(played, live_keys)
+    players_with_part = {*real} | {play.player for play in piece.parts}
     for player in piece.players.values():
         if player.hand == "live" and player.standin and player.name not in players_with_part:
             hands.standin(player)

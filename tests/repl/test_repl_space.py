@@ -157,6 +157,27 @@ def test_everything_fades_and_a_fade_is_kept(at: Stepped):
     same_again(at)
 
 
+@pytest.mark.parametrize("name", ["master", "drone"])
+@pytest.mark.parametrize("way", ["out", "in"])
+def test_a_fade_that_is_undone_does_not_jump(at: Stepped, name: str, way: str):
+    at.ok("mute bell now")
+    at.run(0.3)
+    plain = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3)).max()
+    if way == "in":
+        at.ok(f"fade {name} out over 1bar now")
+        at.run(1.3)
+    at.ok(f"fade {name} {way} over 1bar now")
+    at.run(1.3)
+    at.ok("undo now")
+    at.run(0.3)
+    assert (level(at, 0.2)[0] > 0.0) == (way == "out")
+    at.ok("redo now")  # to a fade that begins again
+    at.run(0.5)
+    bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
+    assert bends.max() < 1.2 * plain
+    same_again(at)
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

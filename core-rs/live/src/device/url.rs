@@ -39,7 +39,16 @@ const KINDS: [(&str, Kind); 5] = [
 
 /// Options, and whether each takes a value.
 const FLAGS: [&str; 2] = ["lockstep", "wide"];
-const VALUES: [&str; 7] = ["id", "baud", "axes", "rate", "mass", "stiffness", "damping"];
+const VALUES: [&str; 8] = [
+    "id",
+    "baud",
+    "axes",
+    "rate",
+    "mass",
+    "stiffness",
+    "damping",
+    "patience",
+];
 
 /// A device as it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
