@@ -181,9 +181,9 @@ class Checker:
                 if found.issuperset(one[1]):
                     continue
                 for word in one[1]:
-                    if isinstance(word, Name):
-                        if self.movements.reach(word, f"part of {quote(name)}"):
-                            found.add(str(word))
+                    who = f"part of {quote(name)}"
+                    if isinstance(word, Name) and self.movements.reach(word, who):
+                        found.add(str(word))
             plays += part
         return plays
 
