@@ -1,11 +1,13 @@
 """What planning found of islands, in the user's cache folder.
 
-A file is JSON: {"ergon_trial": 1, "key": …, "numbers": […], "counts": [[…] …], "reason": …}; one
-that is broken or foreign counts as none.
+A file is JSON: {"ergon_trial": 1, "key": …, "hash": …, "numbers": […], "counts": [[…] …],
+"reason": …}, where the hash is that of the last three; one that is broken or foreign counts as
+none.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -47,7 +49,8 @@ class PlanStore:
     def put(self, key: str, record: TrialRecord) -> None:
         """Keep a record, if that can be."""
         key = of_this_version(key)
-        content = {"ergon_trial": _VERSION, "key": key, **record._asdict()}
+        head = {"ergon_trial": _VERSION, "key": key, "hash": _hash(record)}
+        content = {**head, **record._asdict()}
         self._folder.write(key, json.dumps(content, separators=(",", ":")).encode())
 
     def forget(self) -> None:
@@ -69,11 +72,17 @@ def _record_of(content: object, key: str) -> TrialRecord | None:
     reason = record.reason
     is_good = (
         content.get("key") == key
+        and content.get("hash") == _hash(record)
         and _are(record.numbers, _is_number)
         and _are(record.counts, _is_row)
         and (reason is None or (isinstance(reason, str) and len(reason) <= _WORDS_MAX))
     )
     return record if is_good else None
+
+
+def _hash(record: TrialRecord) -> str:
+    """Of what is kept: a number that a disk has changed is none."""
+    return hashlib.sha256(json.dumps(list(record)).encode()).hexdigest()
 
 
 def _are(values: object, is_good: Callable[[object], bool]) -> bool:

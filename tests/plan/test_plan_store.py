@@ -119,6 +119,8 @@ SPOILT = [
     lambda text: "[" * 100_000,
     lambda text: "\x00\xff",
     lambda text: text.replace('"key":"', '"key":"0'),
+    lambda text: text.replace('"counts":[[', '"counts":[[1'),
+    lambda text: text.replace('"hash":"', '"hash":"0'),
     lambda text: text.replace('"ergon_trial":1', '"ergon_trial":2'),
     lambda text: text.replace('"numbers":[', '"numbers":[NaN,'),
     lambda text: text.replace('"numbers":[', '"numbers":["a",'),

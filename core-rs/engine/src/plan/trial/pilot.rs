@@ -30,6 +30,9 @@ use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 /// The search for how finely contacts are computed begins here.
 const LEAST: usize = 2;
 
+/// Contacts are computed at most so often a frame.
+const ONCE_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
+
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
     pub(in crate::plan) island: Assembled,
@@ -123,7 +126,9 @@ impl Tried {
         let &[oversampling, contact_substeps, once] = &how[..] else {
             return None;
         };
-        let oversampling = oversampling.clamp(1, 2 * TIMES_MAX);
+        if !(1..=2 * TIMES_MAX).contains(&oversampling) || once as usize > ONCE_MAX {
+            return None;
+        }
         let choice = Choice {
             oversampling,
             contact_substeps: contact_substeps as usize,
