@@ -26,8 +26,8 @@ from .outcome import (
 )
 from .streams import make_whole
 
-# numpy's BLAS starts a thread for each core, which spins for 25 ms and then does nothing: no command multiplies matrices
-# that would pay for it. This is read where numpy is first imported.
+# numpy's BLAS starts a thread for each core, which spins for 25 ms and then does nothing: no
+# command multiplies matrices that would pay for it. This is read where numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS: Table = {
