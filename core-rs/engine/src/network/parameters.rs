@@ -1,4 +1,4 @@
-//! Parameters of ties and contacts.
+//! Parameters of ties and contacts, in SI units.
 
 use crate::maths;
 
