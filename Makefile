@@ -24,7 +24,7 @@ demo: $(VENV)/built
 
 test: $(VENV)/dev
 	PROPTEST_RNG_SEED=1 cargo test --locked --quiet
-	CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile
+	CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 test-long: $(VENV)/dev
 	PROPTEST_CASES=4096 cargo test --locked --release

@@ -1,4 +1,4 @@
-"""The gain of a performance."""
+"""The gain of a performance: asked for, written in the score, or found by a preflight."""
 
 from __future__ import annotations
 

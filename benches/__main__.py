@@ -14,6 +14,7 @@ from functools import partial
 from benches import hands, reading, report
 from benches.bank import bank
 from benches.duet import duet
+from benches.edits import edits
 from benches.gong import gong
 from benches.growth import growth
 from benches.hammer import hammer
@@ -27,7 +28,6 @@ from benches.native import Loops, compiler
 from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
-from benches.resume import resume
 from benches.soak import soak, soak_live
 from benches.stall import stall
 from benches.stops import stops
@@ -52,7 +52,7 @@ def main(arguments: list[str]) -> int:
         "planning": planning,
         "start": reading.start,
         "repl": repl,
-        "resume": resume,
+        "edits": edits,
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
         "haply": haply,

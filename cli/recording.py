@@ -1,4 +1,4 @@
-"""Recordings for the commands: read with a warning of damage, instants in ticks, written."""
+"""What commands do with a recording (`.take`): read it, turn instants into ticks, write it."""
 
 from __future__ import annotations
 

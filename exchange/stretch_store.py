@@ -11,7 +11,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from . import cache_folder
 from .cache_folder import CacheFolder, of_this_version
@@ -26,18 +26,6 @@ _MAGIC = b"ERGONST1"
 _FILES_MAX = 20_000
 _BYTES_MAX = 4_000_000_000  # of all files: eleven minutes of 100 outputs at 44.1 kHz
 _BYTES_MAX_ONE = 128_000_000
-
-
-class Computed(Protocol):
-    """A stretch as a simulation gives it."""
-
-    @property
-    def sound(self) -> NDArray[np.float64]:
-        """(n_frames · n_out,) [m or N]."""
-
-    @property
-    def state(self) -> bytes:
-        """The state of the island after it."""
 
 
 class Stretch(NamedTuple):
@@ -72,10 +60,10 @@ class StretchStore:
         sound = np.frombuffer(rest[_LENGTH.size : stop], dtype="<f8")
         return Stretch(sound.astype(np.float64, copy=False), bytes(rest[stop:]))
 
-    def put(self, key: str, stretch: Computed) -> bool:
-        """Keep a stretch, if that can be; whether it was."""
-        samples = stretch.sound.astype("<f8", copy=False).tobytes()
-        rest = _LENGTH.pack(len(stretch.sound)) + samples + stretch.state
+    def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
+        """Keep the sound (n_frames · n_out,) and the state after it; whether that could be."""
+        samples = sound.astype("<f8", copy=False).tobytes()
+        rest = _LENGTH.pack(len(sound)) + samples + state
         head = _HEAD.pack(_MAGIC, zlib.crc32(rest))
         return self._folder.write(of_this_version(key), head + rest)
 

@@ -1,4 +1,4 @@
-"""Maps of where a method fails: what is predicted, what happens, and whether it is also right."""
+"""Stability maps of a method: the predicted border, where runs diverge, where they are exact."""
 
 from __future__ import annotations
 

@@ -23,12 +23,14 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 from .ahead import ahead
 from .balance import MOST, Balance, InstrumentLevel
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
-from .resumed import ResumedSimulation, Store
+from .resumed import ResumedSimulation
 from .silence import Silence
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from ergon.exchange.stretch_store import StretchStore
 
 BLOCK = 4096  # frames: long enough that Python costs nothing, short enough for the cache
 
@@ -100,7 +102,7 @@ class RenderJob:
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
     # The file ends where the sound has faded after this frame, at `stop` at the latest.
     fades_from: int | None = None
-    stretches: Store | None = None  # of earlier renders, which need not be computed again
+    stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
 
     def __post_init__(self) -> None:
         """Raise FileRefusedError when the target cannot hold the samples."""
@@ -298,8 +300,6 @@ def _simulate(
 ) -> int:
     """Mix all frames; the frame at which the files end."""
     import numpy as np
-
-    from ergon import _core
 
     at = 0
     # A limiter looks ahead, past the cut.

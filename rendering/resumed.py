@@ -11,44 +11,20 @@ recalls nothing.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from ergon._core import Simulation, StorableIsland
+    from ergon.exchange.stretch_store import StretchStore
 
 STRETCH = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
 # An output's sample is read and written in some 20 ns: what takes less to compute is computed.
 _NS_PER_SAMPLE = 100.0
 _WORK_MIN = 1.0  # s on one core: a shorter render is not worth any files
 _OUTPUTS_MAX = 64  # of one island: 64 MiB of sound in memory, and in one file
-
-
-class Stretch(Protocol):
-    """The sound of an island (n_frames · n_out,), and its state after it."""
-
-    @property
-    def sound(self) -> NDArray[np.float64]:
-        """(n_frames · n_out,) [m or N]."""
-
-    @property
-    def state(self) -> bytes:
-        """What `_core.Simulation.set_state` takes."""
-
-
-class Store(Protocol):
-    """Stretches of earlier renders."""
-
-    def get(self, key: str) -> Stretch | None:
-        """The stretch that was kept under a key."""
-
-    def put(self, key: str, stretch: Stretch) -> bool:
-        """Keep a stretch, if that can be; whether it was."""
-
-    def forget(self) -> None:
-        """Remove what was used least recently, until the rest is within bounds."""
 
 
 @dataclass(slots=True)
@@ -67,7 +43,7 @@ class ResumedSimulation:
     `n_recalled` and `n_computed` count the frames of islands that were worth looking up.
     """
 
-    def __init__(self, simulation: Simulation, store: Store, n_frames: int) -> None:
+    def __init__(self, simulation: Simulation, store: StretchStore, n_frames: int) -> None:
         """Find the islands that are dear enough."""
         self._simulation = simulation
         self._store = store
@@ -127,8 +103,9 @@ class ResumedSimulation:
         for part in self._parts:
             if part.is_recalled or not self._is_kept:
                 continue
+            stretch = self._simulation.recorded(part.island)
             # A folder that takes nothing now will take nothing later.
-            self._is_kept = self._store.put(part.key, self._simulation.recorded(part.island))
+            self._is_kept = self._store.put(part.key, stretch.sound, stretch.state)
         if self._at + STRETCH > self._n_frames:
             self._store.forget()
 

@@ -15,6 +15,36 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
+# Files are shared out whole: all wait for a long one that is begun last.
+_FIRST = (
+    "house/test_wheel.py",
+    "lab/test_lab_maps.py",
+    "robust/test_conditions.py",
+    "rendering/test_resumed.py",
+    "house/test_docs.py",
+    "lab/test_lab_cut.py",
+    "scores/test_memory.py",
+    "rendering/test_frozen.py",
+    "repl/test_repl_live.py",
+    "cli/test_cli_streams.py",
+    "fuzz/test_fuzzers.py",
+    "plan/test_plan_random.py",
+    "engine/test_glide_references.py",
+    "live/test_duet_lockstep.py",
+    "live/test_live_plausible.py",
+    "live/test_duet_proof.py",
+    "cli/test_every_command.py",
+    "repl/test_repl_random_devices.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first; the others as they are collected."""
+    place = {name: at for at, name in enumerate(_FIRST)}
+    folder = Path(__file__).parent
+    files = {item.path: item.path.relative_to(folder).as_posix() for item in items}
+    items.sort(key=lambda item: place.get(files[item.path], len(place)))
+
 
 @pytest.fixture(autouse=True)
 def patient_lines(monkeypatch: pytest.MonkeyPatch) -> None:

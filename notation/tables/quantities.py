@@ -1,4 +1,4 @@
-"""Text to SI numbers: `400g`, `60N/m`, `A3`, `20Hz..10kHz`, `-6dB`, `1/8`.
+"""Text to SI numbers, pitches to hertz: `400g`, `60N/m`, `A3`, `20Hz..10kHz`, `-6dB`, `1/8`.
 
 Every unit is a power of ten, so a number with its unit is one decimal literal, and the result is
 the float nearest to what is written: `1mm` is 0.001, not 1 · 0.001.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Any
+from typing import Any, TypeVar
 
+from ergon.instruments.model import Instrument
 from ergon.instruments.transpose import sounding_at
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
@@ -17,7 +18,7 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading.include import YIELDING, Include, includes, transposed
 from ergon.scores.reading.overlay import overlaid
-from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.piece import Gesture, Key, Piece, TakeFile
 from ergon.scores.reading.sections import SCORE
 
 # Sections whose names other files may use.
@@ -28,6 +29,7 @@ MAX_USES = 20  # files deep
 MAX_NAMES = 20_000  # that other files bring to one
 MAX_LIKE = 32  # things that begin with another
 NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
+_Named = TypeVar("_Named", Gesture, TakeFile, Key | Instrument)
 
 
 @dataclass(slots=True)
@@ -38,6 +40,11 @@ class Entry:
     home: Names
     prefix: str = ""
     brought: Place | None = None  # the `use:` that brought it
+
+    @property
+    def place(self) -> Place | None:
+        """Where it is written; of a finished object where it is brought in."""
+        return self.values.place if isinstance(self.values, Values) else self.brought
 
 
 @dataclass(slots=True)
@@ -264,3 +271,8 @@ def _and(words: Sequence[str]) -> str:
     """`a, b and c`."""
     quoted = [f"`{word}`" for word in words]
     return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
+
+
+def called(made: _Named, name: str) -> _Named:
+    """The thing under the name by which this score knows it."""
+    return made if made.name == name else replace(made, name=name)

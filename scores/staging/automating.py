@@ -1,4 +1,4 @@
-"""From `automation:` to points through which the engine leads the parameters of modules."""
+"""From `automation:` to points in time through which the engine moves parameters."""
 
 from __future__ import annotations
 

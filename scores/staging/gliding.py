@@ -1,4 +1,4 @@
-"""What is on its way from one version of a piece to the next: parameters, links that come or go."""
+"""Glides from one version of a piece to the next: parameters, and links that fade in or out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keys in real hands: their ticks, what stands in for them, and what was recorded of them."""
+"""Keys in real hands: live from a device, played by a stand-in's gesture, or from a recording."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
     return rendered(tmp_path_factory.mktemp("reference"), SCORE)
 
 
-@pytest.mark.parametrize(("threads", "block"), [(1, 64), (2, 1), (1, 997), (2, 997)])
+@pytest.mark.parametrize(("threads", "block"), [(1, 64), (2, 7), (1, 997), (2, 997)])
 def test_threads_and_blocks_change_no_byte(tmp_path: Path, reference: str, threads, block):
     options = ("--threads", str(threads), "--block", str(block))
     assert rendered(tmp_path, SCORE, *options) == reference

@@ -14,13 +14,14 @@ KEYS = {"soft": SOFT, "quick": QUICK}
 
 
 def survey(name: str, *every: float) -> tuple[maps.Map, list[maps.Spot]]:
-    one = replace(atlas.built_in(SLOW)[name], ys=every)
+    whole = atlas.built_in(SLOW)[name]
+    one = replace(whole, xs=whole.xs[::2], ys=every)  # the whole maps: `make charts`
     return one, maps.survey(one, lambda done: None)
 
 
 def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
-    _, spots = survey("soft", 4.0, 10.0, 20.0)
-    *_, outside = spots[:21]
+    one, spots = survey("soft", 4.0, 10.0, 20.0)
+    outside = spots[len(one.xs) - 1]
     assert (outside.theory, outside.certified, outside.stable) == (False, False, False)
     inside = [spot for spot in spots if spot.theory]
     assert all(spot.certified and spot.stable for spot in inside)

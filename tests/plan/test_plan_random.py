@@ -61,20 +61,20 @@ def check(seed: int, *, even: bool) -> None:
 
 
 @given(seed=SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=16, deadline=None)
 def test_bodies_and_what_meets_them_keep_their_budget(seed: int):
     check(seed, even=True)
 
 
 @given(seed=SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=16, deadline=None)
 def test_networks_that_have_no_modes_keep_their_budget(seed: int):
     check(seed, even=False)
 
 
 @pytest.mark.slow
 @given(seed=SEEDS, even=st.booleans())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=160, deadline=None)
 def test_many_scenes_keep_their_budget(seed: int, even: bool):
     check(seed, even=even)
 
@@ -82,10 +82,10 @@ def test_many_scenes_keep_their_budget(seed: int, even: bool):
 def test_most_scenes_can_be_told_from_their_reference():
     """Else the tests above would hold of anything: the plain scheme itself is far outside."""
     outside = 0
-    for seed in range(20):
+    for seed in range(12):
         found, scene = look(seed, even=True), chance.scene(seed)
         assert found.sure < BUDGET_DB - 10.0
         fine = plain(scene, RATE * TIMES[-1], N * TIMES[-1])[:: TIMES[-1]]
         loud = np.linalg.norm(fine - fine.mean(axis=0), axis=0)
         outside += db(plain(scene, RATE, N), fine, loud > SILENT * loud.max()) > BUDGET_DB
-    assert outside >= 10
+    assert outside >= 6

@@ -156,7 +156,7 @@ def test_what_is_damaged_counts_as_none(tmp_path: Path):
     key = "0" * 64
     stretch = Stretch(np.arange(5.0), b"state")
     assert store.get(key) is None
-    assert store.put(key, stretch)
+    assert store.put(key, stretch.sound, stretch.state)
     known = store.get(key)
     assert known is not None
     assert known.state == b"state"
@@ -182,7 +182,7 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(
 def test_the_least_recently_used_go_first(tmp_path: Path):
     store = StretchStore(tmp_path, n_bytes=1000)
     for index in range(10):
-        store.put(f"{index:064}", Stretch(np.zeros(20), b""))
+        store.put(f"{index:064}", np.zeros(20), b"")
     store.forget()
     kept = [index for index in range(10) if store.get(f"{index:064}") is not None]
     assert 1 <= len(kept) <= 5

@@ -14,6 +14,7 @@ from ergon.scores.reading.load import Loaded, load
 
 _LIBRARY = Path(__file__).parents[2] / "scores" / "library"
 _SCORES = sorted(path.name for path in _LIBRARY.glob("*.yaml"))
+STEPS = 16  # of each score, one after the other
 _NUMBER = re.compile(r"\d+")
 _STRANGE = (
     "title: again\n",
@@ -63,13 +64,13 @@ def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) ->
     whole = path.read_text(encoding="utf-8")
     chance = random.Random(name)
     memory, text, refused = Memory(), whole, 0
-    for _ in range(40):
+    for _ in range(STEPS):
         text = _changed(whole if chance.random() < 0.4 else text, chance)
         kept = load(path, text=text, memory=memory)
         new = load(path, text=text)
         assert _told(kept) == _told(new)
         refused += kept.has_errors
-    assert 0 < refused < 40
+    assert 0 < refused < STEPS
 
 
 @pytest.mark.parametrize("name", ["drum-machine.yaml", "workshop.yaml", "patterns.yaml"])

@@ -88,11 +88,10 @@ def directory(path: Path) -> None:
     path.write_bytes(entries + end)
 
 
-@pytest.fixture
-def bombs(tmp_path: Path) -> dict[str, Path]:
-    made = {
-        name: tmp_path / f"{name}.npz" for name in ("long", "many", "over", "lying", "directory")
-    }
+@pytest.fixture(scope="module")
+def bombs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("bombs")
+    made = {name: folder / f"{name}.npz" for name in ("long", "many", "over", "lying", "directory")}
     bomb(made["long"], "(125829104,)", 960 * 2**20)
     bomb(made["many"], "(13107200,)", 100 * 2**20, members=12)
     overlapping(made["over"])

@@ -92,9 +92,9 @@ class Terminal:
         return True
 
     def until(self, true: Callable[[], object], what: str = "") -> None:
-        """Look until something is so."""
+        """Look until something is so on a whole screen: a program that draws hides its cursor."""
         end = time.monotonic() + PATIENCE
-        while not true():
+        while self.screen.cursor.hidden or not true():
             assert time.monotonic() < end, f"{what or true} never came:\n{self.text}"
             assert self.look() or true(), f"the program ended before {what}:\n{self.text}"
 

@@ -1,4 +1,4 @@
-//! Stability certificates of each method, before the first frame.
+//! Stability certificates of each method, before the first frame; that of CA is computed by `scheme::certify`.
 //!
 //! | method    | condition on undamped bodies, at rest   | linear             | non-linear links   |
 //! |-----------|-----------------------------------------|--------------------|--------------------|

@@ -1,4 +1,4 @@
-//! Energy-exact contacts by a discrete gradient (Chatziioannou & van Walstijn 2015), in closed
+//! Forces of contacts that are written `contact: exact`, which keep the energy, by a discrete gradient (Chatziioannou & van Walstijn 2015), in closed
 //! form for a linear contact and by a bracketed secant for a power law.
 
 use super::predict;

@@ -1,4 +1,4 @@
-//! Parameters of modules, and the error of a network that is refused.
+//! MAT and LIA as the engine takes them: their parameters in SI units, and the error of a network that is refused.
 
 use crate::maths;
 

@@ -1,4 +1,4 @@
-//! The stability certificate: λmax(M⁻¹(K + 2Z)) < 4.
+//! The stability certificate of the CA scheme: λmax(M⁻¹(K + 2Z)) < 4.
 //!
 //! CA with backward damping is leapfrog with mass M − Z/2, so the number of unstable roots is the
 //! number of negative eigenvalues of 4M − K − 2Z. Every contact is taken closed, every law at

@@ -4,6 +4,8 @@
 //! sound of one stretch after the other, and goes on computing from the state at the end of the last that it knows. The
 //! samples are those of a render from frame 0. Banks are computed: they cost less than what reading them would.
 
+use std::sync::OnceLock;
+
 use super::Simulation;
 use super::group::{Group, RunningUnit, SoundSource};
 use crate::archive::Damaged;
@@ -14,7 +16,8 @@ use crate::plan::{Content, Unit};
 #[derive(Clone, Debug)]
 pub struct StorableIsland {
     unit: usize,
-    content: Content,
+    /// Hashed when its first key is asked for: many islands are too cheap to be looked up.
+    content: OnceLock<Content>,
     /// Number of outputs that hear it.
     pub n_out: usize,
     /// Work by the table of costs [ns a frame].
@@ -26,12 +29,10 @@ impl Simulation {
     pub fn storable(&self) -> Vec<StorableIsland> {
         let units = self.units().enumerate();
         let islands = units.filter_map(|(unit, pair)| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(island_plan))
-                if island.is_storable() =>
-            {
+            (RunningUnit::Island(island), Unit::IslandPlan(_)) if island.is_storable() => {
                 Some(StorableIsland {
                     unit,
-                    content: Content::of(island_plan),
+                    content: OnceLock::new(),
                     n_out: island.n_out(),
                     cost: pair.1.cost(),
                 })
@@ -45,7 +46,10 @@ impl Simulation {
     /// to the first of them, and empty at 0.
     pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), before: &str) -> String {
         match &self.plan.units[island.unit] {
-            Unit::IslandPlan(island_plan) => island.content.key(island_plan, frames, before),
+            Unit::IslandPlan(island_plan) => {
+                let content = island.content.get_or_init(|| Content::of(island_plan));
+                content.key(island_plan, frames, before)
+            }
             Unit::Bank(_) => String::new(),
         }
     }

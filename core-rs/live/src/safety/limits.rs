@@ -1,4 +1,4 @@
-//! What a hand is asked to bear.
+//! The limits of force, power and energy on a hand, as numbers; the stages in `pipeline` apply them.
 
 use crate::safety::contract::Spec;
 

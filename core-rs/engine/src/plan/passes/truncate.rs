@@ -1,5 +1,5 @@
-//! Which modes this score needs: each by the sound that its own strikes give it, and no more of them than
-//! the budget lets fall below.
+//! Which modes of a body this score needs: modes are left out, those that its strikes excite least first, as long as what
+//! is left out stays within the error budget.
 
 use crate::maths::{expm1, log10, pow};
 use crate::plan::budget::Budget;

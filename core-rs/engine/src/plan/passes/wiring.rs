@@ -1,4 +1,4 @@
-//! Which MATs of an island hang together by links that a body may have inside, and where others end.
+//! The bodies of an island: MATs joined by links that a body may have inside, and their ports, where all other links end.
 
 use std::collections::BTreeMap;
 

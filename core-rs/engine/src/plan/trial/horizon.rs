@@ -12,7 +12,7 @@ use crate::plan::trial::waveform_error::Spans;
 
 /// From one look at the error to the next [s].
 const LOOK: f64 = 0.1;
-/// Takes whose error is larger have no waveform in common [dB].
+/// Runs whose error is larger have no waveform in common [dB].
 const PARTED: f64 = -10.0;
 /// Up to here an error may grow beyond a pilot's and still be the same [dB].
 const SAME: f64 = 3.0;

@@ -1,4 +1,5 @@
-//! The search for an island that is exact enough: its meshes by better methods, all of it more often.
+//! The search for an island that is exact enough: other methods for its meshes, then more steps a frame for all of it.
+//! How finely contacts are computed is found before, by the `pilot`.
 
 use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 use std::cell::OnceCell;

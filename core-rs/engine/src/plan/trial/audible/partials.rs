@@ -1,4 +1,4 @@
-//! Pitch and decay of the strongest partials in two takes, by demodulation: both are shifted by −f and smoothed; of their
+//! Pitch and decay of the strongest partials in two runs, by demodulation: both are shifted by −f and smoothed; of their
 //! ratio the slopes of argument and logarithm, weighted by power, are the difference of frequency and of decay.
 
 use std::f64::consts::{PI, TAU};

@@ -1,4 +1,4 @@
-"""What an edit costs: four minutes of music, one gesture in the last third changed."""
+"""The cost of an edit: a second render of four minutes, one gesture in the last third changed."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _FRAME = """\
 """
 
 
-def resume() -> list[Row]:
+def edits() -> list[Row]:
     """One row for each piece."""
     return [_edited("three instruments", ""), _edited("three joined ones", _FRAME)]
 

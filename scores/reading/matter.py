@@ -1,0 +1,258 @@
+"""Keys and instruments of a piece, with all names in them looked up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from ergon.instruments import modal, rules
+from ergon.instruments.laws import LawText, is_name
+from ergon.instruments.model import Instrument, Layout, Module
+from ergon.instruments.module_kinds import member_count
+from ergon.instruments.names import Part, Scene
+from ergon.instruments.read import instrument
+from ergon.instruments.transpose import moved, named_pitch
+from ergon.notation.tables.expressions import lets
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.notes import number
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.document import Document
+from ergon.notation.text.errors import quote
+from ergon.notation.text.values import Place
+from ergon.scores.reading import build, overlay
+from ergon.scores.reading.movements import Movements
+from ergon.scores.reading.piece import Key
+from ergon.scores.reading.rates import Rates
+from ergon.scores.reading.uses import Entry, Names, Uses, called
+
+MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
+
+
+class Matter:
+    """The keys and instruments of a score, and those of other files that it reaches."""
+
+    def __init__(self, names: Names, uses: Uses, scene: Scene, movements: Movements) -> None:
+        """Take what was read."""
+        assert names.score is not None
+        self._names = names
+        self._uses = uses
+        self._scene = scene
+        self._movements = movements
+        self._collector = uses.collector
+        self._score = names.score
+        self._rates = Rates(names.score)
+        self._written: dict[str, tuple[Entry, Values]] = {}
+        # Before their names are looked up, whether they belong to the piece or not.
+        self.by_name: dict[str, Key | Instrument] = {}
+        self.keys: dict[str, Key] = {}
+        self.instruments: dict[str, Instrument] = {}
+
+    @property
+    def rate(self) -> float:
+        """Frames a second of the sound [Hz]."""
+        return self._rates.audio
+
+    def read(self) -> None:
+        """All keys and instruments by name, so that modules can reach each other."""
+        for section in ("keys", "instruments"):
+            for name, entry in self._names.tables[section].items():
+                if name in self._written:
+                    message = (
+                        f"{quote(name)} is the name of a key and of "
+                        "an instrument; rename one of them"
+                    )
+                    self._collector.error("E303", message, entry.place or self._score.place)
+                    continue
+                values, selves = self._uses.resolved(section, entry)
+                if values is None:
+                    self._scene.broken.add(name)
+                    continue
+                if section == "instruments" and values.written("notes"):
+                    self._notes(name, entry, values, selves)
+                else:
+                    self._part(section, name, entry, values, selves)
+
+    def _part(
+        self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
+    ) -> None:
+        values = self._with_modes(values)
+        part_object = called(self._made(section, entry, values), name)
+        struck = part_object.struck if isinstance(part_object, Key) else None
+        modules = {module.name: module for module in part_object.modules}
+        broken = frozenset(values["modules"] or {}).difference(modules)
+        self._scene.parts[name] = Part(name, modules, struck, entry.prefix, broken, selves)
+        self._written[name] = entry, values
+        self.by_name[name] = part_object
+
+    def _with_modes(self, values: Values) -> Values:
+        """The values with the modes of the files that BANKs name."""
+
+        def read(file: str, place: Place) -> Document | None:
+            files = self._uses.files
+            return files.plain(file, files.documents[place.file].folder, place)
+
+        def filled(owner: Values) -> Values:
+            body = owner.given.get(owner.kind)
+            if owner.kind != "BANK" or not isinstance(body, Values) or not body.written("modes"):
+                return owner
+            said = modal.from_file(body, read, moved, self._collector)
+            return replace(owner, given={**owner.given, "BANK": said})
+
+        own = filled(values)
+        modules = values["modules"] or {}
+        said = {n: filled(one) if isinstance(one, Values) else one for n, one in modules.items()}
+        if any(said[n] is not one for n, one in modules.items()):
+            own = replace(own, given={**own.given, "modules": said})
+        return own
+
+    def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
+        """An instrument of each note, which is called by it: `string.F3`."""
+        notes = values["notes"]
+        if notes is None:
+            self._scene.broken.add(name)
+            return
+        if named_pitch(values) is None:
+            reason = "its modules have no named pitch; write `f`, at which they are written"
+            if values.kind == "BANK":
+                reason = "a BANK has pitches of its own"
+            values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
+            self._scene.broken.add(name)
+            return
+        self._scene.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
+        known = self._scene.families[name]
+        for word, own in (values["members"] or {}).items():
+            if number(word) not in known:
+                message = f"{values.context.of('members')}: it has no note {quote(word)}"
+                self._collector.error("E301", message, own.place, word=word, names=notes)
+        for note in notes:
+            part = f"{name}.{note}"
+            self._part("instruments", part, entry, overlay.at(values, note), selves | {name})
+
+    def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
+        make: Callable[[Values], Key | Instrument] = instrument
+        if section == "keys":
+            make = partial(build.key, files=self._uses.files)
+        memory = self._uses.files.memory
+        is_file_read = section == "keys" and values["calib"] is not None
+        # What begins with another is merged anew.
+        if memory is None or values is not entry.values or is_file_read:
+            return make(values)
+        # Under its name, for an alias is one node of several names.
+        named = tuple(lets(values.node.document).names.items())
+        key = section, values.node, values.context.name, named
+        return memory.made(key, partial(make, values))
+
+    def look_up(self) -> None:
+        """Look up the names in all parts that belong to the piece, and in those they lead to."""
+        todo = [n for n, (entry, _) in self._written.items() if entry.brought is None]
+        todo += sorted(self._scene.reached - set(todo))
+        done: set[str] = set()
+        total = 0
+        while todo:
+            name = todo.pop(0)
+            if name in done or name not in self._written:
+                continue
+            done.add(name)
+            _, values = self._written[name]
+            made = self.by_name[name]
+            part = self._scene.parts[name]
+            takes = self._names.tables["takes"]
+            modules = self._resolved(part, takes)
+            total += sum(member_count(m.kind, m.fields) for m in modules)
+            for module in modules:
+                if isinstance(source := module.fields.get("from"), Name) and source in takes:
+                    self._movements.take(source, takes[source])
+            if isinstance(made, Key):
+                self._struck(made)
+                every = self._rates.of_key(values)
+                self.keys[name] = replace(made, modules=modules, every=every)
+            else:
+                outputs = rules.outputs(part, made.outputs, self._scene, self._layout)
+                every = self._rates.of_instrument(values)
+                self.instruments[name] = replace(
+                    made, modules=modules, outputs=outputs, every=every
+                )
+            todo += sorted(self._scene.reached - done)
+            if total > MAX_MATS:
+                message = f"the piece has more than {MAX_MATS:,} masses"
+                self._collector.error("E105", message, made.place)
+                break
+        order = list(self._written)
+        self.keys = {n: self.keys[n] for n in order if n in self.keys}
+        self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
+
+    def _resolved(self, part: Part, takes: dict[str, Entry]) -> tuple[Module, ...]:
+        """The modules of a part with their names looked up: as before, where nothing that they can
+        reach has changed."""
+
+        entry, values = self._written[part.name]
+        written = self.by_name[part.name].modules
+
+        def make() -> tuple[tuple[Module, ...], frozenset[str], object]:
+            before, self._scene.reached = self._scene.reached, set()
+            laws = self.laws(written, entry.home)
+            own = rules.modules(part, self._scene, laws, takes, _bodies(values))
+            reached = frozenset(self._scene.reached)
+            self._scene.reached |= before
+            return own, reached, known
+
+        memory = self._uses.files.memory
+        known = [*self.by_name.values()]
+        drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
+        if memory is None or drives or self._scene.broken:
+            return make()[0]
+        # What is kept holds the parts, so that no other has the number of one of them.
+        key = rules.modules, part.name, part.prefix, part.selves, tuple(map(id, known))
+        own, reached, _ = memory.made(key, make)
+        self._scene.reached |= reached
+        return own
+
+    def _struck(self, key: Key) -> None:
+        names = {module.name: module for module in key.modules}
+        struck = names.get(key.struck)
+        if struck is None or struck.kind not in ("MAS", "CEL"):
+            place = key.struck.place if isinstance(key.struck, Name) else key.place
+            message = (
+                f"key {quote(key.name)} is struck at {quote(key.struck)}, "
+                "which is not a MAS or CEL of the key"
+            )
+            names_of = tuple(n for n, m in names.items() if m.kind in ("MAS", "CEL"))
+            if key.struck and key.struck not in self._scene.parts[key.name].broken:
+                self._collector.error("E301", message, place, word=key.struck, names=names_of)
+
+    def laws(self, modules: tuple[Module, ...], home: Names) -> dict[str, LawText]:
+        """Laws that modules may name: those of the file that they are from, and those that ship."""
+        has_named_law = any(
+            m.kind == "LNL" and (is_name(m.fields["law"]) or is_name(m.fields["damping"]))
+            for m in modules
+        )
+        if not has_named_law:
+            return {}
+        tables = [self._names.tables["laws"], home.tables["laws"]]
+        files, folder = self._uses.files, self._names.document.folder
+        document = files.required("instruments/laws.yaml", folder, self._score.place)
+        if document is not None:
+            tables.insert(0, self._uses.read(document).tables["laws"])
+        laws = {}
+        for table in tables:
+            for name, law in table.items():
+                if isinstance(v := law.values, Values):
+                    laws[name] = LawText(v["law"], v["damping"], v.free)
+        return laws
+
+    def _layout(self, name: str, place: Place) -> Layout | None:
+        folder = self._uses.files.documents[place.file].folder
+        return build.layout(name, folder, place, self._uses.files)
+
+
+def _bodies(values: Values) -> dict[str, Values]:
+    """The fields of each module as written, for places inside laws."""
+    bodies = {
+        name: body.given[body.kind]
+        for name, body in (values["modules"] or {}).items()
+        if isinstance(body, Values) and isinstance(body.given.get(body.kind), Values)
+    }
+    if values.kind and isinstance(values.given.get(values.kind), Values):
+        bodies[""] = values.given[values.kind]
+    return bodies

@@ -1,0 +1,89 @@
+"""Gestures and takes of a piece: its own, and those of other files that something plays."""
+
+from __future__ import annotations
+
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.errors import quote
+from ergon.notation.text.values import Place
+from ergon.scores.gesture.notation import MAX_EVENTS
+from ergon.scores.reading import build, melodies, pressed
+from ergon.scores.reading.piece import Gesture, TakeFile
+from ergon.scores.reading.uses import Entry, Names, Uses, called
+
+
+class Movements:
+    """What players can play, by name; made when the piece is known to need it."""
+
+    def __init__(self, names: Names, uses: Uses) -> None:
+        """Take what was read."""
+        self._tables = names.tables
+        self._uses = uses
+        self._collector = uses.collector
+        self._made: dict[str, Gesture | None] = {}
+        self._room = MAX_EVENTS  # points that gestures may still have
+        self.takes: dict[str, TakeFile] = {}
+
+    @property
+    def gestures(self) -> dict[str, Gesture]:
+        """The gestures without mistakes."""
+        return {name: made for name, made in self._made.items() if made is not None}
+
+    def own(self, place: Place) -> None:
+        """Make those that the score itself defines; `place` is that of the score."""
+        for name, entry in self._tables["gestures"].items():
+            if entry.brought is None:
+                self._gesture(name, entry)
+            if name in self._tables["takes"]:
+                message = (
+                    f"{quote(name)} is the name of a gesture and of a take; rename one of them"
+                )
+                self._collector.error("E303", message, entry.place or place)
+        for name, entry in self._tables["takes"].items():
+            if entry.brought is None:
+                self.take(name, entry)
+
+    def play(self, name: str) -> bool:
+        """Make the gesture or take of a name; False where there is none."""
+        gestures, takes = self._tables["gestures"], self._tables["takes"]
+        if name in gestures:
+            self._gesture(name, gestures[name])
+        elif name in takes and melodies.is_midi(takes[name].values):
+            self._pressed(name, takes[name])
+        elif name in takes:
+            self.take(name, takes[name])
+        else:
+            return False
+        return True
+
+    def reach(self, name: Name, who: str) -> bool:
+        """Make what `who` plays; False after a report that there is none of that name."""
+        is_there = self.play(name)
+        if not is_there:
+            message = f"{who}: no gesture or take is called {quote(name)}"
+            names = (*self._tables["gestures"], *self._tables["takes"])
+            self._collector.error("E301", message, name.place, word=str(name), names=names)
+        return is_there
+
+    def take(self, name: str, entry: Entry) -> None:
+        """Make a take, but for a MIDI file: strikes and keys play its notes."""
+        if name not in self.takes and isinstance(entry.values, Values):
+            made = called(build.take(entry.values, self._uses.files), name)
+            if not melodies.is_midi(entry.values):
+                self.takes[name] = made
+
+    def _gesture(self, name: str, entry: Entry) -> None:
+        if name not in self._made:
+            values, _ = self._uses.resolved("gestures", entry)
+            made = build.gesture(values, self._room) if values is not None else None
+            self._keep(name, made)
+
+    def _pressed(self, name: str, entry: Entry) -> None:
+        """A MIDI take that a hand plays is a gesture."""
+        if name not in self._made:
+            self.take(name, entry)
+            self._keep(name, pressed.gesture(entry.values, self._uses.files, self._room))
+
+    def _keep(self, name: str, made: Gesture | None) -> None:
+        self._made[name] = called(made, name) if made else None
+        self._room -= len(made.points) if made else 0
