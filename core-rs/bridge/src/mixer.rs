@@ -107,7 +107,7 @@ impl Mixer {
 }
 
 fn through(points: Vec<(i64, f64, bool)>) -> Curve {
-    let point = |(frame, gain, is_smooth): (u64, f64, bool)| Point {
+    let point = |(frame, gain, is_smooth): (i64, f64, bool)| Point {
         frame,
         gain,
         way: if is_smooth { Way::Smooth } else { Way::Line },
