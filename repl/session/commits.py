@@ -444,8 +444,8 @@ class Commits:
 
     def rebase(self, base: Texts) -> None:
         """Note that the files hold these texts now."""
-        self.past = {number: replace(one, base=base) for number, one in self.past.items()}
-        version = replace(self.running.version, base=base)
+        self.past = {n: replace(one, base=base, renames=()) for n, one in self.past.items()}
+        version = replace(self.running.version, base=base, renames=())
         self.running = replace(self.running, version=version)
         self._find_head()
 

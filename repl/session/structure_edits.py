@@ -83,6 +83,7 @@ def _rename(command: c.Rename) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         piece = version.piece
         made = with_texts(version, renaming.rename(version.texts, piece, old, new))
+        made = replace(made, renames=(*version.renames, (old, new)))
         if old in piece.blocks:
             return replace(
                 made, rules={new if n == old else n: rule for n, rule in version.rules.items()}

@@ -66,8 +66,9 @@ class Version:
     instruments that were renamed, which sound on; a version that `enters` goes on from that beat of
     its own piece, whatever the beat was before; `read` is what the line read from the disk, and
     `dropped` are the places whose typing gave way to it; `released` are the parameters whose
-    automation a scene has ended. `base` is what the files held when they were last read or saved;
-    while the score's time `goes`, beats pass.
+    automation a scene has ended. `base` is what the files held when they were last read or saved,
+    and `renames` are those since, each a name and the one that took its place; while the score's
+    time `goes`, beats pass.
     """
 
     number: int
@@ -83,6 +84,7 @@ class Version:
     maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
+    renames: Sequence[tuple[str, str]] = ()
     read: Texts | None = None
     dropped: Sequence[Spot] = ()
     released: Sequence[str] = ()
@@ -112,6 +114,7 @@ class PastVersion:
     maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
+    renames: Sequence[tuple[str, str]] = ()
 
     @classmethod
     def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
@@ -129,6 +132,7 @@ class PastVersion:
             own.maps,
             own.rules,
             own.sounds_as,
+            own.renames,
         )
 
     def restored(self, version: Version, beat: float) -> Version:
@@ -143,6 +147,7 @@ class PastVersion:
             maps=self.maps,
             rules=self.rules,
             sounds_as=self.sounds_as,
+            renames=self.renames,
             base=self.base or version.base,
         )
 

@@ -57,7 +57,7 @@ class Movements:
         return True
 
     def reach(self, name: Name, who: str) -> bool:
-        """Make what `who` plays; False, and reported, where there is none of that name."""
+        """Make what `who` plays; False after a report that there is none of that name."""
         is_there = self.play(name)
         if not is_there:
             message = f"{who}: no gesture or take is called {quote(name)}"

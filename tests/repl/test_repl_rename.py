@@ -168,3 +168,57 @@ def test_a_resumed_session_knows_what_sounds_by_another_name(at):
     third.run(1.0)
     third.close()
     assert np.array_equal(third.again(), third.sound)
+
+
+def _edited(at, *changes):
+    path = at.journal.with_name("score.yaml")
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+
+
+def test_what_was_renamed_is_edited_in_the_file_under_its_old_name(at):
+    at.run(0.6)
+    for line in ("rename bell chime", "rename k1 pad", "rename knock tap", "set chime.low.t60 1s"):
+        at.ok(f"{line} now")
+        at.run(0.1)
+    _edited(at, ("f: 220Hz", "f: 230Hz"), ("6mm@60ms", "5mm@60ms"), ("K: 60N/m", "K: 70N/m"))
+    assert "has changed in the file too" not in at.ok("reload now").text
+    at.run(0.5)
+    head = at.session.commits.head
+    assert "chime" in head.piece.instruments
+    assert "bell" not in head.piece.instruments
+    said = {m.name: m.fields for m in head.piece.instruments["chime"].modules}
+    assert (said["m"]["f"], said["low"]["t60"]) == (230.0, 1.0)
+    assert head.piece.keys["pad"].modules[0].fields["K"] == 70.0
+    assert "tap: 0mm@0 smooth 5mm@60ms 0mm@160ms" in head.texts.text
+    _edited(at, ("f: 230Hz", "f: 240Hz"))
+    at.ok("reload now")
+    at.run(0.5)
+    at.ok("undo now")
+    at.run(0.5)
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_what_was_renamed_or_removed_stays_so_when_the_file_is_edited_after_a_resume(at):
+    at.run(0.6)
+    at.ok("rename bell chime now")
+    at.ok("remove fill now")
+    at.run(0.6)
+    at.close()
+    _edited(at, ("6mm@60ms", "5mm@60ms"))
+    again = Stepped.resumed(at.journal)
+    again.ok("play")
+    again.run(0.3)
+    assert "has changed in the file too" not in again.ok("reload now").text
+    again.run(0.5)
+    head = again.session.commits.head
+    assert "chime" in head.piece.instruments
+    assert "bell" not in head.piece.instruments
+    assert not head.piece.blocks
+    assert "5mm@60ms" in head.texts.text
+    again.close()
+    assert np.array_equal(again.again(), again.sound)

@@ -146,7 +146,7 @@ fn hall() -> Mixer {
         };
         mixer.room(spec).unwrap();
     }
-    let point = |frame: u64, gain: f64| Point {
+    let point = |frame: i64, gain: f64| Point {
         frame,
         gain,
         way: Way::Smooth,
@@ -257,7 +257,7 @@ fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
     assert!(same.chunks(2).all(|frame| frame == [0.5, 2.0]));
 }
 
-fn level(frame: u64, gain: f64) -> Point {
+fn level(frame: i64, gain: f64) -> Point {
     let way = Way::Line;
     Point { frame, gain, way }
 }
