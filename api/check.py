@@ -57,16 +57,22 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     """The staged score (None where it has errors), and the diagnostics of the engine."""
     if loaded.piece is None:
         return None, []
+    from ergon.scores.staging.highest import highest_modes, passes_limit, stops_low
     from ergon.scores.staging.implausible import implausible
-    from ergon.scores.staging.stage import StageError
+    from ergon.scores.staging.stage import StageError, prepare
     from ergon.scores.staging.unused import unused
 
     staged = None
     try:
         staged = stage_as_checked(loaded.piece, report)
         found = [*unused(loaded.piece), *implausible(loaded.piece), *staged.diagnostics]
+        found += stops_low(highest_modes(loaded.piece, staged.scene))
+        found += passes_limit(loaded.piece, staged.scene, staged.paths)
     except StageError as error:
-        found = error.diagnostics
+        found = list(error.diagnostics)
+        if any(one.code == "E309" for one in found):
+            ready = prepare(loaded.piece)
+            found += passes_limit(loaded.piece, ready.scene, ready.paths)
     scores.show(report, loaded, found)
     return staged, found
 

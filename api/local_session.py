@@ -218,6 +218,7 @@ def _engine(
             version.maps,
             version.rules,
             config.reference,
+            version.sounds_as,
         )
 
     return make, opening

@@ -32,14 +32,16 @@ class AccuracyOptions(ReadOptions):
 
     At most one of three is given: `method` ("ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"),
     `error`, the largest error of the waveform (-60.0 [dB] or "-60dB"), and `cents`, the largest
-    error of a pitch. `plan` is the file of an earlier plan, which is followed. `seed` is the seed
-    of every chance operation.
+    error of a pitch. `plan` is the file of an earlier plan, which is followed. A `draft` is
+    computed by the cheapest methods that are stable, without trials. `seed` is the seed of every
+    chance operation.
     """
 
     method: str | None = None
     error: float | str | None = None
     cents: float | None = None
     plan: Path | str | None = None
+    draft: bool = False
     seed: int | None = None
 
     def accuracy(self, of_score: Accuracy, followed: PlanFile | None = None) -> Accuracy:
@@ -55,6 +57,9 @@ class AccuracyOptions(ReadOptions):
         names = [name for name, value in given.items() if value is not None]
         if len(names) > 1:
             raise OptionError(names[1], f"excludes {names[0]}; give one of method, error and cents")
+        if self.draft and (names or self.plan is not None):
+            other = names[0] if names else "plan"
+            raise OptionError("draft", f"excludes {other}: a draft has no accuracy; leave one out")
         if self.method is not None and self.method not in METHODS:
             close = nearest(self.method, METHODS)
             asked = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"

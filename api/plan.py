@@ -22,7 +22,7 @@ class Plan:
     """How a score is computed.
 
     `rows` has a row for each part; `choices` are the decisions behind the rows, and `hash` their
-    sha256 (64 hex digits). `is_kept` says whether the plan was found in the cache of plans,
+    sha256 (64 hex digits). `is_kept` says whether all that its trials find was in the cache,
     `seconds` how long reading, planning and staging took. `inputs` are the files that the plan was
     made from. `budget` is the accuracy that the plan was made for: `method`, `error` [dB], `cents`
     and `upto` [Hz], as far as they were given. `highest_modes` are those of strings and plates by

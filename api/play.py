@@ -128,7 +128,7 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
         if limit.scale < 1.0:
             live = stage.live[limit.hand]
             report.warn(
-                f"{live.player} on {live.key}: the scene is {limit.stiffness:,.0f} N/m stiff "
+                f"{live.player} on {live.key}: the piece is {limit.stiffness:,.0f} N/m stiff "
                 f"there, and the device bears {limit.limit:,.0f} N/m at "
                 f"{stage.rate / live.tick_frames:.0f} Hz; "
                 f"its forces are scaled to {limit.scale:.0%}"

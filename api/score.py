@@ -93,6 +93,7 @@ def stage_piece(
     from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.fallback import stage_or_plan
     from ergon.scores.staging.implausible import implausible
+    from ergon.scores.staging.planning import draft_error
     from ergon.scores.staging.stage import stage
     from ergon.scores.staging.unused import unused
 
@@ -106,7 +107,14 @@ def stage_piece(
         played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
         pins = followed.choices if followed is not None else None
         correction = machine_speed.kept() or 1.0
-        build = partial(stage, planned=True, pins=pins, seed=options.seed, correction=correction)
+        build = partial(
+            stage,
+            planned=True,
+            pins=pins,
+            seed=options.seed,
+            correction=correction,
+            is_draft=options.draft,
+        )
     waiting = (report or Report()).waiting("planning")
     with staging(lambda: loaded, report), waiting:
         staged = build(
@@ -118,6 +126,8 @@ def stage_piece(
             on_fault=on_fault,
         )
     plan_s = time.perf_counter() - start
+    if options is not None and options.draft and staged.plan is not None:
+        (report or Report()).say(draft_error(staged.plan))
     show(report, loaded, [*unused(piece), *implausible(played), *staged.diagnostics])
     return Staged(piece, staged, plan_s)
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ergon.rendering.slides import Sliding
     from ergon.rendering.swings import Closing, Swing
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.highest import HighestMode
     from ergon.scores.staging.probes import Contact
 
 
@@ -24,8 +23,7 @@ if TYPE_CHECKING:
 class Simulated:
     """How closely keys followed gestures, how far masses swung, and which contacts closed.
 
-    `highest_modes` are those of strings and plates. Frames are at `rate` [Hz]; so many
-    contacts and points as `left_out` were not measured.
+    Frames are at `rate` [Hz]; so many contacts and points as `left_out` were not measured.
     """
 
     followed: list[GestureFidelity]
@@ -34,14 +32,12 @@ class Simulated:
     rate: float
     left_out: int
     bows: list[Sliding]
-    highest_modes: list[HighestMode]
 
 
 def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated:
     """Play a piece to its end; `report` hears of its progress under the name of `task`."""
     from ergon.rendering.follow import followed
     from ergon.rendering.swings import swings
-    from ergon.scores.staging.highest import highest_modes
     from ergon.scores.staging.probes import probed
 
     report = report or Report()
@@ -49,8 +45,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     stage = stage_as_checked(points.piece, report)
     with report.progress(task, stage.n_looked_at, stage.rate) as progress:
         moved, closed, bows = swings(stage, points, progress.at)
-    modes = highest_modes(piece, stage.scene)
-    return Simulated(followed(stage), moved, closed, stage.rate, points.left_out, bows, modes)
+    return Simulated(followed(stage), moved, closed, stage.rate, points.left_out, bows)
 
 
 def never_stuck(done: Simulated) -> list[Diagnostic]:

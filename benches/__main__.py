@@ -28,6 +28,7 @@ from benches.native import Loops, compiler
 from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
+from benches.replan import replan
 from benches.soak import soak, soak_live
 from benches.stall import stall
 from benches.stops import stops
@@ -53,6 +54,7 @@ def main(arguments: list[str]) -> int:
         "start": reading.start,
         "repl": repl,
         "edits": edits,
+        "replan": replan,
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
         "haply": haply,

@@ -26,6 +26,10 @@ from .outcome import (
 )
 from .streams import make_whole
 
+# numpy's BLAS starts a thread for each core, which spins for 25 ms and then does nothing: no
+# command multiplies matrices that would pay for it. It is read where numpy is first imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 COMMANDS: Table = {
     "new": ("new", "new", "Make a folder with a score that plays."),
     "check": ("check", "check", "Report every mistake in scores, with its place."),

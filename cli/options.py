@@ -77,6 +77,11 @@ accuracy = several(
         "--plan", metavar="FILE", help="Compute by the plan in this file (from `ergon plan -o`)."
     ),
 )
+draft = click.option(
+    "--draft",
+    is_flag=True,
+    help="Begin at once, by the cheapest methods that are stable; the accuracy is not searched.",
+)
 
 # The way of a performance to the sound card.
 sound = several(

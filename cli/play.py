@@ -31,6 +31,7 @@ _playing = options.several(
     click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
     options.seed,
     options.accuracy,
+    options.draft,
     options.trust,
     options.speaking,
 )
@@ -39,13 +40,27 @@ _playing = options.several(
 @click.command()
 @options.score
 @_playing
-def play(console: Console, score_path: str, **given: Any) -> None:
+@click.option(
+    "--watch",
+    is_flag=True,
+    help="Play each saved version of the score on from where the one before stands.",
+)
+def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
     """Play a score through the loudspeakers.
 
     A player with a live hand plays its stand-in: its written part, or a take. `ergon duet` plays
     it by a device. Ctrl-C ends the performance within 10 ms.
     """
-    _play(console, score_path, **given)
+    if not watch:
+        _play(console, score_path, **given)
+        return
+    from ergon.api.play import PlayOptions
+
+    from .play_watch import play_watched
+
+    strict = given.pop("strict")
+    given.pop("plain")  # nothing is redrawn
+    play_watched(console, score_path, PlayOptions(**given), strict=strict)
 
 
 @click.command()

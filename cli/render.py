@@ -76,6 +76,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
     help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
 )
 @options.accuracy
+@options.draft
 @options.dry_run
 @options.force
 @click.option("--strict", is_flag=True, help="Exit with code 1 when the file is silent.")

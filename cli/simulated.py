@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from ergon.api import score
 from ergon.api.simulate import never_closed, never_stuck, simulate
-from ergon.scores.staging.highest import stops_low
 
 from .console import Console, plural
 from .units import metres
@@ -28,8 +27,7 @@ def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None
     _contacts(console, piece, done.rate, done.contacts)
     if done.left_out:
         console.say(f"{plural(done.left_out, 'more point and contact')} not measured")
-    found = [*never_closed(piece, done), *never_stuck(done), *stops_low(done.highest_modes)]
-    score.show(console, loaded, found)
+    score.show(console, loaded, [*never_closed(piece, done), *never_stuck(done)])
 
 
 def _swings(console: Console, moved: Sequence[Swing]) -> None:

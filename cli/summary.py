@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ergon.exchange.wave_header import BYTES
+from ergon.rendering.balance import outweighed
 
 from .console import Console, plural
 from .units import decibels, level, octets, seconds
@@ -65,6 +66,12 @@ def rendered(console: Console, completed: Completed) -> None:
         console.say(
             f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
             f"loudness {level(one.loudness, 'LUFS')}"
+        )
+    if (found := outweighed(done.instruments)) is not None:
+        loudest, above = found
+        console.warn(
+            f"{loudest.name} is {above:.0f} dB louder than every other instrument; "
+            "lower the gain of its route, or raise the others'"
         )
     for stem in done.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")

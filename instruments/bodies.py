@@ -51,7 +51,22 @@ def _poisson(values: Values) -> Any:
     return values["poisson"]
 
 
-DECAY = Either(k.DURATION, Decays())
+@dataclass(frozen=True)
+class _DecayShape(Either):
+    """One decay, or decays at frequencies; a list of decays is told how two stages are had."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, document.Sequence):
+            return wrong_shape(self, node, name, context, help=_STAGES)
+        return Either.read(self, node, name, context)
+
+
+_STAGES = (
+    "no mode falls in two stages; two strings of one pitch with a damper between them do "
+    '(docs/language.md, "Two-stage decay")'
+)
+DECAY = _DecayShape(k.DURATION, Decays())
 _BENDING = Record(
     "bending",
     "how a plate resists curvature",

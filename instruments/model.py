@@ -86,7 +86,8 @@ class Output:
 class Instrument:
     """A network; under `ca_rate` [Hz] its M, K, Z are those of the discrete network there.
 
-    Its springs pull once `every` so many frames.
+    Its springs pull once `every` so many frames. Of several modules `pitch` [Hz] is the one by
+    which they go as a whole, if they have one.
     """
 
     name: str
@@ -95,3 +96,4 @@ class Instrument:
     ca_rate: float | None
     place: Place
     every: int = 1
+    pitch: float | None = field(default=None, compare=False)

@@ -11,7 +11,7 @@ from ergon.instruments.modal import listed
 from ergon.instruments.model import Instrument, Module, Output
 from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
-from ergon.instruments.transpose import INTERVAL
+from ergon.instruments.transpose import INTERVAL, named_pitch
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.notes import Notes, read_note
@@ -358,7 +358,11 @@ def instrument(values: Values) -> Instrument:
             body = _retuned(values, body)
         if body is not MISSING and body is not None and whole(values.kind, body):
             made.append(module("", values.kind, body))
-    elif extra := values.written("t60", "M"):
+    elif extra := [
+        name
+        for name in values.written("t60", "M")
+        if values.given.get(name, MISSING) is not MISSING
+    ]:
         message = (
             f"{values.context.of(extra[0])}: only an instrument of one generator has this field"
         )
@@ -378,7 +382,9 @@ def instrument(values: Values) -> Instrument:
         Output(output.name, output.kind, output.names, output.nearest, output.place)
         for output in values["out"] or ()
     )
-    return Instrument(values.context.name, tuple(made), outputs, _ca_rate(values), values.place)
+    pitch = None if values.kind else named_pitch(values)
+    own = tuple(made), outputs, _ca_rate(values), values.place
+    return Instrument(values.context.name, *own, pitch=pitch)
 
 
 def _ca_rate(values: Values) -> float | None:

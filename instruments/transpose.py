@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -238,7 +239,12 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
 
 def is_mechanics(kind: str, fields: Values) -> bool:
     """Whether a module is slower than one hears, so that no transposition moves it."""
-    f, stiffness, mass = (fields.given.get(name) for name in ("f", "K", "M"))
+    return is_slow(kind, fields.given)
+
+
+def is_slow(kind: str, fields: Mapping[str, Any]) -> bool:
+    """Whether a module with these fields, in SI units, is slower than one hears."""
+    f, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
     if kind != "CEL":
         return False
     if isinstance(f, float):

@@ -20,7 +20,7 @@ def capture(
 ) -> _core.Performance:
     """Begin to record hands at `tick` [Hz]; nothing pushes them. Raises EngineError.
 
-    What is performed is a scene of keys that nothing touches: a hand is where it is, no more.
+    What is performed is a piece of keys that nothing touches: a hand is where it is, no more.
     """
     import numpy as np
 

@@ -173,7 +173,7 @@ def record(view: PerformanceView, frame: int) -> dict[str, object]:
 
 
 def force_sentence(bearing: HandForceBounds) -> str:
-    """The part of the scene's force that a hand gets, in words."""
+    """The part of the piece's force that a hand gets, in words."""
     last = bearing.last
     if last.scale >= 1.0:
         return f"{bearing.player} feels all of it again"
@@ -209,12 +209,12 @@ def event_sentence(
         "back": f"{board} is back: its hand takes over at the next bar",
         "took over": f"{player} plays",
         "lost": f"the physics thread was held up for {number:.3f} s",
-        "tripped: not finite": f"{player}'s key tripped: the scene's force was not finite; "
+        "tripped: not finite": f"{player}'s key tripped: the piece's force was not finite; "
         "no force for a while",
         "tripped: speed": f"{player}'s key tripped: it was too fast; no force for a while",
         "tripped: wrong way": f"{player}'s key tripped: its motor pushes the wrong way; "
         "no force until `release`, and `ergon devices calibrate` finds which way it goes",
-        "tripped: at stop": f"{player}'s key tripped: the scene pushes it into its stop; no force "
+        "tripped: at stop": f"{player}'s key tripped: the piece pushes it into its stop; no force "
         "until 3 s after that has ended",
         "tripped: frozen": f"{player}'s key tripped: its position stays the same whatever the "
         "force does; no force until it has moved for 3 s",

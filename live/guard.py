@@ -1,4 +1,4 @@
-"""The stiffness that a key meets, and the part of the scene's force that its hand may get."""
+"""The stiffness that a key meets, and the part of the piece's force that its hand may get."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _FADE = 0.02
 _PLACES = 20  # of a glide that are checked, at most
 _KEPT = 256  # answers
 
-# The force limit of a hand for a response of the scene; None: the hand has no key.
+# The force limit of a hand for a response of the piece; None: the hand has no key.
 Bears = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
 
 
 @dataclass(frozen=True, slots=True)
 class ForceScale:
-    """The part of a scene's force that a hand may get (0 to 1); stiffness met and borne [N/m]."""
+    """The part of a piece's force that a hand may get (0 to 1); stiffness met and borne [N/m]."""
 
     scale: float
     met: float
@@ -49,7 +49,7 @@ class ForceScale:
 
 @dataclass(frozen=True, slots=True)
 class HandForceBounds:
-    """The force that a hand may get of a scene that takes over, tick by tick.
+    """The force that a hand may get of a piece that takes over, tick by tick.
 
     `bounds`: the greatest part of the force, from so many ticks after the take-over on; `least` and
     `last` are the smallest and the last of them.
@@ -86,16 +86,16 @@ def _answer(scene: _core.ReachableScene, tick_frames: int, reach: float) -> NDAr
 
     felt = scene.response(tick_frames, _TICKS)
     if felt is None:
-        # With its contacts closed the scene diverges by itself: no device bears that.
+        # With its contacts closed the piece diverges by itself: no device bears that.
         return np.full(_TICKS[0], _ENDLESS)
     # Hands that feel each other may move in opposite directions: a spring between two counts twice.
     return felt * (reach * reach * (1 + scene.others))
 
 
 class Guard:
-    """Finds the force that real hands may get of a scene before it takes over.
+    """Finds the force that real hands may get of a piece before it takes over.
 
-    Each scene is played once.
+    Each piece is played once.
 
     `reaches` are those of the hands of the engine, `real` which of them have a key.
     """
@@ -106,7 +106,7 @@ class Guard:
         self._reaches = reaches
         self._real = real
         self._known: dict[tuple[int, int, bytes], ForceScale] = {}
-        self.asked = 0  # how often a scene was played against a key
+        self.asked = 0  # how often a piece was played against a key
         self._last: tuple[object, ...] = ()
         self._found: tuple[HandForceBounds, ...] = ()
 
@@ -241,7 +241,7 @@ def _with(
 def _moments(
     stage: Stage, start: int, glides: Sequence[Glide]
 ) -> tuple[tuple[int, _Moment, _Moment], ...]:
-    """Stretches of a scene: first frame, values at the beginning, and values at the end."""
+    """Stretches of a piece: first frame, values at the beginning, and values at the end."""
     couplings = [
         (link, _end(stage, until))
         for link, (_, until) in zip(stage.scene.couplings, acting(stage.piece), strict=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -9,6 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+ALONE = 20.0  # [LU] by which one instrument hides all others
 MOST = 256  # instruments times channels: beyond that measuring costs more than mixing
 _GATE = -70.0  # [LUFS] of BS.1770-4: quieter blocks are none
 _RELATIVE = -10.0  # [LU] below the mean of the others: neither are these
@@ -76,6 +79,18 @@ class Balance:
             blocks = blocks[blocks > _mean(blocks) + _RELATIVE]
         loudness = _mean(blocks) if len(blocks) else -np.inf
         return InstrumentLevel(self._name, self._meter.peak * gain, float(loudness))
+
+
+def outweighed(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, float] | None:
+    """The instrument beside which no other is heard, and by how much it is the loudest [LU]."""
+    heard = sorted(
+        (one for one in levels if one.loudness > -math.inf), key=lambda one: one.loudness
+    )
+    if len(heard) < 2:
+        return None
+    loudest = heard[-1]
+    above = loudest.loudness - heard[-2].loudness
+    return (loudest, above) if above > ALONE else None
 
 
 def _mean(blocks: NDArray[np.float64]) -> float:

@@ -25,7 +25,7 @@ extern "C" mydsp *begin(int64_t rate) {
 extern "C" void end(mydsp *made) { delete made; }
 
 /* out: (n_outputs, n_frames) */
-extern "C" void go_on(mydsp *made, int64_t n_frames, double *out) {
+extern "C" void compute(mydsp *made, int64_t n_frames, double *out) {
     std::vector<double *> channels;
     for (int i = 0; i < made->getNumOutputs(); i++)
         channels.push_back(out + i * n_frames);

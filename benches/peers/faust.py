@@ -58,10 +58,10 @@ class Program:
         held = Held()
         n_outputs = int(library.outputs(made))
 
-        def go_on(n_frames: int) -> NDArray[np.float64]:
+        def compute(n_frames: int) -> NDArray[np.float64]:
             assert held is not None
             out = np.empty((n_outputs, n_frames))
-            library.go_on(made, ctypes.c_int64(n_frames), ctypes.c_void_p(out.ctypes.data))
+            library.compute(made, ctypes.c_int64(n_frames), ctypes.c_void_p(out.ctypes.data))
             return out.T
 
-        return go_on
+        return compute

@@ -18,7 +18,7 @@ from ergon.api.simulate import never_closed, never_stuck, simulate
 from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
-from ergon.scores.staging.highest import stops_low
+from ergon.scores.staging.highest import highest_modes, passes_limit, stops_low
 from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.stage import StageError, stage
 from ergon.scores.staging.unused import unused
@@ -67,10 +67,13 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             return [*loaded.diagnostics, *error.diagnostics], loaded
         reports = [*loaded.diagnostics, *unused(loaded.piece), *implausible(loaded.piece)]
         reports += played.diagnostics
-        if entry.code in ("W320", "W323", "W331"):
+        if entry.code == "W331":
+            return [*reports, *stops_low(highest_modes(loaded.piece, played.scene))], loaded
+        if entry.code == "W332":
+            return [*reports, *passes_limit(loaded.piece, played.scene, played.paths)], loaded
+        if entry.code in ("W320", "W323"):
             done = simulate(loaded.piece, NAME)
-            reports += [*never_closed(loaded.piece, done), *never_stuck(done)]
-            return [*reports, *stops_low(done.highest_modes)], loaded
+            return [*reports, *never_closed(loaded.piece, done), *never_stuck(done)], loaded
         if entry.code in ("W324", "W325"):
             done_file = rendered(loaded)
             return [*reports, *done_file.faint], loaded

@@ -37,6 +37,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
 _SPACE = re.compile(r"\s*")
 _OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
+_SIGNS_OF_WORDS = re.compile(r"[*/(]|\w\+\d")  # no name has these
 _LETTERS = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}
 _SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
 _NOTE_NAMES = ("A", "A#", "B", "C", "C#", "D", "D#", "E", "F", "F#", "G", "G#")
@@ -360,14 +361,34 @@ def has_name(word: str, of: Document) -> bool:
     return any(part in names for part in _WORD.findall(word))
 
 
+def is_computed(word: str, of: Document) -> bool:
+    """Whether a word of a table is meant to be computed: a name of `let:` or a sign is in it."""
+    return has_name(word, of) or _SIGNS_OF_WORDS.search(word) is not None
+
+
 def word_value(word: str, of: Document, parse: Callable[[str], _T]) -> _T:
-    """Read one word of a table, for which a name of `let:` may stand. Raises TextError."""
+    """Read one word of a table, for which an expression may stand. Raises TextError."""
     try:
         return parse(word)
-    except TextError:
-        if not has_name(word, of):
+    except TextError as plain:
+        names = lets(of).names
+        if not is_computed(word, of):
+            plain.suggestion = plain.suggestion or nearest(word, names)
             raise
-        return parse(evaluate(word, lets(of).names).literal)
+        said = evaluate(word, names).literal
+    try:
+        return parse(said)
+    except TextError as error:
+        message = f"{quote(word)} is {said}: {error.message}"
+        raise TextError(message, length=len(word), code=error.code) from None
+
+
+def note_of(word: str, of: Document) -> str | None:
+    """The note that a word of a table stands for, where it is computed. Raises TextError."""
+    if not is_computed(word, of):
+        return None
+    amount = evaluate(word, lets(of).names)
+    return amount.literal if amount.unit == "note" else None
 
 
 def _replaced(text: str, names: Mapping[str, Amount]) -> list[tuple[str, str]]:

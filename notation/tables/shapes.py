@@ -268,9 +268,35 @@ class ListOf(Shape):
             )
             context.error("E106", message, node.place)
             return MISSING
-        read = (self.item.read(item, name, context) for item in items)
-        values = tuple(value for value in read if value is not MISSING)
+        if isinstance(node, document.Sequence) and node.lines:
+            found = self._by_lines(node, name, context)
+        else:
+            found = [self.item.read(item, name, context) for item in items]
+        values = tuple([value for value in found if value is not MISSING])
         return values if len(values) >= self.least else MISSING  # a broken pair is no pair
+
+    def _by_lines(self, node: document.Sequence, name: str, context: Context) -> list[Any]:
+        """The values of items that stand in lines of their own: each is read once, unless that gave
+        reason to report."""
+        let = node.document.let
+        key = id(self.item), name, context.owner, let
+        reported: dict[int, Any] = {}
+        for number, line in enumerate(node.lines):
+            if line is None or key not in line.values:
+                told = context.collector.told
+                item = node.items[number]
+                item.document.let, item.document.lets = let, node.document.lets
+                value = self.item.read(item, name, context)
+                if line is None or context.collector.told > told:
+                    reported[number] = value
+                else:
+                    line.values[key] = value
+        if not reported:
+            return [line.values[key] for line in node.lines if line is not None]
+        return [
+            reported[number] if number in reported or line is None else line.values[key]
+            for number, line in enumerate(node.lines)
+        ]
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -108,10 +108,30 @@ class Scalar(Node):
 
 
 @dataclass(eq=False, slots=True)
+class Line:
+    """An item that stands in a line of its own, and what it was read as: it is read once."""
+
+    node: Node
+    size: int
+    values: dict[Any, Any] = field(default_factory=dict)
+
+
+@dataclass(eq=False, slots=True)
 class Sequence(Node):
-    """Items in the order written."""
+    """Items in the order written.
+
+    Of items that were composed line by line, `lines` says which, and `bases` where the lines begin:
+    the places of such an item count from there.
+    """
 
     items: list[Node]
+    lines: list[Line | None] = field(default_factory=list)
+    bases: list[int] = field(default_factory=list)
+
+    def span(self, number: int) -> tuple[int, int]:
+        """Where an item begins and ends, as the places of the list count."""
+        item, base = self.items[number], self.bases[number] if self.bases else 0
+        return base + item.start, base + item.end
 
 
 @dataclass(eq=False, slots=True)
@@ -160,6 +180,11 @@ class Document:
         if not self._starts:
             self._starts.extend(_line_starts(self.text))
         return self._starts
+
+    def forget_lines(self) -> None:
+        """Find anew where lines begin: the text is another."""
+        self._starts.clear()
+        self._tables.clear()
 
     def row(self, index: int) -> int:
         """Line of a character, from 0."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from ergon.notation.text import document
 from ergon.notation.text.document import MAX_NODES, Document, Node, Scalar, compose
 from ergon.notation.text.errors import Collector
+from ergon.notation.text.item_lines import by_lines
 from ergon.notation.text.memory import Memory
 
 # A line that begins at the margin with a name: in a block mapping nothing else does.
@@ -52,7 +53,7 @@ def _made(
     whole: Document, file: str, folder: Path, lines: tuple[int, int], memory: Memory
 ) -> Section | None:
     row, text = whole.row(lines[0]), whole.text[slice(*lines)]
-    return memory.made((file, row, text), partial(_section, text, file, folder, row))
+    return memory.made((file, row, text), partial(_section, text, file, folder, row, memory))
 
 
 def _cut(text: str) -> Iterator[tuple[str, int, int]]:
@@ -93,10 +94,16 @@ def remembered(
     return compose(text, file, collector)
 
 
-def _section(text: str, file: str, folder: Path, row: int) -> Section | None:
+def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
     """A section alone, if it can be read so."""
     collector = Collector()
-    section = compose(text, file, collector, row)
+    name = file, text.partition(":")[0]
+    known = memory.lines.get(name, {})
+    found = by_lines(text, file, folder, row, known) if memory.is_loose else None
+    if found is None:
+        section = compose(text, file, collector, row)
+    else:
+        section, memory.lines[name] = found
     section.folder = folder
     if (
         collector.told

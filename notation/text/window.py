@@ -11,6 +11,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.splices import Path
 
 _NAME_ALONE = re.compile(r":[ \t]*(?:#.*)?")
+_ALIAS = re.compile(r"(?<![^\s\[{,])[&*]")  # or an anchor, or what only looks like one
 _DASH = re.compile(r"[ \t]*-[ \t]+")
 
 
@@ -43,7 +44,7 @@ def last_items(
     `text` is the section's, `name` and `value` are its nodes. None where these lines cannot be read
     alone, or where that saves nothing.
     """
-    if "&" in text or "*" in text or text.count("\r") != text.count("\r\n"):
+    if _ALIAS.search(text) or text.count("\r") != text.count("\r\n"):
         return None
     heads = [_head(text, name, value)]
     node = value
@@ -58,10 +59,10 @@ def last_items(
     first = len(node.items) - 1 if first is None else first
     if not 1 <= first < len(node.items):
         return None
-    start, stop = node.items[first].start, node.end
+    (start, _), stop = node.span(first), node.end
     if text[node.start] != "[":
         line = text.rfind("\n", 0, start) + 1
-        end = node.items[-1].end
+        _, end = node.span(-1)
         if not _DASH.fullmatch(text, line, start) or text[end - 1] != "}":
             return None
         start, stop = line, _line_end(text, end)
@@ -74,7 +75,7 @@ def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
 
     None where the path ends before a line of its own, or where that cannot be read alone.
     """
-    if "&" in text or "*" in text or text.count("\r") != text.count("\r\n"):
+    if _ALIAS.search(text) or text.count("\r") != text.count("\r\n"):
         return None
     head, node = _head(text, name, value), value
     for word in path[:-1]:

@@ -67,6 +67,8 @@ def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str,
     """The fields of `set` as texts."""
     values, end, options = _options(text, scope, _OF_SET)
     for word in re.finditer(r"[a-z]{2,}(?=\s|$)", values):
+        if word.group() == "over":  # what stands before it is no value
+            scope.targets[given["target"]].parse(values[: word.start()].strip())
         near = nearest(word.group(), (*_OF_SET, "over", *WAYS))
         if near is not None and word.group() not in WAYS:
             message = f"unknown word '{word.group()}'"

@@ -23,6 +23,7 @@ HOLDS: tuple[type[c.Command], ...] = (
     c.StrikeModules,
     c.Do,
     c.Define,
+    c.DefinePhrase,
     c.Rest,
     c.Hush,
     c.Damp,

@@ -96,6 +96,18 @@ class StrikeModules(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class DefinePhrase(Command):
+    """`phrase tune 0 C4 1mNs, 1/2 E4 to bell`: define a phrase, which `strikes` play.
+
+    Its entries have `at`, `what` and `impulse` as texts.
+    """
+
+    name: str
+    entries: tuple[Mapping[str, str], ...]
+    to: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Automate(Command):
     """`set bell.m.f A3 C4 E4 every 1`, `lfo bell.m.K 0.8..1.2 period 4bar`: change by itself.
 

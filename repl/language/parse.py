@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language.blocks import HOLDS
-from ergon.repl.language.commands import Build, Command, Define, DefineBlock, Takes
+from ergon.repl.language.commands import Build, Command, Define, DefineBlock, DefinePhrase, Takes
 from ergon.repl.language.grammar import command
 from ergon.repl.language.lines import Line, lines
 from ergon.repl.language.refusal import Refusal
@@ -92,6 +92,8 @@ def _after(scope: Scope, read: Command) -> Scope:
     """The scope of the lines below a command: with the names that it adds."""
     if isinstance(read, Define):
         return with_name(scope, "gestures", read.name)
+    if isinstance(read, DefinePhrase):
+        return with_name(scope, "phrases", read.name)
     if isinstance(read, DefineBlock):
         return with_name(scope, "blocks", read.name)
     if isinstance(read, Build):

@@ -12,6 +12,7 @@ from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import KINDS
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
+from ergon.scores.reading.leads import FACTOR, PARAMETERS, whole
 from ergon.scores.reading.piece import Gesture, Piece
 
 SUFFIXES = (".yaml", ".yml")  # of scores
@@ -37,6 +38,7 @@ class Scope:
     strikes: Mapping[str, str] = field(default_factory=dict)
     blocks: Mapping[str, str] = field(default_factory=dict)
     rooms: Mapping[str, str] = field(default_factory=dict)
+    phrases: Mapping[str, str] = field(default_factory=dict)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -66,6 +68,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         folder=folder,
         strikes={one.name: "strikes" for one in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
+        phrases={name: "phrase" for name in piece.phrases},
         blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 
@@ -94,6 +97,8 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
         for module in key.modules:
             yield from _fields(key.name, module, False)
     for instrument in piece.instruments.values():
+        if whole(instrument) is not None:
+            yield f"{instrument.name}.f", k.PITCH
         for module in instrument.modules:
             yield from _fields(instrument.name, module, instrument.ca_rate is not None)
     for name, members in piece.families.items():
@@ -105,6 +110,8 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
 def _fields(part: str, module: Module, ca: bool) -> Iterator[tuple[str, Text]]:
     kind = KINDS[module.kind]
     path = ".".join(filter(None, (part, module.name)))
+    if module.kind == "BANK":  # each member has its own
+        yield from ((f"{path}.{name}", FACTOR) for name in PARAMETERS["BANK"])
     for field_ in (kind.ca_table if ca else kind.table).fields:
         shape = field_.shape
         if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _AT_THE_BEGINNING:

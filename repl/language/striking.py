@@ -36,6 +36,9 @@ OPTIONS = {
 
 def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
+    first = text.split()[0]
+    if first in scope.phrases and first not in scope.instruments:  # the next form reads it
+        raise v.unknown(first, "an instrument or a key", (*scope.instruments, *scope.keys))
     modules, options = parse_strikes(text, OPTIONS)
     if not modules:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
@@ -71,6 +74,8 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     last = context.before[-1] if context.before else ""
     if last in OPTIONS:
         yield v.Completion(OPTIONS[last].split()[0], STRIKES.by_name[last].doc)
+        return
+    if context.before and context.before[0] in context.scope.phrases:
         return
     if not any(word in OPTIONS for word in context.before):
         yield from v.listed(context.scope.instruments)

@@ -178,6 +178,7 @@ def _removable(scope: Scope) -> dict[str, str]:
         scope.instruments,
         scope.marks,
         scope.blocks,
+        scope.phrases,
     )
     return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
 
@@ -186,19 +187,6 @@ def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text not in (known := _removable(scope)):
         raise v.unknown(text, "a name of this score", known)
     return text
-
-
-_NAMED = v.name("a gesture, a take, a player or a block", "gestures", "takes", "players", "blocks")
-
-
-def _renamed(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
-    if text in scope.keys or text in scope.instruments:
-        message = (
-            f"{quote(text)} sounds under its name, by which it goes on from line to line: "
-            "`save NAME`, change the name in that file, and `load` it"
-        )
-        raise TextError(message, length=len(text))
-    return _NAMED.read(text, scope, given)
 
 
 PART_NAME = Value("a new name", _new_part, lambda _: ())
@@ -218,4 +206,7 @@ CHANNELS = Value("channels, such as 3 or 3 4", _channels, _channel_offers)
 REMOVABLE = Value(
     "a name of this score", _removed, lambda context: v.listed(_removable(context.scope))
 )
-RENAMED = Value(_NAMED.what, _renamed, _NAMED.offers)
+RENAMED = v.name(
+    "a gesture, a phrase, a take, a player, a block, a key or an instrument",
+    *("gestures", "phrases", "takes", "players", "blocks", "keys", "instruments"),
+)

@@ -158,7 +158,7 @@ OTHER_PLAYER = another(PLAYER, "player")
 SOUNDING = name("an instrument or a player", "instruments", "players")
 ANYTHING = name(
     "a name of this score",
-    *("gestures", "takes", "players", "keys", "instruments", "marks", "blocks"),
+    *("gestures", "phrases", "takes", "players", "keys", "instruments", "marks", "blocks"),
 )
 MOVING = name("a player, a key or an instrument", "players", "keys", "instruments")
 GESTURE_NAME = Value("a name", _defined, lambda context: listed(context.scope.gestures))

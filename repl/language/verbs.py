@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import automating, blocks, forms, mixing
+from ergon.repl.language import automating, blocks, forms, mixing, phrases
 from ergon.repl.language import commands as c
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
@@ -60,6 +60,17 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("name", "NAME", NAMED),
               Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] …",
                    STRIKING, many=True), subject=True),
+        _form("strikes", "str", "plays a phrase on what it strikes",
+              "hook strikes tune transpose 3st", strikes,
+              Slot("name", "NAME", NAMED),
+              Slot("fields", "PHRASE [every LENGTH] [times N] [transpose Nst] [do …]",
+                   phrases.PLAYED, many=True), subject=True),
+        _form("phrase", "ph", "defines or redefines a phrase: when, what, how strongly",
+              "phrase tune 0 C4, 1/2 E4 to bell", phrases.define,
+              Slot("name", "NAME", phrases.NEW_PHRASE),
+              Slot("entries", "TIME NOTE … [IMPULSE], …", phrases.ENTRIES, many=True),
+              Slot("to", "INSTRUMENT", phrases.TO, "to", optional=True),
+              Slot("length", "LENGTH", v.LENGTH, "length", optional=True)),
         _form("notes", "no", "strikes an instrument at the pitches of a pattern",
               "bell notes A3 C4 E4 euclid 5 8", strikes,
               Slot("name", "INSTRUMENT", PLAYED_ON),
@@ -172,7 +183,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("over", "LENGTH", v.LENGTH, "over")),
         _form("remove", "rem", "removes what has a name, and what belongs to it alone",
               "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
-        _form("rename", "ren", "gives a gesture, a take, a player or a block a new name",
+        _form("rename", "ren", "gives what has a name another name",
               "rename lean tilt", c.Rename,
               Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME)),
         _form("uncouple", "unc", "removes what joins two keys",
@@ -277,7 +288,9 @@ GROUPS: dict[str, tuple[Form, ...]] = {
 # fmt: on
 FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in some)
 SHORTEST = {form.verb: form.short for form in FORMS}
-SUBJECT_VERBS = tuple(form.verb for form in FORMS if form.subject and form.verb != "=")
+SUBJECT_VERBS = tuple(
+    dict.fromkeys(form.verb for form in FORMS if form.subject and form.verb != "=")
+)
 VERBS = tuple(dict.fromkeys(form.verb for form in FORMS if not form.subject))  # they begin a line
 
 

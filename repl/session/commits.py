@@ -444,8 +444,8 @@ class Commits:
 
     def rebase(self, base: Texts) -> None:
         """Note that the files hold these texts now."""
-        self.past = {number: replace(one, base=base) for number, one in self.past.items()}
-        version = replace(self.running.version, base=base)
+        self.past = {n: replace(one, base=base, renames=()) for n, one in self.past.items()}
+        version = replace(self.running.version, base=base, renames=())
         self.running = replace(self.running, version=version)
         self._find_head()
 
@@ -461,8 +461,12 @@ class Commits:
 
 def fader_ratios(running: Running) -> dict[int, float]:
     """The ratio of each group of routes, by its number."""
-    faders = running.version.faders
-    return {group: faders.ratio(part) for group, part in enumerate(running.stage.listening.parts())}
+    version = running.version
+    parts = enumerate(running.stage.listening.parts())
+    return {
+        group: version.faders.ratio(version.sounds_as.shown(part, version.piece.instruments))
+        for group, part in parts
+    }
 
 
 def _moved(before: Running, after: Running) -> dict[int, float]:

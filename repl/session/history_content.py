@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ergon.notation.tables.shapes import NAME
 from ergon.repl.session.block_rules import read_rules, rules_field
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event
@@ -17,6 +18,7 @@ from ergon.repl.session.journal_names import journal_name
 from ergon.repl.session.midi_maps import maps_field, read_maps
 from ergon.repl.session.version import Faders, PastVersion
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.sounding import SoundingNames
 
 _VERSIONS = 1000  # the latest are kept
 _CHARACTERS = 1 << 28  # of all texts of a history together
@@ -34,6 +36,22 @@ def faders_fields(faders: Faders) -> dict[str, object]:
         "solo": sorted(faders.solo),
         "master": faders.master,
     }
+
+
+def sounding_field(names: SoundingNames) -> dict[str, object]:
+    """The field of a journal for keys and instruments that sound by other names; none where there
+    are none."""
+    return {"sounds_as": dict(names.names)} if names.names else {}
+
+
+def read_sounding(event: Event) -> SoundingNames:
+    """By which names keys and instruments sound, in a journal's event. Raises JournalError."""
+    if "sounds_as" not in event.fields:
+        return SoundingNames()
+    found = event.mapping("sounds_as", str)
+    if not all(NAME.fullmatch(name) for pair in found.items() for name in pair):
+        event.wrong("the field 'sounds_as' has the wrong value")
+    return SoundingNames(found)
 
 
 def history_fields(history: PastVersions) -> dict[str, object]:
@@ -57,6 +75,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 **faders_fields(version.faders),
                 **maps_field(version.maps),
                 **rules_field(version.rules),
+                **sounding_field(version.sounds_as),
             }
         )
         before = files
@@ -94,6 +113,7 @@ def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVers
                 row.get("where", str, ""),
                 maps=read_maps(row),
                 rules=read_rules(row),
+                sounds_as=read_sounding(row),
             )
         )
     if len({version.number for version in versions}) < len(versions):

@@ -32,6 +32,7 @@ _LINES_MAX = 40  # of a definition
 _SECTIONS = (
     "parts",
     "gestures",
+    "phrases",
     "takes",
     "keys",
     "instruments",

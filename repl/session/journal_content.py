@@ -13,13 +13,20 @@ from ergon.rendering.silence import Silence
 from ergon.repl.session.block_rules import Rule, read_rules, rules_field
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.history import History, PastVersions
-from ergon.repl.session.history_content import faders_fields, history_fields, read_history
+from ergon.repl.session.history_content import (
+    faders_fields,
+    history_fields,
+    read_history,
+    read_sounding,
+    sounding_field,
+)
 from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.midi_maps import Map, Place, maps_field, read_maps
 from ergon.repl.session.version import GLIDE, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.sounding import SoundingNames
 
 _EVERY_MAX = 1 << 16  # frames of a tick
 _FRAME_MAX = 1 << 40  # longer than a session at any rate
@@ -49,11 +56,12 @@ class SessionStart:
     maps: Mapping[str, Map] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     reference: float | None = None
+    sounds_as: SoundingNames = field(default_factory=SoundingNames)
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
         made = Version(0, "", self.texts, piece_of(self.texts), self.faders)
-        return replace(made, maps=self.maps, rules=self.rules)
+        return replace(made, maps=self.maps, rules=self.rules, sounds_as=self.sounds_as)
 
     def fields(self) -> dict[str, object]:
         """The fields of the journal's first event."""
@@ -68,6 +76,7 @@ class SessionStart:
             "reference": self.reference,
             **maps_field(self.maps),
             **rules_field(self.rules),
+            **sounding_field(self.sounds_as),
             **({} if self.history is None else history_fields(self.history)),
             **({} if self.base is None else {"base": text_fields(self.base)}),
             **({} if self.take is None else self.take.fields()),
@@ -199,6 +208,7 @@ def read_journal(
         take=take_of(first, path),
         maps=read_maps(first),
         rules=read_rules(first),
+        sounds_as=read_sounding(first),
         reference=None
         if first.fields.get("reference") is None  # a journal that knows no reference level
         else first.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -68,6 +69,28 @@ def places(piece: Piece, notes: MapNotes) -> list[Place]:
     return [(target.part, target.module, first + i) for i in range(target.count)]
 
 
+def _sounding(version: Version, notes: MapNotes) -> list[Place]:
+    """The MATs that a range of notes strikes, as the engine knows them. Raises NotTakenError."""
+    found = places(version.piece, notes)
+    return [(version.sounds_as.of(part), module, member) for part, module, member in found]
+
+
+def renamed(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
+    """Maps to what has another name now."""
+
+    def called(text: str | None) -> str | None:
+        head, dot, rest = (text or "").partition(".")
+        return f"{new}{dot}{rest}" if head == old else text
+
+    found: dict[str, Map] = {}
+    for name, own in maps.items():
+        if isinstance(own, MapNotes):
+            found[name] = replace(own, target=called(own.target) or own.target)
+        else:
+            found[name] = replace(own, target=called(own.target), sounding=called(own.sounding))
+    return found
+
+
 def _target(piece: Piece, text: str) -> Target:
     collector = Collector()
     parts = {
@@ -95,7 +118,7 @@ def strike_points(version: Version) -> StrikePoints:
     for own in version.maps.values():
         if isinstance(own, MapNotes):
             try:
-                found.update(dict.fromkeys(places(version.piece, own)))
+                found.update(dict.fromkeys(_sounding(version, own)))
             except NotTakenError:
                 continue
     return [
@@ -113,7 +136,7 @@ def struck(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, 
         if not isinstance(own, MapNotes) or not own.low <= note <= own.high:
             continue
         try:
-            all_places = places(version.piece, own)
+            all_places = _sounding(version, own)
         except NotTakenError:
             continue
         member = note - own.low if len(all_places) > 1 else 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ergon.live.osc_in import SILENT, OscRequestError, decibels, pressed, text_of
@@ -137,6 +138,8 @@ def _events(running: Running, first: int, last: int) -> Iterator[Event]:
     stage, clock = running.stage, running.clock
     if clock.by is None:
         return
+    version = running.version
+    shown = partial(version.sounds_as.shown, known=version.piece.keys)
     tempo = stage.piece.tempo_map
     bar, _ = tempo.bar_beat(running.beat(first))
     for event in beats(tempo, stage.rate, bar):
@@ -147,5 +150,10 @@ def _events(running: Running, first: int, last: int) -> Iterator[Event]:
     for gesture in stage.gestures:
         frame = frame_of(gesture.start, stage.rate)
         if first <= frame < last:
-            said = (gesture.player, gesture.key, gesture.name, float(gesture.start - clock.by))
+            said = (
+                gesture.player,
+                shown(gesture.key),
+                gesture.name,
+                float(gesture.start - clock.by),
+            )
             yield frame, "/ergon/strike", said

@@ -117,11 +117,11 @@ def follow(
     after = start / before.stage.rate
     old = () if version.cuts else tuple(_left(before, leave, after))
     until = horizon(version.piece.tempo_map, enter)[0]
-    piece = replace(version.piece, tempo_map=clock.tempo(version.piece.tempo_map, after))
+    piece = replace(version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, after))
     new = (Span(piece, Window(enter, until, after)),) if clock.goes else ()
     moving, links = before.glides, before.leaving
     if not extends:
-        pieces = before.version.piece, version.piece
+        pieces = before.version.sounding, version.sounding
         moving = glides(*pieces, before.glides, after, version.glide)
         links = leaving(*pieces, before.glides, before.leaving, after)
         moving = (*moving, *(one.glide for one in links))
@@ -155,7 +155,7 @@ def _staged(
     moving: tuple[Glide, ...] = (),
     links: tuple[LeavingLink, ...] = (),
 ) -> Stage:
-    piece = with_leaving(version.piece, links)
+    piece = with_leaving(version.sounding, links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
     piece = replace(piece, tempo_map=tempo)
     return stage(

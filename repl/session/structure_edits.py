@@ -6,13 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.repl.language import commands as c
+from ergon.repl.session import midi_maps
 from ergon.repl.session.edit_table import makes, with_texts, writes
-from ergon.repl.session.version import NotTakenError, Version
-from ergon.scores.edits import space, structure
+from ergon.repl.session.version import Faders, NotTakenError, Version
+from ergon.scores.edits import renaming, space, structure
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
+    from ergon.scores.reading.piece import Piece
 
 
 @writes(c.Build)
@@ -74,12 +76,36 @@ def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
 
 @makes(c.Rename)
 def _rename(command: c.Rename) -> VersionEdit:
-    """Give something another name; a block goes on running by its rule."""
+    """Give something another name: a block goes on running by its rule, and what sounds sounds on,
+    as loud as it was and moved by the same controllers."""
+    old, new = command.old, command.name
 
     def edit(version: Version, beat: float) -> Version:
-        texts = structure.rename(version.texts, version.piece, command.old, command.name)
-        names = {command.old: command.name} if command.old in version.piece.blocks else {}
-        rules = {names.get(name, name): rule for name, rule in version.rules.items()}
-        return replace(with_texts(version, texts), rules=rules)
+        piece = version.piece
+        made = with_texts(version, renaming.rename(version.texts, piece, old, new))
+        made = replace(made, renames=(*version.renames, (old, new)))
+        if old in piece.blocks:
+            return replace(
+                made, rules={new if n == old else n: rule for n, rule in version.rules.items()}
+            )
+        if old not in {*piece.keys, *piece.instruments, *piece.families}:
+            return made
+        return replace(
+            made,
+            faders=_renamed(version.faders, piece, old, new),
+            maps=midi_maps.renamed(version.maps, old, new),
+            sounds_as=version.sounds_as.renamed(old, new),
+        )
 
     return edit
+
+
+def _renamed(faders: Faders, piece: Piece, old: str, new: str) -> Faders:
+    """The faders of instruments of which one has another name."""
+    of = {old: new, **{name: new + name[len(old) :] for name in piece.families.get(old, ())}}
+    return replace(
+        faders,
+        gains={of.get(name, name): gain for name, gain in faders.gains.items()},
+        muted=frozenset(of.get(name, name) for name in faders.muted),
+        solo=frozenset(of.get(name, name) for name in faders.solo),
+    )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ergon.common.errors import ErgonError
+from ergon.scores.reading.sounding import SoundingNames
 
 if TYPE_CHECKING:
     from ergon.repl.language.commands import MapControl, MapNotes
@@ -60,12 +61,14 @@ class Version:
 
     A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
     that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
-    player who guides a real hand; `maps` are those of MIDI, by their names; `rules` say when
-    blocks run by themselves, by their names; a version that `enters` goes on from that beat of its
-    own piece, whatever the beat was before; `read` is what the line read from the disk, and
+    player who guides a real hand; `maps` are those of MIDI, by their names; `rules` say when blocks
+    run by themselves, by their names; `sounds_as` says by which names the engine knows keys and
+    instruments that were renamed, which sound on; a version that `enters` goes on from that beat of
+    its own piece, whatever the beat was before; `read` is what the line read from the disk, and
     `dropped` are the places whose typing gave way to it; `released` are the parameters whose
-    automation a scene has ended. `base` is what the files held when they
-    were last read or saved; while the score's time `goes`, beats pass.
+    automation a scene has ended. `base` is what the files held when they were last read or saved,
+    and `renames` are those since, each a name and the one that took its place; while the score's
+    time `goes`, beats pass.
     """
 
     number: int
@@ -80,11 +83,18 @@ class Version:
     enters: float | None = None
     maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
+    sounds_as: SoundingNames = field(default_factory=SoundingNames)
+    renames: Sequence[tuple[str, str]] = ()
     read: Texts | None = None
     dropped: Sequence[Spot] = ()
     released: Sequence[str] = ()
     base: Texts | None = None
     goes: bool = False
+
+    @property
+    def sounding(self) -> Piece:
+        """The piece as the engine knows it."""
+        return self.sounds_as.piece(self.piece)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +113,8 @@ class PastVersion:
     base: Texts | None = None
     maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
+    sounds_as: SoundingNames = field(default_factory=SoundingNames)
+    renames: Sequence[tuple[str, str]] = ()
 
     @classmethod
     def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
@@ -119,6 +131,8 @@ class PastVersion:
             own.base,
             own.maps,
             own.rules,
+            own.sounds_as,
+            own.renames,
         )
 
     def restored(self, version: Version, beat: float) -> Version:
@@ -132,6 +146,8 @@ class PastVersion:
             guides=self.guides,
             maps=self.maps,
             rules=self.rules,
+            sounds_as=self.sounds_as,
+            renames=self.renames,
             base=self.base or version.base,
         )
 

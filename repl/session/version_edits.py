@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.edit import EditError
 from ergon.repl.language import commands as c
 from ergon.repl.session import block_edits as block_edits
 from ergon.repl.session import midi_maps
+from ergon.repl.session import phrase_edits as phrase_edits
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
@@ -18,7 +21,17 @@ from ergon.repl.session.edit_table import makes, moves, with_texts, writes
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
-from ergon.scores.edits import automation, keys, matter, merging, names, parts, strikes, times
+from ergon.scores.edits import (
+    automation,
+    keys,
+    matter,
+    merging,
+    names,
+    parts,
+    renaming,
+    strikes,
+    times,
+)
 from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.automating import value_on
@@ -246,7 +259,7 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.trusts
             folder = Path(command.file).parent
             files.append(_file(command.file, Bounds.around(folder, trust=trust)))
-        made = replace(with_texts(version, files[0]), read=files[0], base=files[0])
+        made = replace(with_texts(version, files[0]), read=files[0], base=files[0], renames=())
         return replace(made, enters=beat if sounds_from(made.piece, beat) else 0.0)
 
     return edit
@@ -266,7 +279,13 @@ def _reload(command: c.Reload) -> VersionEdit:
             files[path] = _file(path, version.texts.bounds)
         now = files[path]
         piece_of(now)  # its own mistakes come before those of the merge
-        texts, dropped = merging.merged(version.base or version.texts, now, version.texts)
+        own = now
+        before = version.base or version.texts
+        for old, new in version.renames:  # a renamed thing is what it was: its edits meet there
+            with contextlib.suppress(EditError, NotTakenError):
+                both = [renaming.rename(one, piece_of(one), old, new) for one in (before, own)]
+                before, own = both
+        texts, dropped = merging.merged(before, own, version.texts)
         made = with_texts(version, texts)
         return replace(made, read=now, base=now, dropped=tuple(dropped))
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text import document, edit
@@ -103,24 +104,47 @@ def of_play(play: words.PlayWords, text: str) -> Entry:
     return Entry({"play": play.what.text, **options}, do)
 
 
-def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
-    """The entries of a player's part, in the order written."""
-    node = _part(texts, player)
-    found: list[tuple[int, Entry, str | None]] = []
-    if isinstance(node, document.Sequence):
-        found = [(i, _of_item(item), None) for i, item in enumerate(node.items)]
-    elif isinstance(node, Scalar) and not node.is_empty:
+def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[Line]:
+    """The entries of a player's part, in the order written; those alone that may begin again from
+    beat `since` on."""
+    last = since - SAME
+    own = [
+        number
+        for number, (_, starts) in enumerate(_plays(piece, player))
+        if starts is None
+        or (starts.last if isinstance(starts, Steps) else starts[-1] if starts else inf) >= last
+    ]
+    return [*_lines(texts, piece, player, own)]
+
+
+def newest_first(texts: Texts, piece: Piece, player: str) -> Iterator[Line]:
+    """The entries of a player's part, the last one written first."""
+    return _lines(texts, piece, player, reversed(range(len(_plays(piece, player)))))
+
+
+def _plays(piece: Piece, player: str) -> list[tuple[Play, Sequence[float] | None]]:
+    pairs = zip(piece.parts, piece.starts, strict=True)
+    return [pair for pair in pairs if pair[0].player == player]
+
+
+def _lines(texts: Texts, piece: Piece, player: str, numbers: Iterable[int]) -> Iterator[Line]:
+    """Entries of a player's part, by their numbers."""
+    node, plays = _part(texts, player), _plays(piece, player)
+    rows: list[tuple[int, Entry, str]] = []
+    if isinstance(node, Scalar) and not node.is_empty:
         number = done = 0
         for row, offset in words.rows(node.text):
             number, done = number + node.text.count("\n", done, offset), offset
             read = words.parse_row(row, offset)
-            found.append((number, of_play(read.play, node.text).at(read.at.text), row))
-    pairs = zip(piece.parts, piece.starts, strict=True)
-    plays = [pair for pair in pairs if pair[0].player == player]
-    return [
-        Line(number, entry, play, piece.tempo_map.resolve(play.at), starts, row)
-        for (number, entry, row), (play, starts) in zip(found, plays, strict=True)
-    ]
+            rows.append((number, of_play(read.play, node.text).at(read.at.text), row))
+    for number in numbers:
+        play, starts = plays[number]
+        begin = piece.tempo_map.resolve(play.at)
+        if isinstance(node, document.Sequence):
+            yield Line(number, _of_item(node.items[number]), play, begin, starts)
+        else:
+            place, entry, row = rows[number]
+            yield Line(place, entry, play, begin, starts, row)
 
 
 def change(

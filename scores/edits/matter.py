@@ -7,12 +7,14 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ergon.instruments.model import Module
+from ergon.instruments.modal import Each
+from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import member_table
-from ergon.instruments.transpose import is_mechanics, moved
+from ergon.instruments.transpose import between, is_mechanics, moved, named_pitch
 from ergon.notation.tables import notes
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text import document, edit
@@ -21,7 +23,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading import overlay
+from ergon.scores.reading import leads, overlay
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import KEY
 
@@ -77,6 +79,10 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     What is shared by `like` or `from` is written for this one alone. K and Z take the place of
     f and t60, and the other way round, without a change of the other one. Raises EditError.
     """
+    part, _, name = target.rpartition(".")
+    made = piece.instruments.get(part)
+    if name == "f" and made is not None and leads.whole(made) is not None:
+        return _set_pitch(texts, made, value)
     owner, name = _owner(texts, target)
     changes = _changes(owner, piece, target, name, value)
     home = owner.home(name)
@@ -94,6 +100,32 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
         return texts.put((*owner.base, owner.kind), edit.flow(said), owner.file)
     path = (*owner.base, "modules", owner.module)
     return texts.put(path, edit.flow({owner.kind: said}), owner.file)
+
+
+def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
+    """Set the pitch by which an instrument of several modules goes. Raises EditError."""
+    names, _ = texts.names()
+    entry = names.tables["instruments"].get(made.name)
+    if entry is None or not isinstance(entry.values, Values):
+        raise EditError(f"{made.name} is one note of an instrument: glide it, or set its modules")
+    own, file = entry.values, entry.values.node.document.file
+    path = ("instruments", own.context.name)
+    assert made.pitch is not None
+    wanted = k.PITCH.parse(value) if not value.startswith("x") else made.pitch * q.factor(value)
+    if own.written("like", "from"):
+        texts = texts.put((*path, "f"), f"{wanted!r}Hz" if value.startswith("x") else value, file)
+        is_moved = own.written("transpose")
+        return texts.remove((*path, "transpose"), file=file) if is_moved else texts
+    begun = named_pitch(own)  # what is written, which `transpose` moves
+    assert begun is not None
+    step = between(begun, wanted)
+    if step.ratio == 1.0:
+        is_moved = own.written("transpose")
+        return texts.remove((*path, "transpose"), file=file) if is_moved else texts
+    said = f"x{step.ratio!r}" if step.cents is None else f"{step.cents:g}cents"
+    if step.cents is not None and not step.cents % 100.0:
+        said = f"{step.cents / 100.0:g}st"
+    return texts.put((*path, "transpose"), said, file)
 
 
 def quantities(module: Module) -> Iterator[tuple[str, float]]:
@@ -221,6 +253,15 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
         if scaled is not None:
             return {**changes, name: scaled}
     amount = now.get(name)
+    if owner.said.written("modes"):
+        raise EditError(
+            f"{quote(target)}: its modes stand in a file; `transpose` moves them, or `set` over a "
+            "length lets them glide"
+        )
+    if isinstance(amount, tuple):
+        ends = [_text(one * factor, name, owner) for one in amount]
+        is_list = isinstance(amount, Each)
+        return {**changes, name: f"[{', '.join(ends)}]" if is_list else "..".join(ends)}
     if not isinstance(amount, float):
         raise EditError(f"{quote(target)} has no value that could be multiplied: set a value first")
     return {**changes, name: _text(amount * factor, name, owner)}

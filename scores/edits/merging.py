@@ -146,6 +146,9 @@ def _tree(text: str | None, file: str) -> Tree:
 def _differing(old: _Value, new: _Value, path: edit.Path) -> Iterator[edit.Path]:
     if old == new:
         return
+    if isinstance(new, Missing) and path:  # what is gone is gone as a whole
+        yield path
+        return
     mappings = [one for one in (old, new) if isinstance(one, dict)]
     if not mappings or any(isinstance(one, (str, list)) for one in (old, new)):
         yield path

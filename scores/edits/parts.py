@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
@@ -14,7 +15,9 @@ from ergon.scores.edits.entries import Entry
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import Middle, apply
+from ergon.scores.pattern import words
 from ergon.scores.pattern.steps import Steps
+from ergon.scores.reading.patterns import PATTERN_FIELDS
 from ergon.scores.reading.piece import Piece
 
 
@@ -35,11 +38,12 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequenc
     What begins just there begins so; a gesture that plays once and is still under way begins
     again. Raises EditError.
     """
-    lines = entries.lines(texts, piece, _known(piece, player))
+    lines = entries.lines(texts, piece, _known(piece, player), at)
     playing = [line for line in lines if line.is_open(at, piece)]
     begins = [line for line in lines if abs(line.begin - at) < SAME]
     if not (playing or begins):
-        playing = [line for line in lines if _is_under_way(line, piece, at)][-1:]
+        newest = entries.newest_first(texts, piece, player)
+        playing = [*islice(filter(None, (_under_way(line, piece, at) for line in newest)), 1)]
     if not (playing or begins):
         raise EditError(f"{player} plays nothing at {piece.tempo_map.written(at)}")
     closed, new = [], []
@@ -82,7 +86,7 @@ def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
 
 def ended(texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()) -> Texts:
     """The part of a player ended at a beat, and new entries in its place."""
-    lines = entries.lines(texts, piece, player)
+    lines = entries.lines(texts, piece, player, at)
     closed = [line for line in lines if line.is_open(at, piece)]
     later = [line for line in lines if line.begin >= at - SAME]
     return entries.change(texts, player, written(piece, at), closed, later, new)
@@ -118,19 +122,21 @@ def _known(piece: Piece, player: str) -> str:
     return player
 
 
-def _is_under_way(line: entries.Line, piece: Piece, at: float) -> bool:
-    """Whether the last occurrence of an entry has begun and not ended."""
+def _under_way(line: entries.Line, piece: Piece, at: float) -> entries.Line | None:
+    """The last occurrence of an entry as one that plays it alone, if it has begun and not ended."""
     tempo, what = piece.tempo_map, line.play.what
     begin = line.starts[-1] if line.starts else line.begin
     if isinstance(line.starts, Steps):
-        places = range(len(line.starts))
-        last = next((n for n in reversed(places) if line.starts.course.played(n)), None)
+        course = line.starts.course
+        last = next((n for n in reversed(range(len(line.starts))) if course.played(n)), None)
         if last is None:
-            return False
-        begin, what = line.starts[last], line.starts.course.played(last) or ""
+            return None
+        begin, what = line.starts[last], course.played(last) or ""
+        fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH), None)
+        line = replace(line, entry=line.entry.with_fields(**{**fields, "play": what}))
     gesture = piece.gestures.get(what)
     if begin >= at - SAME or gesture is None:
-        return False
+        return None
     beat = 60.0 / tempo.bpm(begin)
     points, _ = apply(gesture.points, (*gesture.do, *line.play.do), Middle(), beat)
-    return tempo.instant(begin, points[-1].at) > tempo.seconds(at)
+    return line if tempo.instant(begin, points[-1].at) > tempo.seconds(at) else None

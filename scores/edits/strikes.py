@@ -18,17 +18,23 @@ from ergon.scores.reading.piece import Hit, Piece, Strikes
 def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str, str]) -> Texts:
     """Let strikes of a name fall from a beat on, in place of those of that name.
 
-    `fields` are those of a score as texts; the modules in `to` stand apart by spaces. What repeats
-    and has no end goes on for ever. Raises EditError.
+    `fields` are those of a score as texts; the modules in `to` stand apart by spaces, the
+    transformations in `do` by commas. What repeats and has no end goes on for ever. Raises
+    EditError.
     """
-    own, to = named(piece, name), fields["to"].split()
+    own = named(piece, name)
     for one in own:
         texts = end(texts, piece, one, at)
     ahead = {one.name for one in own if piece.tempo_map.resolve(one.at) >= at - SAME}
     used = {one.name for one in piece.strikes} - ahead
     new = free_name(name, used)
-    said: dict[str, edit.Tree] = {"to": to[0] if len(to) == 1 else [*to], "at": written(piece, at)}
-    said |= {field: text for field, text in fields.items() if field != "to"}
+    said: dict[str, edit.Tree] = {**fields, "at": written(piece, at)}
+    if "to" in fields:
+        to = fields["to"].split()
+        rest = {field: text for field, text in said.items() if field not in ("to", "at")}
+        said = {"to": to[0] if len(to) == 1 else [*to], "at": said["at"], **rest}
+    if "do" in fields:
+        said["do"] = [one.strip() for one in fields["do"].split(",")]
     if said.keys() & {"rate", "every", "euclid"} and not said.keys() & {"times", "for", "until"}:
         said["until"] = distant(piece, at)
     return texts.put(("strikes", new), edit.flow(said))

@@ -1,18 +1,15 @@
-"""Instruments, keys, links, players and routes of a score: added, removed, renamed."""
+"""Instruments, keys, links, players and routes of a score: added and removed."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.errors import quote
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.names import free_name
 from ergon.scores.edits.texts import Texts
-from ergon.scores.pattern import words
 from ergon.scores.reading.piece import Piece
 
 LINKS = "links"  # the instrument that holds links between others
@@ -89,7 +86,7 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     A player goes with the part, a key with its couplings, an instrument with its routes. Raises
     EditError.
     """
-    section, path = _written(texts, name)
+    section, path = written_in(texts, name)
     if section == "players" and _has(texts, ("parts", name)):
         texts = texts.remove(("parts", name))
     if section == "keys":
@@ -111,27 +108,6 @@ def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     return texts.remove(path)
 
 
-def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
-    """Give a gesture, a take, a player or a block another name, wherever it is named.
-
-    Raises EditError.
-    """
-    section, _ = _written(texts, old)
-    if section not in ("gestures", "takes", "players", "blocks"):
-        raise EditError(f"{old} is no gesture, take, player or block")
-    names = {"players": piece.players, "blocks": piece.blocks}
-    taken = {*names.get(section, {**piece.gestures, **piece.takes})}
-    if new in taken:
-        raise EditError(f"the name {quote(new)} is in use")
-    root = texts.document().root
-    assert isinstance(root, document.Mapping)
-    places = sorted(_named(root, section, old))
-    text, after = "", 0
-    for start, stop in places:
-        text, after = f"{text}{texts.text[after:start]}{new}", stop
-    return texts.changed(text + texts.text[after:])
-
-
 def routed(texts: Texts, piece: Piece) -> Texts:
     """The routes of a score written out, where it says none: each output has a channel of its
     own."""
@@ -147,12 +123,13 @@ def routed(texts: Texts, piece: Piece) -> Texts:
     return texts
 
 
-def _written(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
+def written_in(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
     """The section in which the score itself defines a name, and its path. Raises EditError."""
     part, _, module = name.partition(".")
     for section in (
         "players",
         "gestures",
+        "phrases",
         "takes",
         "keys",
         "instruments",
@@ -185,83 +162,3 @@ def is_of(route: Node, name: str) -> bool:
     return isinstance(source, Scalar) and (
         source.text == name or source.text.startswith(f"{name}.")
     )
-
-
-def _named(root: document.Mapping, section: str, name: str) -> Iterator[tuple[int, int]]:
-    """Where a gesture, take or player is named in a score: first and last character."""
-    own = root.get(section)
-    if isinstance(own, document.Mapping) and name in own.entries:
-        word, _ = own.entries[name]
-        yield word.start, word.end
-    if section == "blocks":
-        return
-    yield from _in_blocks(root.get("blocks"), name)
-    parts = root.get("parts")
-    players = parts.entries if isinstance(parts, document.Mapping) else {}
-    if section == "players":
-        if name in players:
-            yield players[name][0].start, players[name][0].end
-        return
-    for _, part in players.values():
-        if isinstance(part, document.Sequence):
-            for item in part.items:
-                play = item.get("play") if isinstance(item, document.Mapping) else None
-                yield from _in_play(play, name)
-        elif isinstance(part, Scalar):
-            yield from _in_table(part, name)
-    gestures, hands = root.get("gestures"), root.get("players")
-    for table, field in ((gestures, "like"), (hands, "standin")):
-        for _, node in table.entries.values() if isinstance(table, document.Mapping) else ():
-            yield from _same(node.get(field) if isinstance(node, document.Mapping) else None, name)
-
-
-def _in_blocks(blocks: Node | None, name: str) -> Iterator[tuple[int, int]]:
-    """Where lines of blocks have a word."""
-    word = re.compile(rf"(?<![\w.-]){re.escape(name)}(?![\w-])")
-    for _, block in blocks.entries.values() if isinstance(blocks, document.Mapping) else ():
-        lines = block.items if isinstance(block, document.Sequence) else [block]
-        for line in lines:
-            for match in word.finditer(line.document.text, line.start, line.end):
-                yield match.span()
-
-
-def _same(node: Node | None, name: str) -> Iterator[tuple[int, int]]:
-    if isinstance(node, Scalar) and node.text == name:
-        yield node.start, node.end
-
-
-def _in_table(part: Scalar, name: str) -> Iterator[tuple[int, int]]:
-    """Where rows of a table name what is played."""
-    for row, offset in words.rows(part.text):
-        called: list[int] = []
-        play = words.parse_row(row, offset, _noting(name, called)).play
-        yield from _spans(part, name, play, called)
-
-
-def _in_play(node: Node | None, name: str) -> Iterator[tuple[int, int]]:
-    """Where the play of an entry names what is played."""
-    if isinstance(node, Scalar) and not node.is_empty:
-        called: list[int] = []
-        yield from _spans(node, name, words.parse(node.text, 0, _noting(name, called)), called)
-
-
-def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
-    """Note where a name stands in a pattern."""
-
-    def note(word: str, at: int) -> str:
-        if word == name:
-            called.append(at)
-        return word
-
-    return note
-
-
-def _spans(
-    node: Scalar, name: str, play: words.PlayWords, called: list[int]
-) -> Iterator[tuple[int, int]]:
-    """First and last character of a name in a play, whose pattern calls it at some offsets."""
-    own = node.document
-    for offset in [play.what.offset] if play.what.text == name else sorted({*called}):
-        where = node.place_at(offset, len(name))
-        start, _ = own.line_span(where.line - own.first_row - 1)
-        yield start + where.column - 1, start + where.column - 1 + len(name)

@@ -25,6 +25,10 @@ from ergon.scores.reading.uses import Names, Uses
 SECTIONS = tuple(SCORE.by_name)  # the order of sections
 
 
+def _remembering() -> Memory:
+    return Memory(is_loose=True)
+
+
 @dataclass(frozen=True, slots=True)
 class Texts:
     """A score's name and text; `overlay` holds texts that stand for files, by their paths.
@@ -38,7 +42,7 @@ class Texts:
     text: str
     overlay: Mapping[str, str] = field(default_factory=dict)
     sealed: bool = field(default=False, compare=False)
-    memory: Memory = field(default_factory=Memory, repr=False, compare=False)
+    memory: Memory = field(default_factory=_remembering, repr=False, compare=False)
     bounds: Bounds | None = None
 
     @classmethod

@@ -1,12 +1,15 @@
 """One written point: its position, its time, its curve word, and what can be wrong with them."""
 
 import re
+from typing import Literal, get_args
 
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.numbers import NUMBER, UNIT, time_of
 from ergon.notation.text.spelling import nearest
 
-CURVES = ("smooth", "line", "hold", "throw")
+Way = Literal["smooth", "line", "hold"]  # a path into a point
+Curve = Literal[Way, "throw"]
+CURVES: tuple[Curve, ...] = get_args(Curve)
 MAX_POSITION = 1e3  # m; a key travels millimetres
 
 # Dividing by a whole number rounds once, so 6mm is the very float 0.006.

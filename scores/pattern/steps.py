@@ -35,9 +35,13 @@ class Steps(Sequence[float]):
         count: int,
         again: Callable[[Course], Steps],
     ) -> None:
-        """So many places, each on its beat; `again` makes them of another course."""
+        """So many places, each on its beat, `last` that of the last one.
+
+        `again` makes them of another course.
+        """
         self.course = course
         self.beat = beat
+        self.last = beat(count - 1) if count else -inf
         self._count = count
         self._again = again
 

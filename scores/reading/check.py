@@ -51,7 +51,7 @@ class Checker:
         if not score.written("ergon"):
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
-        times = Times(score, self.collector)
+        times = Times(score, self.collector, self.uses.files.memory)
         self.movements.own(score.place)
         self.matter.read()
         strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
@@ -61,7 +61,7 @@ class Checker:
         self._reach_led()
         included = self._included(times, len(duet))
         self.matter.look_up()
-        plays = self._plays()
+        plays = self._plays(times.known.names())
         changes = [a for v in self.score["automation"] or () if (a := self._automation(v))]
         for _, one in included:
             plays += one.parts
@@ -90,12 +90,13 @@ class Checker:
             tempo_map=times.map,
             automation=tuple(changes),
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
+            phrases=tuple(self._phrases()),
             families={n: tuple(own.values()) for n, own in self.scene.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
             return piece
-        return replace(piece, starts=schedule(piece, begins, self.collector))
+        return replace(piece, starts=schedule(piece, begins, times.known, self.collector))
 
     # --- what other scores play ------------------------------------------------------------------
 
@@ -159,7 +160,8 @@ class Checker:
             self.movements.reach(player.standin, values.context.of("standin"))
         return player
 
-    def _plays(self) -> list[Play]:
+    def _plays(self, known: dict[int, tuple[Play, tuple[str, ...]]]) -> list[Play]:
+        """The lines of all parts; what they name, where it is not `known`, is noted there."""
         plays: list[Play] = []
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
@@ -171,11 +173,18 @@ class Checker:
                 self.collector.error("E301", message, place, word=name, names=player_names)
             if part is MISSING:
                 continue
+            found: set[str] = set()
             for play in part:
-                for word in play.names:
-                    if isinstance(word, Name):
-                        self.movements.reach(word, f"part of {quote(name)}")
-                plays.append(play)
+                one = known.get(id(play))
+                if one is None:
+                    one = known[id(play)] = play, play.names
+                if found.issuperset(one[1]):
+                    continue
+                for word in one[1]:
+                    who = f"part of {quote(name)}"
+                    if isinstance(word, Name) and self.movements.reach(word, who):
+                        found.add(str(word))
+            plays += part
         return plays
 
     def _strikes(self, values: Values) -> Strikes | None:

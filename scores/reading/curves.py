@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import cast
 
 from ergon.notation.tables import quantities as q
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Time
 from ergon.scores.gesture import notation
+from ergon.scores.gesture.points import Way
 from ergon.scores.pattern.values import Amount
 
-Way = Literal["smooth", "line", "hold"]
 MAX_POINTS = 1_000  # written out
 _VALUE = re.compile(r"(?<![^\s(])[^\s()|@]+(?=@)")
 
@@ -75,8 +75,5 @@ def parse_curve(text: str, read: Callable[[str], float]) -> tuple[CurvePoint, ..
     for point in points:
         if point.curve == "throw":
             raise TextError("a parameter is not thrown; write smooth or line", length=len(text))
-        way: Way = (
-            "hold" if point.curve == "hold" else "line" if point.curve == "line" else "smooth"
-        )
-        found.append(CurvePoint(point.at, amounts[round(point.x)], way))
+        found.append(CurvePoint(point.at, amounts[round(point.x)], cast("Way", point.curve)))
     return tuple(found)

@@ -7,6 +7,7 @@ from typing import Any
 
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS
+from ergon.instruments.transpose import is_slow
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
@@ -21,8 +22,11 @@ PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "STRING": ("f", "t60"),
     "PLATE": ("f", "t60"),
     "BANK": ("f", "t60"),
+    "INSTRUMENT": ("f",),
 }
 ALL = ("f", "t60", "K", "Z", "M")
+# What a factor of the pitch of an instrument leaves as it is, so that such an instrument stays.
+_STIFFENING = ("hardening", "stretching")
 
 
 def found(
@@ -36,20 +40,53 @@ def found(
         if owner is None:
             continue
         wanted = ".".join(words[count:])
+        is_ca = isinstance(owner, Instrument) and owner.ca_rate is not None
         for module in owner.modules:
             if module.name == wanted:
-                return part, module, isinstance(owner, Instrument) and owner.ca_rate is not None
+                return part, module, is_ca
+        if not wanted and (all_of_it := whole(owner)) is not None:
+            return part, all_of_it, is_ca
+    return None
+
+
+def whole(owner: Any) -> Module | None:
+    """An instrument of several modules as one module with its named pitch; None without one."""
+    if not isinstance(owner, Instrument) or owner.pitch is None:
+        return None
+    return Module("", "INSTRUMENT", {"f": owner.pitch, "modules": owner.modules}, owner.place)
+
+
+def moved(owner: Instrument) -> list[Module]:
+    """The modules that the pitch of an instrument moves: those that `transpose` moves."""
+    able = PARAMETERS.keys() - {"INSTRUMENT"}
+    return [one for one in owner.modules if one.kind in able and not is_slow(one.kind, one.fields)]
+
+
+def _stays(module: Module) -> str | None:
+    """Why an instrument with a module cannot glide as a whole; None where it can."""
+    if module.kind == "LNL" and (module.fields["law"] or module.fields["points"]):
+        return f"the law of its LNL {module.name} does not change while it plays"
+    if module.fields.get("contact") == "magic":
+        return f"the magic contact {module.name} chooses its own K and Z"
+    for name in _STIFFENING:
+        if module.fields.get(name):
+            return f"`{name}` of its {module.kind} {module.name} does not change while it plays"
     return None
 
 
 def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
     """Why a parameter of a module cannot change while it plays; None where it can."""
     own = PARAMETERS.get(module.kind, ())
+    if module.kind == "INSTRUMENT" and not is_ca and parameter == "f":
+        why = next(filter(None, map(_stays, module.fields["modules"])), None)
+        return why and f"cannot glide as a whole: {why}; glide its modules"
     if is_ca:
         return "has algorithmic values, which stay as they are; only values in SI units change"
     if not own:
-        able = ", ".join(PARAMETERS)
+        able = ", ".join(kind for kind in PARAMETERS if kind != "INSTRUMENT")
         return f"is a {module.kind}, which does not change while it plays; {able} do"
+    if module.kind == "INSTRUMENT" and parameter not in own:
+        return f"has several modules: of the whole only f changes; name a module for {parameter}"
     if parameter not in own:
         word = " and ".join(own)
         return f"is a {module.kind}, of which only {word} change while it plays"
@@ -80,3 +117,6 @@ def reader(module: Module, parameter: str) -> Callable[[str], float]:
 def _only_factor(text: str) -> float:
     message = f"{quote(text)}: the members of a BANK have values of their own; write a factor, x1.5"
     raise TextError(message, length=max(1, len(text)), code="E201")
+
+
+FACTOR = Text(_only_factor, "a factor, such as x1.5")

@@ -73,4 +73,6 @@ def load(
             piece = Checker(names, uses).piece()
     if collector.has_errors():
         piece = None
+        if memory is not None and memory.is_loose:  # mistakes are told with their places
+            return load(path, text=text, overlay=overlay, bounds=bounds, sealed=sealed)
     return Loaded(piece, collector.finish(), files.documents, collector.left_out(), names, uses)

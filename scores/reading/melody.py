@@ -13,7 +13,12 @@ from ergon.instruments.names import Scene
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import notes
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.expressions import has_name, word_value
+from ergon.notation.tables.expressions import (
+    has_name,
+    is_computed,
+    note_of,
+    word_value,
+)
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
@@ -52,7 +57,7 @@ class Row:
     jitter: Length = _STILL  # how far chance moves it, earlier or later
 
 
-class _WhatShape(Reference):
+class WhatShape(Reference):
     """Names apart by spaces, or as a list."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -62,10 +67,11 @@ class _WhatShape(Reference):
         for item in items:
             if not isinstance(item, Scalar):
                 return wrong_shape(self, item, name, context)
-            found += [
-                Name(word.group(), item.place_at(word.start(), len(word.group())))
-                for word in _WORD.finditer(item.text)
-            ]
+            for word in _WORD.finditer(item.text):
+                struck = _struck(word.group(), word.start(), item, name, context)
+                if struck is None:
+                    return MISSING
+                found.append(struck)
         if not 1 <= len(found) <= MAX_CHORD:
             message = f"{context.of(name)}: from 1 to {MAX_CHORD} names are expected"
             context.error("E106", message, node.place)
@@ -77,6 +83,27 @@ class _WhatShape(Reference):
         return {"type": ["string", "array"], "items": {"type": ["string"]}}
 
 
+def _is_impulse(word: str, node: Scalar, *, is_alone: bool) -> bool:
+    """Whether the last word of a row is an impulse, and none of what is struck."""
+    if _IMPULSE.match(word):
+        return True
+    try:
+        return is_computed(word, node.document) and note_of(word, node.document) is None
+    except TextError:
+        return not is_alone or not has_name(word, node.document)
+
+
+def _struck(word: str, start: int, node: Scalar, name: str, context: Context) -> Name | None:
+    """What a word strikes: as written, or the note that it stands for."""
+    try:
+        note = note_of(word, node.document)
+    except TextError as error:
+        error.offset += start
+        context.text_error(error, node, name, inside=False)
+        return None
+    return Name(note or word, node.place_at(start, len(word)))
+
+
 def _row(values: Values) -> Row:
     return Row(values["at"], values["what"], values["impulse"], values.node.place)
 
@@ -84,7 +111,7 @@ def _row(values: Values) -> Row:
 def _entry(at: Text, doc: str) -> Record:
     fields = (
         Field("at", at, doc, required=True),
-        Field("what", _WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
+        Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
         Field("impulse", k.IMPULSES, "impulse of an ergon", shown="that of the strike before"),
     )
     doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
@@ -124,19 +151,18 @@ class Entries(Shape):
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
         (at, start), rest = cells[0], cells[1:]
         impulse = None
-        last = rest[-1][0] if rest else ""
-        # A name of `let:` after what is struck.
-        if _IMPULSE.match(last) or (len(rest) > 1 and has_name(last, node.document)):
+        if rest and _is_impulse(rest[-1][0], node, is_alone=len(rest) == 1):
             impulse = self._value("impulse", *rest.pop(), node, context)
         when = self._value("at", at, start, node, context)
         if not 1 <= len(rest) <= MAX_CHORD:
             message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
             context.error("E204", message, node.place_at(start, len(at)))
             return None
-        if when is MISSING or impulse is MISSING:
+        names = [_struck(word, place, node, "what", context) for word, place in rest]
+        if when is MISSING or impulse is MISSING or None in names:
             return None
-        names = tuple(Name(word, node.place_at(place, len(word))) for word, place in rest)
-        return Row(when, names, impulse, node.place_at(start, len(at)))
+        struck = tuple(name for name in names if name is not None)
+        return Row(when, struck, impulse, node.place_at(start, len(at)))
 
     def _value(self, field: str, word: str, offset: int, node: Scalar, context: Context) -> Any:
         shape = self.entry.by_name[field].shape
@@ -147,6 +173,10 @@ class Entries(Shape):
             error.offset += offset
             context.text_error(error, node, field, inside=False)
             return MISSING
+
+    def chosen(self, node: Node) -> Shape:
+        """The list of strikes, unless a table is written."""
+        return ListOf(self.entry, 1, MAX_ROWS) if isinstance(node, document.Sequence) else self
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -56,12 +56,14 @@ class Movements:
             return False
         return True
 
-    def reach(self, name: Name, who: str) -> None:
-        """Make what `who` plays; report where there is none of that name."""
-        if not self.play(name):
+    def reach(self, name: Name, who: str) -> bool:
+        """Make what `who` plays; False after a report that there is none of that name."""
+        is_there = self.play(name)
+        if not is_there:
             message = f"{who}: no gesture or take is called {quote(name)}"
             names = (*self._tables["gestures"], *self._tables["takes"])
             self._collector.error("E301", message, name.place, word=str(name), names=names)
+        return is_there
 
     def take(self, name: str, entry: Entry) -> None:
         """Make a take, but for a MIDI file: strikes and keys play its notes."""

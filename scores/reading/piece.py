@@ -390,6 +390,9 @@ class Piece:
     # Instruments with notes: the names of their members.
     families: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)
 
+    # What strikes may play: the names of phrases, and of takes that are MIDI files.
+    phrases: tuple[str, ...] = field(default=(), compare=False, repr=False)
+
     def modules(self) -> Iterator[tuple[str, Module]]:
         """Every module of the keys and instruments, with the name of its part."""
         for key in self.keys.values():
@@ -448,8 +451,9 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Position: ("text",),
     Target: ("text",),
     Hit: ("what",),
+    Instrument: ("pitch",),
     # What follows from the others, or is never computed.
-    Piece: ("tempo_map", "starts", "blocks", "families"),
+    Piece: ("tempo_map", "starts", "blocks", "families", "phrases"),
     RenderSpec: ("file",),
 }
 

@@ -11,6 +11,7 @@ from ergon.notation.text.values import Place, Time
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Middle, Transform, apply, apply_to_take
 from ergon.scores.pattern.steps import steps
+from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
 
 # How long a gesture is, and what was lost by its transformations, a sentence each.
@@ -21,42 +22,60 @@ MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
 
 
 def schedule(
-    piece: Piece, begins: Sequence[float], collector: Collector
+    piece: Piece, begins: Sequence[float], known: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; None where only a take's file can tell.
 
-    `begins` are the beats of their first times. Reports occurrences without end, bar checks
-    that are not on a bar (W311), and points that transformations lose (W315).
+    `begins` are the beats of their first times; what is `known` of lines is not worked out again.
+    Reports occurrences without end, bar checks that are not on a bar (W311), and points that
+    transformations lose (W315).
     """
     room = MAX_OCCURRENCES
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
+    starts = known.starts(piece)
     for play, at in zip(piece.parts, begins, strict=True):
-        if play.pattern is not None:
-            placed = _pattern(piece, play, at, lengths, room, collector)
-            room -= len(placed)
-            result.append(placed)
-            continue
-        beats = None
-        gesture = piece.gestures.get(play.what)
-        length, notes = Time(), _NOTHING
-        if gesture is not None:
-            length, notes = _length(piece, gesture, play, at, lengths)
-        for note in notes:
-            collector.error("W315", f"{quote(play.what)}: {note}", play.place)
-        is_countable = gesture is not None or (
-            _take_can(play, collector) and play.every is not None
-        )
-        if is_countable:
-            beats = _beats(piece, play, at, length, room, collector)
-            room -= len(beats)
-        if gesture is not None and gesture.bar_checks and not play.do:
-            _bars(piece, gesture, beats[:1] if beats else [], collector)
+        one = starts.get(id(play))
+        beats = one[1] if one is not None else None
+        count = one[2] if one is not None else 0
+        if one is None or count > room:
+            told = collector.told
+            beats = _line(piece, play, at, lengths, room, collector)
+            count = len(beats) if beats is not None else 0
+            if collector.told == told:
+                starts[id(play)] = play, beats, count
+        room -= count
         result.append(beats)
+    known.keep_starts(piece, starts)
     room_for_strikes = float(MAX_STRIKES)
     for strikes in piece.strikes:
         room_for_strikes -= _count(strikes, piece, room_for_strikes, collector)
     return tuple(result)
+
+
+def _line(
+    piece: Piece,
+    play: Play,
+    at: float,
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
+    room: int,
+    collector: Collector,
+) -> Sequence[float] | None:
+    """Beats on which a line is played; None where only a take's file can tell."""
+    if play.pattern is not None:
+        return _pattern(piece, play, at, lengths, room, collector)
+    beats = None
+    gesture = piece.gestures.get(play.what)
+    length, notes = Time(), _NOTHING
+    if gesture is not None:
+        length, notes = _length(piece, gesture, play, at, lengths)
+    for note in notes:
+        collector.error("W315", f"{quote(play.what)}: {note}", play.place)
+    if gesture is not None or (_take_can(play, collector) and play.every is not None):
+        beats = _beats(piece, play, at, length, room, collector)
+    if gesture is not None and gesture.bar_checks and not play.do:
+        _bars(piece, gesture, beats[:1] if beats else [], collector)
+    return beats
 
 
 def _pattern(

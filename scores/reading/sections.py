@@ -28,6 +28,7 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.points import CURVES
 from ergon.scores.reading import mixing
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.include import INCLUDE
@@ -40,7 +41,7 @@ from ergon.scores.reading.piece import METHODS
 RATE = 44100.0  # frames a second of a score that says nothing
 MAX_CHANNELS = 1024
 MAX_SEED = 2**64 - 1  # the generator's key holds 64 bits of it
-CURVE = choice("smooth", "line", "hold", "throw")
+CURVE = choice(*CURVES)
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ KEY = Record(
         Field("X0", k.POSITION, "position at the beginning", 0.0),
         Field("V0", k.SPEED, "velocity at the beginning", 0.0),
         Field("travel", k.TRAVEL, "range of positions of the key", shown="anywhere"),
-        Field("reach", k.POSITIVE, "factor from the movement of the key to that of the scene", 1.0),
+        Field("reach", k.POSITIVE, "factor from the movement of the key to that of the piece", 1.0),
         Field("modules", NamesOf(module_table(False), "module"), MODULES_DOC),
         Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
@@ -207,6 +208,11 @@ class MelodyShape(Shape):
     def words(self) -> str:
         """In words."""
         return f"{self.record.words()}, or its entries alone"
+
+    def chosen(self, node: Node) -> Shape:
+        """The fields, unless entries stand alone."""
+        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
+        return self.record.by_name["entries"].shape.chosen(node) if is_bare else self.record
 
 
 _ANY = ["object", "array", "string", "null"]

@@ -11,16 +11,18 @@ from ergon.notation.clock.tempo import Entry, TempoError, TempoMap
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.errors import Collector, TextError, quote
+from ergon.notation.text.memory import Memory
 from ergon.notation.text.values import Place
 from ergon.scores.reading import build
+from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.piece import Mark, Piece, TempoEntry
 
 
 class Times:
     """Tempo entries and marks of a score; `map` is a plain one when they do not fit."""
 
-    def __init__(self, score: Values, collector: Collector) -> None:
-        """Read them and make the map."""
+    def __init__(self, score: Values, collector: Collector, memory: Memory | None = None) -> None:
+        """Read them and make the map. What was checked before at the same times is in a memory."""
         self.collector = collector
         lines = [v for v in score["tempo"] or () if isinstance(v, Values)]
         self._lines = [(v, build.tempo(v)) for v in lines]
@@ -33,6 +35,9 @@ class Times:
         )
         self._known = tuple(score["marks"] or {})
         self.map = self._map()
+        said = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
+        file = score.node.document.file
+        self.known = KnownPlays(memory, file, (said, [(mark.name, mark.at) for mark in self.marks]))
 
     def _map(self) -> TempoMap:
         positions = {mark.name: mark.at for mark in self.marks}
@@ -91,12 +96,20 @@ class Times:
         begins = []
         for mark in self.marks:
             self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
+        known = self.known.begins()
         for play in piece.parts:
+            if (one := known.get(id(play))) is not None:
+                begins.append(one[1])
+                continue
+            told = self.collector.told
             start = self._beats(play.at, lambda play=play: play.at_place)  # type: ignore[misc]
             begins.append(start or 0.0)
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
+            if self.collector.told == told:
+                known[id(play)] = play, begins[-1]
+        self.known.keep_begins(piece.parts, known)
         entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
         entries += score["automation"] or ()
         for values in entries:

@@ -14,6 +14,7 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.shifted import NEVER, Shifted, Standing
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.reading.automation import Automation, Shape, Swing
+from ergon.scores.reading.leads import moved
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.leading import Led, Points, Where
 
@@ -76,31 +77,52 @@ def automated(
     for one in (*piece.automation, *_notes(piece)):
         where = one.target.part, one.target.module
         lines.setdefault(where, {}).setdefault(one.parameter, []).append(one)
+    wholes: dict[str, _Curve] = {}
+    for where in [*lines]:
+        led = Led.of(piece, where)
+        if led is None:
+            del lines[where]  # a gesture is rehearsed without instruments
+        elif led.module.kind == "INSTRUMENT":
+            own = lines.pop(where)["f"]
+            wholes[where[0]] = _curve(piece, own, led.own["f"], since, until, collector)
+            for module in moved(piece.instruments[where[0]]):
+                lines.setdefault((where[0], module.name), {})
     found: dict[Where, Points] = {}
     for where, parameters in lines.items():
         led = Led.of(piece, where)
-        if led is None:
-            continue  # a gesture is rehearsed without instruments
+        assert led is not None
         curves = {
             name: _curve(piece, some, led.own[name], since, until, collector)
             for name, some in parameters.items()
         }
-        instants = sorted({t for curve in curves.values() for t in curve.t})
-        if led.cost * len(instants) > MAX_POINTS:
-            place = next(iter(parameters.values()))[0].place
+        whole = wholes.get(where[0])
+        if whole is not None and led.module not in moved(piece.instruments[where[0]]):
+            whole = None
+        made = _points(led, curves, whole)
+        if led.cost * len(made) > MAX_POINTS:
+            place = next(one.place for one in piece.automation if one.target.part == where[0])
             message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, place)
-        elif instants:
-            known: dict[tuple[float, ...], tuple[float, ...]] = {}
-            points = []
-            for t in instants:
-                values = tuple(curve.at(t) for curve in curves.values())
-                if values not in known:  # a swing has the same values in every period
-                    known[values] = led.numbers(dict(zip(curves, values, strict=True)))
-                points.append((max(0.0, t), *known[values]))
-            within = set().union(*(curve.within for curve in curves.values()))
-            found[where] = _chords(points, within) if within else points
+        elif made:
+            found[where] = made
     return found
+
+
+def _points(led: Led, curves: Mapping[str, _Curve], whole: _Curve | None) -> Points:
+    """The points of a module some of whose parameters are led, as a part of a `whole` that is."""
+    all_curves = [*curves.values(), *([] if whole is None else [whole])]
+    known: dict[tuple[float, ...], tuple[float, ...]] = {}
+    points = []
+    for t in sorted({t for curve in all_curves for t in curve.t}):
+        values = tuple(curve.at(t) for curve in all_curves)
+        if values not in known:  # a swing has the same values in every period
+            numbers = led.numbers(dict(zip(curves, values, strict=False)))
+            if whole is not None:
+                numbers = led.higher(numbers, values[-1] / whole.own)
+            known[values] = numbers
+        points.append((max(0.0, t), *known[values]))
+    within = set().union(*(curve.within for curve in all_curves))
+    return _chords(points, within) if within else points
 
 
 def _chords(points: Points, within: Container[float]) -> Points:

@@ -6,7 +6,7 @@ import math
 from array import array
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, TypedDict, cast, overload
 
@@ -16,6 +16,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Position
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
+from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.sampled import refused_point, sentence
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
 from ergon.scores.pattern.steps import Steps
@@ -35,8 +36,6 @@ _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
 # What is put on a timeline at most: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
 MAX_PLAYED = 200_000
 MAX_POINTS = 750_000
-
-Curve = Literal["smooth", "line", "hold", "throw"]
 
 
 class _Options(TypedDict):
@@ -161,6 +160,24 @@ class Hands:
             _played=self._played,
         )
 
+    def play_parts(self, piece: Piece, still: Container[str] = ()) -> None:
+        """All occurrences of the lines of a piece, but on keys that stay `still`.
+
+        Of lines that are over before the window chance counts the occurrences, and that is all.
+        """
+        since, counts = self.window.since - SAME, self._occurrences
+        for play, beats in zip(piece.parts, piece.starts, strict=True):
+            if piece.players[play.player].key in still:
+                continue
+            if type(beats) is list:
+                if beats and beats[-1] < since:
+                    what = play.player, play.what
+                    counts[what] = counts.get(what, 0) + len(beats)
+                    continue
+            elif isinstance(beats, Steps) and beats.last < since:
+                continue
+            self.play(play, beats)
+
     def play(self, play: Play, starts: Sequence[float] | None) -> None:
         """All occurrences of one line of a part, on the beats `starts`, rising.
 
@@ -183,7 +200,7 @@ class Hands:
         """What a pattern plays in its places within the window."""
         course = places.course
         since, until = self.window.since - SAME, self.window.until - SAME
-        if not places or places[-1] < since:
+        if places.last < since:
             return
         first, last = bisect_left(places, since), bisect_left(places, until)
         own: dict[tuple[str, tuple[Transform, ...]], Play] = {}

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import ceil, sqrt
+from itertools import pairwise
+from math import ceil, pi, sqrt
+from pathlib import Path
 
 from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import member_count
 from ergon.notation.text.errors import Diagnostic, quote
+from ergon.notation.text.files import is_shipped
+from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.leading import Points, Where
 from ergon.scores.staging.scene import Scene
 
 FULL = 5_000.0  # [Hz] a body that stops below sounds dull
 _MOST_RADIUS = 400
+_BODIES_MAX = 256  # of a score: so many are looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,32 +32,82 @@ class HighestMode:
 
 
 def highest_modes(piece: Piece, scene: Scene) -> list[HighestMode]:
-    """Those of all bodies of instruments in SI units, in the order of the score."""
+    """Those of the first 256 bodies of instruments in SI units, in the order of the score."""
     return list(_each(piece, scene))
 
 
 def _each(piece: Piece, scene: Scene) -> Iterator[HighestMode]:
     assembly = scene.assembly
+    left = _BODIES_MAX
     for instrument in piece.instruments.values():
         for module in instrument.modules:
             first = assembly.mats.get((instrument.name, module.name))
             if module.kind not in ("STRING", "PLATE") or first is None or instrument.ca_rate:
                 continue
+            if left == 0:
+                return
+            left -= 1
             name = ".".join(filter(None, (instrument.name, module.name)))
             yield HighestMode(name, module, assembly.network.highest_mode(first))
 
 
 def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
-    """W331 for each body whose highest mode lies below 5 kHz, with the masses that would do."""
-    found = []
+    """W331 for each body whose highest mode lies below 5 kHz, with the masses that would do.
+
+    Once for each place in a file, for notes and copies have it in common; never for the library's.
+    """
+    lowest: dict[Place, HighestMode] = {}
     for one in modes:
-        if one.hertz >= FULL:
+        known = lowest.setdefault(one.module.place, one)
+        if one.hertz < known.hertz:
+            lowest[one.module.place] = one
+    found = []
+    for one in lowest.values():
+        if one.hertz >= FULL or is_shipped(Path(one.module.place.file)):
             continue
         message = f"{quote(one.name)} has no mode above {one.hertz / 1e3:.3g} kHz"
         help = f"{_enough(one)} would reach {FULL / 1e3:g} kHz"
         place = one.module.place
         found.append(Diagnostic("W331", message, place, None, help))
     return found
+
+
+def passes_limit(piece: Piece, scene: Scene, paths: Mapping[Where, Points]) -> list[Diagnostic]:
+    """W332 for each body that automation leads past what one step a frame can follow, and when.
+
+    The scheme is stable up to a mode at the rate over pi.
+    """
+    found, limit = [], piece.rate / pi
+    for one in highest_modes(piece, scene):
+        where = (one.name.removesuffix(f".{one.module.name}"), one.module.name)
+        points = paths.get(where, ())
+        most = max((factor for _, factor, _ in points), default=1.0)
+        if one.hertz >= limit or one.hertz * sqrt(most) < limit:
+            continue
+        own = [line for line in piece.automation if (line.target.part, line.target.module) == where]
+        place = next((line.place for line in own if line.parameter == "f"), one.module.place)
+        at = _instant(points, (limit / one.hertz) ** 2)
+        tempo = piece.tempo_map
+        times = ceil(one.hertz * sqrt(most) / limit)
+        message = (
+            f"from {tempo.written(tempo.beats(at))} ({at:.2f} s) on the pitch of {quote(one.name)} "
+            f"is higher than one step a frame can follow: its highest mode passes "
+            f"{limit / 1e3:.3g} kHz, and comes to {one.hertz * sqrt(most) / 1e3:.3g} kHz"
+        )
+        help = (
+            f"there it takes {times} steps a frame, or {times * piece.rate:,.0f} Hz, or a dearer "
+            "method, which a plan chooses and `method: ca` does not; fewer masses take less"
+        )
+        found.append(Diagnostic("W332", message, place, None, help))
+    return found
+
+
+def _instant(points: Points, factor: float) -> float:
+    """When the first number of points first comes to a factor, which it passes [s]."""
+    for (t0, low, _), (t1, high, _) in pairwise(points):
+        if low < factor <= high:
+            return t0 + (t1 - t0) * (factor - low) / (high - low)
+    return points[0][0]
 
 
 def _enough(one: HighestMode) -> str:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ergon import _core
 from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import member_count
+from ergon.scores.reading.leads import whole
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.gliding import LN_1000, TWO_PI, ties
 
@@ -45,6 +46,8 @@ class Led:
         part = key or piece.instruments.get(name)
         modules = () if part is None else part.modules
         module = next((one for one in modules if one.name == module_name), None)
+        if module is None and not module_name:
+            module = whole(part)
         if module is None:
             return None
         return cls(module, 1.0 if key is None else 1.0 / (key.reach * key.reach))
@@ -60,6 +63,8 @@ class Led:
         kind = self.module.kind
         if kind == "CEL":
             return _tied(self.module, self.own, said, self.scale)
+        if kind == "INSTRUMENT":
+            return ()  # its modules have numbers
         if kind == "BANK":
             f, t60 = said.get("f", 1.0), said.get("t60", 1.0)
             return f * f, 1.0 / t60
@@ -68,6 +73,11 @@ class Led:
             new_k, new_sigma = _square_and_sigma({**self.own, **said})
             return new_k / k, new_sigma / sigma if sigma else 1.0
         return tuple(said[name] / self.own[name] if name in said else 1.0 for name in ("K", "Z"))
+
+    def higher(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
+        """Its numbers where all times are divided by a ratio, as `transpose` does."""
+        stiffness, viscosity, *rest = numbers
+        return (stiffness * ratio * ratio, viscosity * ratio, *rest)
 
     def put(
         self, timeline: _core.Timeline, assembly: Assembly, where: Where, points: Points
@@ -88,6 +98,8 @@ class Led:
 def _own(module: Module) -> dict[str, float]:
     """The parameters of a module as they are."""
     fields = module.fields
+    if module.kind == "INSTRUMENT":
+        return {"f": float(fields["f"])}
     if module.kind == "BANK":
         return {"f": 1.0, "t60": 1.0}  # each member has its own
     if module.kind in _BODIES:

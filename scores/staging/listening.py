@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
+from math import floor
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
@@ -203,7 +204,7 @@ def _curve(piece: Piece, fade: Fade) -> Curve:
     """A fade by the frames of the piece."""
     tempo = piece.tempo_map
     instants = (tempo.seconds(tempo.resolve(point.at)) for point in fade)
-    frames = (int(min(instant, _NEVER) * piece.rate + 0.5) for instant in instants)
+    frames = (floor(max(-_NEVER, min(t, _NEVER)) * piece.rate + 0.5) for t in instants)
     return tuple((n, point.gain, point.is_smooth) for n, point in zip(frames, fade, strict=True))
 
 

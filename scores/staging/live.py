@@ -120,8 +120,9 @@ def _tick_frames(piece: Piece, real: Real, collector: Collector) -> int:
 
 
 def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) -> bool:
+    playing = {play.player for play in piece.parts}
     for other in piece.players.values():
-        plays = any(play.player == other.name for play in piece.parts)
+        plays = other.name in playing
         if other is player or other.key != player.key or not (plays or other.name in real):
             continue
         message = (
@@ -141,8 +142,7 @@ def standin(
 
     alone = _alone(piece, player)
     network, hands = _key(alone, player, collector)
-    for play, starts in zip(alone.parts, alone.starts, strict=True):
-        hands.play(play, starts)
+    hands.play_parts(alone)
     if not alone.parts and player.standin:
         hands.standin(player)
     # A part that is shifted to before the beginning is over when the piece begins.
@@ -188,8 +188,7 @@ def leading(
         alone = _alone(piece_of_span, piece_of_span.players[name])
         until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
         span_hands = hands.other(alone, window._replace(until=until, after=after))
-        for play, starts in zip(alone.parts, alone.starts, strict=True):
-            span_hands.play(play, starts)
+        span_hands.play_parts(alone)
     start = first * tick_frames
     simulation = _core.Simulation(network, hands.timeline, start=start, on_fault="mute")
     path = _path(simulation, tick_frames, ticks.stop - first)[ticks.start - first :]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +15,8 @@ _LOOSER = (-80.0, -60.0, -40.0, -20.0)
 # Parts of the allowance of work for trials: of the plan that is asked for and, where its cost is
 # bounded, of each that is looser. They add up to 1.
 _SHARE, _LOOSER_SHARE = 0.5, 0.125
+# What a draft leaves out is below the sound by so much, as errors of its contacts may be [dB].
+_DRAFT = -20.0
 # Methods of meshes, whose errors are known from trials alone.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
@@ -23,28 +24,47 @@ _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
-_Heard = tuple[float, float, float]
-_Row = tuple[
-    float | None, float | None, float | None, _Heard | None, float | None, str | None, bool
-]
-Told = Sequence[_Row]
 
 
 class Store(Protocol):
-    """Plans of earlier runs: choices, hash, and what was told of each row."""
+    """What trials of earlier plans found."""
 
-    def get(self, key: str) -> tuple[Pins, str, Told] | None:
-        """The plan that was kept under a key."""
+    def get(self, key: str) -> _core.TrialRecord | None:
+        """The record that was kept under a key."""
 
-    def put(self, key: str, plan: tuple[Pins, str, Told]) -> None:
-        """Keep a plan."""
+    def put(self, key: str, record: _core.TrialRecord) -> None:
+        """Keep a record."""
+
+    def forget(self) -> None:
+        """Remove what was used least recently, until the rest is within bounds."""
+
+
+class _CountedStore:
+    """A store that knows whether all that was asked for was there."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self.n_found = self.n_new = 0
+
+    def get(self, key: str) -> _core.TrialRecord | None:
+        record = self._store.get(key)
+        self.n_found += record is not None
+        return record
+
+    def put(self, key: str, record: _core.TrialRecord) -> None:
+        self.n_new += 1
+        self._store.put(key, record)
+
+    def forget(self) -> None:
+        if self.n_new > 0:
+            self._store.forget()
 
 
 @dataclass(frozen=True, slots=True)
 class Planned:
     """A plan, the accuracy that it was made for, and what is to be said of it (code and sentence).
 
-    `is_kept`: all of it was kept from before.
+    `is_kept`: all that its trials would find was kept from before.
     """
 
     plan: _core.Plan
@@ -72,7 +92,7 @@ def _budget(wished: Accuracy) -> _Budget:
 
 
 class _Planner:
-    """Plans of one piece; `are_kept` as long as none had to be made anew."""
+    """Plans of one piece, of which trials of earlier plans may tell."""
 
     def __init__(
         self,
@@ -82,41 +102,20 @@ class _Planner:
         like: _core.Plan | None,
     ) -> None:
         self._of = network, timeline
-        self._store = store if like is None else None
+        self._store = _CountedStore(store) if store is not None and like is None else None
         self._like = like
-        self.are_kept = self._store is not None
 
     def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
-        """A plan that is kept, or a new one to be kept; its trials take a share of the work."""
-        budget = _budget(wished)
+        """A plan, whose trials take a share of the work."""
+        how = _budget(wished)
+        return _core.Plan(*self._of, **how, store=self._store, like=self._like, share=share)
+
+    def are_kept(self) -> bool:
+        """Whether there were trials, and none had to be played. Nothing is planned afterwards."""
         if self._store is None:
-            return _core.Plan(*self._of, **budget, like=self._like, share=share)
-        key = _core.Plan.key(*self._of, **budget, share=share)
-        stored = self._store.get(key)
-        if stored is not None:
-            choices, digest, told = stored
-            with contextlib.suppress(_core.EngineError):  # no plan of this: make it anew
-                made = _core.Plan(*self._of, **budget, pins=choices, told=told)
-                if made.hash == digest:
-                    return made
-        self.are_kept = False
-        made = _core.Plan(*self._of, **budget, share=share)
-        rows = [_row_of(row) for row in made.rows()]
-        self._store.put(key, (made.choices(), made.hash, rows))
-        return made
-
-
-def _row_of(row: _core.PlanRow) -> _Row:
-    """What a pilot told of a row."""
-    return (
-        row.error_db,
-        row.error_s,
-        row.spectral_db,
-        row.audible,
-        row.left_out_db,
-        row.because,
-        row.cut_short,
-    )
+            return False
+        self._store.forget()
+        return self._store.n_new == 0 and self._store.n_found > 0
 
 
 def make(
@@ -129,8 +128,11 @@ def make(
     *,
     is_foreseen: bool = True,
     correction: float = 1.0,
+    is_draft: bool = False,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
+
+    A draft is the cheapest that is stable, whatever the accuracy: it is made without trials.
 
     Where `cpu` alone is given: the most exact plan that it can pay for. What is as in a plan that
     it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too. Work
@@ -139,6 +141,9 @@ def make(
     """
     if pins is not None:
         return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
+    if is_draft:
+        draft = Accuracy(error=_DRAFT)
+        return Planned(_core.Plan(network, timeline, **_budget(draft), like=like, share=0.0), draft)
     planner = _Planner(network, timeline, store, like)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
@@ -149,12 +154,12 @@ def make(
     notes += [("W403", sentence) for sentence in _cut_short(made, accuracy.error)]
     told = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and told * cost(made) <= accuracy.cpu):
-        return Planned(made, accuracy, tuple(notes), planner.are_kept)
+        return Planned(made, accuracy, tuple(notes), planner.are_kept())
     looser = {error: Accuracy(error=error) for error in _LOOSER}
     looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
     fits = [error for error, other in looser_plans.items() if told * cost(other) <= accuracy.cpu]
     if is_free and fits:
-        return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.are_kept)
+        return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.are_kept())
     all_made = ((made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
     cheapest, its_accuracy = min(all_made, key=lambda one: cost(one[0]))
     hint = (
@@ -167,7 +172,20 @@ def make(
     excess = f"the plan takes {taken} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (made, accuracy)
-    return Planned(*chosen, notes_with_cost, planner.are_kept)
+    return Planned(*chosen, notes_with_cost, planner.are_kept())
+
+
+def draft_error(plan: _core.Plan) -> str:
+    """What is known of the error of a plan that was made without trials, as a sentence."""
+    rows = [row for row in plan.rows() if row.cost > 0.0]
+    left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
+    tried = [row for row in rows if row.what in _BY_TRIAL or row.what in ("stepped", "e4")]
+    names = list(dict.fromkeys(name for row in tried for name in row.parts))
+    known = "nothing is left out"
+    if left_out:
+        known = f"modes that are left out are {max(left_out):.0f} dB below the sound"
+    unknown = f"; the error of {' + '.join(names)} is not measured" if names else ""
+    return f"draft, by the cheapest stable methods and without trials: {known}{unknown}"
 
 
 def _percent(part: float) -> str:

@@ -255,8 +255,11 @@ def stage(
     on_fault: Literal["stop", "mute"] = "stop",
     going: Going | None = None,
     correction: float = 1.0,
+    is_draft: bool = False,
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
+
+    A draft is planned without trials, and cheaply instead.
 
     A ledger is kept of every module alone, a stream of ergons where none strikes inside a body.
     With `fine_contacts` and no plan contacts are computed several times a frame. `pins` are the
@@ -282,7 +285,7 @@ def stage(
             other = like.plan if like is not None else None
             parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
             is_foreseen = going.spans is None and not real
-            made = make(*parts, is_foreseen=is_foreseen, correction=correction)
+            made = make(*parts, is_foreseen=is_foreseen, correction=correction, is_draft=is_draft)
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
@@ -393,10 +396,8 @@ def _play(
     _drives(piece, assembly, hands)
     for played, window in spans:
         span_hands = hands if window is ALL else hands.other(played, window)
-        for play, starts in zip(played.parts, played.starts, strict=True):
-            if played.players[play.player].key not in live_keys:
-                span_hands.play(play, starts)
-    players_with_part = {*real, *(play.player for play in piece.parts)}
+        span_hands.play_parts(played, live_keys)
+    players_with_part = {*real} | {play.player for play in piece.parts}
     for player in piece.players.values():
         if player.hand == "live" and player.standin and player.name not in players_with_part:
             hands.standin(player)

@@ -228,3 +228,24 @@ def test_a_render_says_what_was_computed_finer(folder: Path, capsys: Capture) ->
     assert (record["part"], *told) == ("gong", *map(int, found.groups()))
     assert app.run(["render", "soft.yaml"]) == 0
     assert "finer" not in capsys.readouterr().err
+
+
+def test_an_instrument_that_hides_all_others_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (
+        "ergon: 1\ninstruments:\n"
+        "  loud: {modules: {m: {CEL: {M: 1g, f: 440Hz, t60: 2s}}}, out: {SOX: m}}\n"
+        "  soft: {modules: {m: {CEL: {M: 1g, f: 550Hz, t60: 2s}}}, out: {SOX: m}}\n"
+        "strikes:\n"
+        "  a: {to: [loud.m], at: 0s, impulse: 1mNs}\n"
+        "  b: {to: [soft.m], at: 0s, impulse: %s}\n"
+        "mix: {channels: 1, route: [{from: loud, to: 1}, {from: soft, to: 1}]}\n"
+        "render: {tail: 1s}\n"
+    )
+    for impulse, is_told in (("0.05mNs", True), ("0.5mNs", False)):
+        Path("a.yaml").write_text(text % impulse)
+        assert app.run(["render", "a.yaml", "-f"]) == 0
+        told = "loud is 28 dB louder than every other instrument" in capsys.readouterr().err
+        assert told == is_told

@@ -10,6 +10,9 @@ import pytest
 from patience import PATIENCE
 from sockets import serving
 
+from ergon.instruments.module_kinds import KINDS
+from ergon.scores.gesture.points import CURVES
+
 EDITORS = Path(__file__).parents[2] / "editors"
 PIECE = "tempo 72\n\nada plays knock\nleo plays lean  # ü\n\nadda\nfail\n"
 
@@ -260,3 +263,13 @@ def test_the_notation_is_coloured(line: str, name: int, found: list[str]):
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     pattern = re.compile(grammar["patterns"][name]["match"])
     assert [match.group() for match in pattern.finditer(line)] == found
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "words"), [(1, "0mm@0 {} 6mm@1/8", CURVES), (3, "m: {{{}: {{}}}}", KINDS)]
+)
+def test_every_word_of_the_program_is_coloured(name: int, line: str, words: tuple[str, ...]):
+    grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
+    pattern = re.compile(grammar["patterns"][name]["match"])
+    missing = [word for word in words if word not in pattern.findall(line.format(word))]
+    assert not missing

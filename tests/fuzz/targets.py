@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import os
 import random
@@ -24,7 +25,7 @@ from tests.scores.test_corrupted_takes import FORMATS, MEANT, internal
 from tests.scores.test_fuzz import SECTIONS, WORDS
 
 from ergon import _core
-from ergon.exchange import plan_file, plan_store
+from ergon.exchange import plan_file
 from ergon.live import boards, calibration
 from ergon.live.boards import BoardError
 from ergon.live.datagrams import MalformedDatagramError, messages, written
@@ -304,8 +305,7 @@ def _bell() -> Any:
 def _plan_text() -> str:
     plan = stage(_bell(), planned=True).plan
     assert plan is not None
-    told = [[-60.0, 0.5, None, None, "why", False]]
-    return plan_file.text(plan.choices(), plan.hash, key="k", told=told, budget={"error": -60.0})
+    return plan_file.text(plan.choices(), plan.hash, budget={"error": -60.0})
 
 
 PLAN_WORDS = (
@@ -337,13 +337,49 @@ def _plan(chance: random.Random) -> str:
 def _read_plan(text: str, folder: Path) -> Iterator[str]:
     path = folder / "plan.json"
     path.write_bytes(text.encode(errors="replace"))
-    store = plan_store.PlanStore(folder)
-    store.get("k")
     choices = plan_file.read(path).choices
     try:
         stage(_bell(), planned=True, pins=choices)
     except StageError as error:
         yield str(error)
+
+
+class _Records:
+    """A store of trials that gives the same records again and again, whatever is asked for."""
+
+    def __init__(self, records: list[_core.TrialRecord]) -> None:
+        self._records = itertools.cycle([*records, None])
+
+    def get(self, key: str) -> _core.TrialRecord | None:
+        return next(self._records)
+
+    def put(self, key: str, record: _core.TrialRecord) -> None:
+        pass
+
+    def forget(self) -> None:
+        pass
+
+
+def _trials(chance: random.Random) -> list[_core.TrialRecord]:
+    """Records that a stranger may have left: any numbers, as many as there are or others."""
+    sizes = (0.0, -1.0, -60.0, 1e-3, 0.5, 1e300, None, None)
+    counts = (0, 1, 2, 3, 4, 8, 64, 1 << 31, (1 << 32) - 1)
+    return [
+        _core.TrialRecord(
+            [chance.choice(sizes) for _ in range(chance.choice((0, 3, 9, 10, 11)))],
+            [[0], *([chance.choice(counts) for _ in range(chance.choice((1, 3)))] for _ in "ab")][
+                : chance.randrange(4)
+            ],
+            chance.choice((None, None, "it is not linear", "why")),
+        )
+        for _ in range(chance.randint(1, 5))
+    ]
+
+
+def _read_trials(records: list[_core.TrialRecord], _: Path) -> None:
+    made = stage(_bell(), planned=True, store=_Records(records)).plan
+    assert made is not None
+    made.rows()
 
 
 DEVICES = """\
@@ -558,6 +594,7 @@ TARGETS = (
     Target("laws", _law, _read_law, (_core.EngineError,), 3000),
     *(_take(suffix) for suffix in FORMATS),
     Target("plans", _plan, _read_plan, (plan_file.NotPlanError,), 150),
+    Target("trial records", _trials, _read_trials, (), 60, 5_000),
     Target("devices.toml", lambda chance: damaged(DEVICES, chance, DEVICE_WORDS), _read_devices,
            (BoardError,), 300),
     Target("calibrations", _beside("calib/crm-key-03.yaml"), _read_beside(CALIBRATED), (), 60),

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checked import check
 
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -42,3 +43,10 @@ def test_one_string_that_is_struck_falls_in_two_stages():
     assert -60.0 / fast[0] == pytest.approx(1.0, rel=0.1)
     # Where the slopes meet at the beginning the two are alike.
     assert np.polyval(fast, 0.0) - np.polyval(slow, 0.0) == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_list_of_decays_is_told_how_two_stages_are_had():
+    text = "ergon: 1\ninstruments: {s: {STRING: {masses: 9, M: 4g, f: A3, t60: [1s, 8s]}}}\n"
+    (found,) = check(text).diagnostics
+    assert found.code == "E106"
+    assert "Two-stage decay" in found.help

@@ -1,4 +1,4 @@
-"""Plans kept from one run to the next: the same sound, the same table, nothing to rely on."""
+"""What trials found, kept from one run to the next: the same sound, and nothing to rely on."""
 
 import os
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from commands import records
 
+from ergon._core import TrialRecord
 from ergon.cli import app
 from ergon.exchange import cache_folder, plan_store
 from ergon.exchange.plan_store import PlanStore, of_user
@@ -79,14 +80,31 @@ def test_the_same_sound_and_the_same_table(capsys: Capture, monkeypatch: pytest.
     assert "s (from the cache); plan sha256" in capsys.readouterr().out
 
 
-def test_whatever_a_plan_depends_on_makes_another(capsys: Capture):
+# What is edited, and whether all that trials found before still holds.
+EDITS = [
+    ("4g, f", "4.000000001g, f", True),  # the wire is linear: no trial
+    ("M: 50g", "M: 51g", False),
+    ("6mm", "6.1mm", False),
+    ("at: 0.05s", "at: 0.06s", False),
+    ("tail: 0.1s", "tail: 0.2s", True),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "is_known"), EDITS)
+def test_whatever_a_trial_depends_on_makes_another(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch, old: str, new: str, is_known: bool
+):
+    assert not told(capsys)[1]
+    Path("a.yaml").write_text(SCORE.replace(old, new))
+    edited, is_kept = told(capsys)
+    assert is_kept == is_known
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    assert told(capsys) == (edited, False)
+
+
+def test_another_budget_is_tried_anew(capsys: Capture):
     assert not told(capsys)[1]
     assert not told(capsys, "--error", "-49dB")[1]
-    for old, new in (("4g, f", "4.000000001g, f"), ("6mm", "6.1mm"), ("at: 0.1s", "at: 0.11s")):
-        Path("a.yaml").write_text(SCORE.replace(old, new))
-        assert not told(capsys)[1], new
-    Path("a.yaml").write_text(SCORE.replace("tail: 0.1s", "tail: 0.2s"))
-    assert told(capsys)[1]  # of that it is no function
 
 
 def test_another_version_plans_anew(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
@@ -100,24 +118,28 @@ SPOILT = [
     lambda text: text[: len(text) // 2],
     lambda text: "[" * 100_000,
     lambda text: "\x00\xff",
-    lambda text: text.replace('"key": "', '"key": "0'),
-    lambda text: text.replace('"hash": "', '"hash": "0'),
-    lambda text: text.replace('"told": [', '"told": [[null, null, null, null], '),
-    lambda text: text.replace('"told": [', '"told": [[NaN, 1.0, null, null]], "x": ['),
-    lambda text: text.replace("a hand, a path", "\\u001b[2J"),
-    lambda text: text.replace('"choices": [', '"choices": [[7, 1, 1, []],'),
+    lambda text: text.replace('"key":"', '"key":"0'),
+    lambda text: text.replace('"counts":[[', '"counts":[[1'),
+    lambda text: text.replace('"hash":"', '"hash":"0'),
+    lambda text: text.replace('"ergon_trial":1', '"ergon_trial":2'),
+    lambda text: text.replace('"numbers":[', '"numbers":[NaN,'),
+    lambda text: text.replace('"numbers":[', '"numbers":["a",'),
+    lambda text: text.replace('"counts":[', '"counts":[[-1],'),
+    lambda text: text.replace('"counts":[', '"counts":[[1,1,0],[7],'),
+    lambda text: text.replace('"numbers":[', '"numbers":[1.0,'),
+    lambda text: text[: text.index('"reason"')] + '"reason":"\\u001b[2J"}',
 ]
 
 
 @pytest.mark.parametrize("spoil", SPOILT)
 def test_a_broken_file_is_made_anew(capsys: Capture, plans: Path, spoil):
     fresh, _ = told(capsys)
-    (file,) = plans.iterdir()
-    good = file.read_text()
-    file.write_text(spoil(good))
-    assert file.read_text() != good
+    good = {file: file.read_text() for file in plans.iterdir()}
+    assert good
+    for file, text in good.items():
+        file.write_text(spoil(text))
     assert told(capsys) == (fresh, False)
-    assert file.read_text() == good
+    assert {file: file.read_text() for file in good} == good
     assert told(capsys) == (fresh, True)
 
 
@@ -131,21 +153,21 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: P
 def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
     store = PlanStore(plans)
-    one = ([(5, 1, 1, [[1, 2]])], "ab", [(-60.5, 0.3, 0.8, (0.5, 0.01, 0.2), None, None, False)])
+    one = TrialRecord([-60.5, None, 0.5], [[1, 2], []], "it is not linear")
     stranger = plans / "notes.txt"
     plans.mkdir(parents=True)
     stranger.write_text("mine")
     for at, key in enumerate("abcd"):
         store.put(key, one)
+        store.forget()
         newest = max(plans.glob("*.json"), key=lambda path: path.stat().st_mtime_ns)
         os.utime(newest, (at, at))
         if key == "c":
             assert store.get("a") is not None  # used: it stays
     assert [store.get(key) is not None for key in "abcd"] == [True, False, True, True]
-    choices, digest, rows = store.get("d") or ([], "", [])
-    assert (list(map(tuple, choices)), digest, list(rows)) == (one[0], one[1], one[2])
+    assert store.get("d") == one
     monkeypatch.setattr(plan_store, "_BYTES_MAX", 10)
-    PlanStore(plans).put("e", one)
+    PlanStore(plans).forget()
     assert list(plans.iterdir()) == [stranger]
 
 

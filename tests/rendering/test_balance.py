@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ergon._core import Meter, Mixer
-from ergon.rendering.balance import Balance
+from ergon.rendering.balance import Balance, InstrumentLevel, outweighed
 
 RATE = 44_100
 
@@ -46,3 +46,24 @@ def test_silence():
     balance = Balance("bell", mixer(0), RATE, 2, 0, RATE)
     balance.take(np.zeros((RATE, 2)))
     assert (balance.level(3.0).peak, balance.level(3.0).loudness) == (0.0, -np.inf)
+
+
+@pytest.mark.parametrize(
+    ("levels", "loudest"),
+    [
+        ([-30.0, -51.0, -60.0], 0),
+        ([-30.0, -49.0, -60.0], None),
+        ([-60.0, -20.0, -np.inf], 1),
+        ([-60.0, -np.inf], None),
+        ([], None),
+    ],
+)
+def test_one_that_hides_all_others(levels: list[float], loudest: int | None):
+    each = [InstrumentLevel(f"i{at}", 0.1, level) for at, level in enumerate(levels)]
+    found = outweighed(each)
+    if loudest is None:
+        assert found is None
+    else:
+        assert found is not None
+        assert found[0] is each[loudest]
+        assert found[1] == pytest.approx(levels[loudest] - sorted(levels)[-2])

@@ -166,6 +166,35 @@ def test_what_is_computed_between_frames_goes_on(counted: Counted, monkeypatch: 
     assert again > edited > 0.5 * again
 
 
+def test_where_in_the_text_a_gesture_stands_does_not_sound(
+    counted: Counted, monkeypatch: pytest.MonkeyPatch
+):
+    two = """\
+ergon: 1
+accuracy: {error: -40dB}
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}, k2: {like: k1}}
+instruments:
+  a:
+    modules: {m: {CEL: {M: 2g, f: 440Hz, t60: 1s}}, b: {BUT: {between: [k1, m], K: 900N/m}}}
+    out: {SOX: m}
+  b:
+    modules: {m: {CEL: {M: 2g, f: 550Hz, t60: 1s}}, b: {BUT: {between: [k2, m], K: 900N/m}}}
+    out: {SOX: m}
+gestures:
+  knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2
+  lean: 0mm@0 smooth 4mm@1/4 3mm@3/8 smooth 0mm@3/4
+players: {ada: {key: k1}, remi: {key: k2}}
+parts: {ada: [{at: 1|1, play: %s}], remi: [{at: 1|1.5, play: knock}]}
+render: {tail: 0.5s, bits: float}
+"""
+    sound(two % "knock", monkeypatch, kept=True)
+    scratch = sound(two % "lean", monkeypatch, kept=False)
+    assert sound(two % "lean", monkeypatch, kept=True) == scratch
+    sound(two % "lean", monkeypatch, kept=True)
+    _, edited, again = counted.recalled
+    assert edited == again / 2  # all of what remi plays
+
+
 def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytest.MonkeyPatch):
     score = text("hardening")
     scratch = sound(score, monkeypatch, kept=False)

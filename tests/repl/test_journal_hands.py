@@ -94,14 +94,13 @@ class Played:
 
     def lose(self, board: Paced, player: str) -> None:
         """A board answers no more, until its player's key is gone; the others go on."""
-        board.ways.silent = True
-        board.may(1)
+        board.leave()
         self.boards.remove(board)
         self._until(lambda: player in self.session.commits.engine.status().away)
 
     def find(self, board: Paced) -> None:
         """A board answers again, until no key is gone."""
-        board.ways.silent = False
+        board.come()
 
         def is_back() -> bool:
             board.may(20)
@@ -160,7 +159,7 @@ def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
                 yield Played(session, [one, two], folder)
             finally:
                 for board in (one, two):
-                    board.ways.silent = False
+                    board.come()
                     board.free()  # what ends waits for replies
 
 
@@ -202,17 +201,10 @@ def test_a_render_plays_hands_jumps_panics_and_a_device_that_was_lost(tmp_path: 
         own.ok("undo")
         own.run(0.5)
         lost = own.boards[1]
-        lost.ways.silent = True
-        lost.free()
-        others = own.boards[:1]
-        own.boards = others
-        engine = own.session.commits.engine
-        own.boards[0].free()
-        until(lambda: own.session.pump() or "zoe" in engine.status().away, "zoe's key is gone")
-        lost.ways.silent = False
-        until(lambda: own.session.pump() or not engine.status().away, "zoe plays again")
-        frame = engine.frame
-        until(lambda: own.session.pump() or engine.frame > frame + 44_100, "a second more")
+        own.lose(lost, "zoe")
+        own.run(0.5)
+        own.find(lost)
+        own.run(1.0)
     done = rendered(tmp_path)
     assert done.returncode == 0, done.stderr
     assert "warning" not in done.stderr

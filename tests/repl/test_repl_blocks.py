@@ -2,6 +2,7 @@
 
 import json
 import random
+import sys
 
 import numpy as np
 import pytest
@@ -177,6 +178,36 @@ def test_what_is_renamed_is_renamed_in_blocks_and_a_block_runs_on(own):
     assert "is in use" in own.type("rename soft tutti").text
     own.close()
     assert np.array_equal(own.again(), own.sound)
+
+
+def _n_calls(own, line):
+    """How many functions of Python a line calls."""
+    called = []
+    sys.setprofile(lambda frame, event, what: called.append(event == "call"))
+    try:
+        own.ok(line)
+    finally:
+        sys.setprofile(None)
+    return sum(called)
+
+
+@pytest.mark.parametrize("part", ["  ada: []\n", "  ada:\n    - {at: A, play: knock}\n"])
+@pytest.mark.parametrize("of", ["knock every 1/2 times 2", "(knock lean)*2 every 1/4 times 1"])
+def test_a_line_costs_the_same_however_often_a_block_ran(tmp_path, part, of):
+    text = EMPTY.replace("  ada: []\n", part + "  bo: []\n")
+    text = text.replace("players:\n", "players:\n  bo: {key: k1}\n")
+    own = Stepped(text, tmp_path, keeps=False)
+    for line in (f"def fill: ada plays {of}", "play", "fill every 1 now"):
+        own.ok(line)
+    own.run(12.05)
+    lines = ("ada plays lean now", "ada do scale 1.1 now", "set bell.m.f B3 now", "rest ada now")
+    few = [_n_calls(own, line) for line in lines]
+    own.run(60.0)  # 120 runs more
+    many = [_n_calls(own, line) for line in lines]
+    assert own.session.commits.head.texts.text.count("knock") > 130
+    for line, before, after in zip(lines, few, many, strict=True):
+        assert after < 1.1 * before + 100, line
+    own.close()
 
 
 def test_hush_and_panic_end_rules(own):

@@ -186,8 +186,7 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 
 def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
     with led(tmp_path) as own:
-        own.board.ways.silent = True
-        own.board.free()
+        own.board.leave()
         until(lambda: "remi" in own.session.commits.engine.status().away, "the key is gone")
         assert "the device of remi's key is gone" in own.session.submit("guide remi ada").text
 

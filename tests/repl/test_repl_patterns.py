@@ -518,3 +518,16 @@ def test_what_is_wrong_with_notes_is_told(session, line, why):
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text
+
+
+def test_of_a_pattern_that_has_ended_the_gesture_under_way_is_transformed(tmp_path):
+    own = Stepped(SCORE.replace("A, play: knock, every: 1, times: 2", "1|1, play: knock"), tmp_path)
+    own.ok("ada plays (knock lean)*2 every 1 times 1")
+    own.ok("play")
+    own.run(1.6)  # the last lean began on 1|4 and lasts half a beat
+    own.ok("ada do scale 1.1 now")
+    last = own.session.commits.head.piece.parts[-1]
+    assert (last.what, last.pattern, len(last.do)) == ("lean", None, 1)
+    own.run(1.0)
+    own.close()
+    assert np.array_equal(own.again(), own.sound)

@@ -157,6 +157,41 @@ def test_everything_fades_and_a_fade_is_kept(at: Stepped):
     same_again(at)
 
 
+@pytest.mark.parametrize("name", ["master", "drone"])
+def test_a_jump_leaves_a_fade_behind_or_lands_in_it(at: Stepped, name: str):
+    at.ok("mute bell now")
+    at.ok(f"fade {name} out over 2bar")
+    at.run(0.5)
+    at.ok("play from 9|1")  # the fade began before the frames of the session
+    at.run(0.5)
+    assert level(at, 0.1)[0] == 0.0
+    at.ok("play from 2|3")
+    at.run(0.3)
+    assert level(at, 0.1)[0] > 0.0
+    same_again(at)
+
+
+@pytest.mark.parametrize("name", ["master", "drone"])
+@pytest.mark.parametrize("way", ["out", "in"])
+def test_a_fade_that_is_undone_does_not_jump(at: Stepped, name: str, way: str):
+    at.ok("mute bell now")
+    at.run(0.3)
+    plain = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3)).max()
+    if way == "in":
+        at.ok(f"fade {name} out over 1bar now")
+        at.run(1.3)
+    at.ok(f"fade {name} {way} over 1bar now")
+    at.run(1.3)
+    at.ok("undo now")
+    at.run(0.3)
+    assert (level(at, 0.2)[0] > 0.0) == (way == "out")
+    at.ok("redo now")  # to a fade that begins again
+    at.run(0.5)
+    bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
+    assert bends.max() < 1.2 * plain
+    same_again(at)
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -226,7 +226,9 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("remove k1", "no key is called"),
         ("remove bell", "is the last instrument that is heard"),
         ("remove nothing", "is not a name of this score"),
-        ("rename bell chime", "sounds under its name, by which it goes on from line to line"),
+        ("rename bell k1", "the name 'k1' is in use"),
+        ("rename k1 bell", "the name 'bell' is in use"),
+        ("rename bell.m x", "is not a gesture, a take, a player, a block, a key or an instrument"),
         ("rename knock lean", "the name 'lean' is in use"),
     ],
 )

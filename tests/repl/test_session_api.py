@@ -92,6 +92,8 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "record audio off": lambda s: s.record("audio", file="off"),
     "unmap cc 21": lambda s: s.unmap(cc=21),
     "unmap note C3..C5": lambda s: s.unmap(note="C3..C5"),
+    "hook strikes tune transpose 3st": lambda s: s.strikes("hook", "tune transpose 3st"),
+    "phrase tune 0 C4, 1/2 E4 to bell": lambda s: s.phrase("tune", "0 C4, 1/2 E4", to="bell"),
     "rain strikes bell every 1 impulse 2mNs": lambda s: s.strikes(
         "rain", "bell every 1 impulse 2mNs"
     ),

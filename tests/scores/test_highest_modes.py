@@ -2,9 +2,11 @@
 
 import re
 
+import numpy as np
 import pytest
 from checked import check
 
+from ergon.api import check as api_check
 from ergon.scores.staging.highest import highest_modes, stops_low
 from ergon.scores.staging.stage import prepare
 
@@ -51,3 +53,43 @@ def test_a_rectangle_says_its_masses():
         f"PLATE: {{shape: rectangle, sides: [{across}, {up}], M: 1g, f: 100Hz, bending: true}}"
     )
     assert one.hertz > 4000.0
+
+
+def test_check_warns_without_playing_once_for_all_notes_and_never_of_the_library(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_text(
+        "ergon: 1\ninstruments:\n"
+        "  s: {notes: [D3, F3, A3], modules: {m: {STRING: {masses: 20, M: 1g, f: D3, X0: 1mm}}},"
+        " out: {SOX: m.0}}\n"
+        "  g: {from: gong/tamtam}\n"
+    )
+    found = [one for one in api_check.check(path).diagnostics if one.code == "W331"]
+    assert [(one.place.line, one.message) for one in found] == [
+        (3, "'s.D3.m' has no mode above 1.96 kHz")
+    ]
+
+
+AUTOMATED = """\
+ergon: 1
+instruments: {s: {modules: {s: {STRING: {masses: 80, M: 4g, f: A2, t60: 2s}}}, out: {SOX: s.8}}}
+strikes: {a: {to: [s.s.5], at: 0s, impulse: 1mNs}}
+automation: [{at: 1|2, set: s.s.f, to: %s}]
+render: {tail: 1s}
+"""
+
+
+@pytest.mark.parametrize("accuracy", ["", "accuracy: {method: ca}\n", "accuracy: {error: -40dB}\n"])
+def test_automation_that_passes_the_limit_of_a_step_says_when(tmp_path, accuracy):
+    path = tmp_path / "a.yaml"
+    path.write_text(AUTOMATED % "A2@0 line A5@4" + accuracy)
+    (found,) = [one for one in api_check.check(path).diagnostics if one.code == "W332"]
+    highest = modes("STRING: {masses: 80, M: 4g, f: A2, t60: 2s}")[0].hertz
+    assert found.place.line == 4
+    # At 60 bpm the glide lasts from 1 s to 5 s, evenly in semitones.
+    at = float(re.search(r"\((.*?) s\)", found.message)[1])
+    pitch = 110.0 * 8.0 ** ((at - 1.0) / 4.0)
+    assert highest * pitch / 110.0 == pytest.approx(44100.0 / np.pi, rel=1e-2)
+    times = int(re.search(r"takes (\d+) steps", found.help)[1])
+    assert times == np.ceil(highest * 8.0 / (44100.0 / np.pi))
+    path.write_text(AUTOMATED % "A2@0 line A3@4")
+    assert not [one for one in api_check.check(path).diagnostics if one.code == "W332"]

@@ -73,6 +73,25 @@ def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) ->
     assert 0 < refused < STEPS
 
 
+@pytest.mark.parametrize("name", ["drum-machine.yaml", "workshop.yaml", "patterns.yaml"])
+def test_a_loose_memory_keeps_all_but_the_places_of_what_is_right(name: str) -> None:
+    path = _LIBRARY / name
+    whole = path.read_text(encoding="utf-8")
+    chance = random.Random(name)
+    memory, text = Memory(is_loose=True), whole
+    for _ in range(40):
+        text = _changed(whole if chance.random() < 0.4 else text, chance)
+        kept = load(path, text=text, memory=memory)
+        new = load(path, text=text)
+        if new.piece is None:
+            assert _told(kept) == _told(new)
+        else:
+            assert kept.piece is not None
+            assert kept.piece.digest() == new.piece.digest()
+            for own, other in zip(kept.piece.starts, new.piece.starts, strict=True):
+                assert (own and own[:20]) == (other and other[:20])
+
+
 _SCORE = """\
 ergon: 1
 tempo: [{at: 1|1, bpm: 60}]

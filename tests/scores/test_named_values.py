@@ -315,3 +315,60 @@ def test_a_mistake_beside_a_name_is_told_where_it_is_written():
     place = found[0].place
     assert place is not None
     assert text.splitlines()[place.line - 1][place.column - 1 :].startswith("lime")
+
+
+TABLE_SCORE = """\
+ergon: 1
+let: {{soft: 1mNs, low: D3, late: 2, heavy: 3g}}
+instruments:
+  s: {{notes: [D3, F3, A3], modules: {{m: {{CEL: {{M: 1g, f: D4, t60: 1s}}}}}}, out: {{SOX: m}}}}
+strikes:
+  t:
+    to: s
+    entries: |
+{rows}
+"""
+TABLES = [
+    ("1|1  low  soft", "1|1  D3  1mNs"),
+    ("1|1  low+3st  2*soft", "1|1  F3  2mNs"),
+    ("1|1  low low+7st  soft/2", "1|1  D3 A3  0.5mNs"),
+    ("late*2  D3  2mNs", "4  D3  2mNs"),
+    ("1|1  D3  soft\n      1|2  low+7st", "1|1  D3  1mNs\n      1|2  A3"),
+]
+
+
+def struck(rows: str):
+    read = load("score.yaml", text=TABLE_SCORE.format(rows="      " + rows))
+    assert read.piece is not None, read.diagnostics
+    (strikes,) = read.piece.strikes
+    return [(hit.at, [(to.part, to.module) for to in hit.to], hit.impulse) for hit in strikes.hits]
+
+
+@pytest.mark.parametrize(("named", "plain"), TABLES)
+def test_a_table_of_strikes_with_names_is_that_without(named: str, plain: str) -> None:
+    assert struck(named) == struck(plain)
+
+
+@pytest.mark.parametrize(
+    ("rows", "code", "message", "suggestion"),
+    [
+        ("1|1  D3  sofd*2", "E201", "'sofd' is no name of `let:`", "soft"),
+        ("1|1  D3  2*low", "E203", "'2*low' is 293.6647679174076Hz: unit 'Hz'", None),
+        ("1|1  D3  2*heavy", "E203", "'2*heavy' is 0.006kg: unit 'kg'", None),
+        ("1|1  lov+3st  soft", "E201", "'lov' is no name of `let:`", "low"),
+        ("lat*2  D3  soft", "E201", "'lat' is no name of `let:`", "late"),
+        ("late*heavy  D3  soft", "E203", "'late*heavy' is 0.006kg", None),
+    ],
+)
+def test_a_mistake_in_a_name_of_a_table_is_told_at_the_name(
+    rows: str, code: str, message: str, suggestion: str | None
+) -> None:
+    (found,) = load("score.yaml", text=TABLE_SCORE.format(rows="      " + rows)).diagnostics
+    assert (found.code, found.suggestion) == (code, suggestion)
+    assert message in found.message
+
+
+def test_a_wrong_value_where_no_field_is_has_one_message() -> None:
+    text = "ergon: 1\ninstruments: {b: {from: bell/bell, t60: 3x}}\n"
+    (found,) = load("score.yaml", text=text).diagnostics
+    assert (found.code, found.place.column) == ("E203", 42)

@@ -22,10 +22,13 @@ class Paced:
 
     def __init__(self, ways: Ways) -> None:
         self.board = Board(ways, lockstep=True)
-        self._wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._wire.bind(("127.0.0.1", 0))
-        self._wire.settimeout(_ASK)
-        self.url = f"frame+udp:127.0.0.1:{self._wire.getsockname()[1]}?lockstep"
+        self._wire = self._bound(0)
+        self._port = self._wire.getsockname()[1]
+        # The host waits as long as the test does: it tells a board that is held from none by the
+        # address, where none listens.
+        self.url = f"frame+udp:127.0.0.1:{self._port}?lockstep&patience={PATIENCE}"
+        self._is_away = False
+        self._host: object = None
         self._may = 0  # periods that are still to be given
         self._free = self._over = False
         self._changed = threading.Condition()
@@ -68,6 +71,25 @@ class Paced:
             self._may = 0
             self._free = False
 
+    def leave(self) -> None:
+        """Be no more at its address, as if it were unplugged."""
+        with self._changed:
+            self._is_away = True
+            self._changed.notify_all()
+
+    def come(self) -> None:
+        """Be at its address again."""
+        with self._changed:
+            self._is_away = False
+            self._changed.notify_all()
+
+    @staticmethod
+    def _bound(port: int) -> socket.socket:
+        wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        wire.bind(("127.0.0.1", port))
+        wire.settimeout(_ASK)
+        return wire
+
     def free(self) -> None:
         """From now on it answers at once."""
         with self._changed:
@@ -86,14 +108,24 @@ class Paced:
 
     def _serve(self) -> None:
         while not self._over:
+            if self._is_away:
+                if self._host is not None:
+                    self._wire.sendto(b"", self._host)  # the farewell of a board in lockstep
+                self._wire.close()
+                with self._changed:
+                    self._changed.wait_for(lambda: not self._is_away or self._over)
+                self._wire = self._bound(self._port)
             try:
                 packet, host = self._wire.recvfrom(512)
             except TimeoutError:
                 continue
+            self._host = host
             bears_force = packet[4] != 0 and not packet[-3] & 2
             with self._changed:
                 if bears_force:
-                    self._changed.wait_for(lambda: self._may > 0 or self._free)
+                    self._changed.wait_for(lambda: self._may > 0 or self._free or self._is_away)
+                if self._is_away:
+                    continue
                 reply = self.board.answer(packet, time.monotonic())
                 if reply is not None:
                     self._wire.sendto(reply, host)

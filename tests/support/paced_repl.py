@@ -66,18 +66,18 @@ class Driver:
     def lose(self) -> None:
         lost = self.boards[1]
         self.paces.remove(lost)
-        lost.ways.silent = True
+        lost.leave()
         lost.free()
         self._until(lambda: "zoe" in self.session.commits.engine.status().away)
 
     def find(self) -> None:
-        self.boards[1].ways.silent = False
+        self.boards[1].come()
         self._until(lambda: not self.session.commits.engine.status().away)
 
     def _until(self, true) -> None:
         while not true():
             self.passes()
-            time.sleep(0.001)  # a device is given up, and found again, by the wall's clock
+            time.sleep(0.001)  # a device is looked for again by the wall's clock
 
     def passes(self, periods: int = _PERIODS) -> None:
         """A few periods of every board, and a look of the session at its engine."""

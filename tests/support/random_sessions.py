@@ -84,7 +84,18 @@ class Player:
             f"remove {self.one('b2', 'links.but-1', 'links.ref-1', 'links', 'far', 'mia')}",
             f"{self.one('mia', 'leo')} takes {self.one('k1', 'k2', 'k3')}",
             f"rename {self.one('knock far2', 'far2 knock', 'leo leo2', 'leo2 leo')}",
+            f"rename {self.one('bell chime', 'chime bell', 'k1 pedal', 'pedal k1', 'b2 bell')}",
             f"route {self.one('bell', 'drum')} {self.one('1', '2', '1 2', '3')}",
+            f"fade {self.one('master', 'bell', 'drum')} {self.one('in', 'out')} over "
+            + self.one("1bar", "1", "2bar"),
+            f"set {self.one('bell', 'chime', 'b2', 'drum')}.f "
+            + self.one("A4 over 1bar", "x1.5", "x0.7 over 2", "C4 E4 every 1", "B3"),
+            f"lfo {self.one('bell', 'b2')}.f 0.9..1.1 period 1bar",
+            f"phrase tune 0 bell.m {self.number(0.1, 1)}mNs, 1/2 drum.m, 2 bell.m drum.m"
+            + self.one("", " length 3", " length 1bar"),
+            f"hook strikes tune{self.one('', ' every 1bar', ' every 2 times 5')}"
+            + self.one("", " do stretch 0.5", " do scale 0.5, from 1/2", " do reverse"),
+            "rest hook",
             f"gain {part} {self.number(-20, 3)}dB",
             f"mute {part}",
             f"solo {part}",

@@ -64,6 +64,7 @@ class Stepped:
         if written is not None:
             heard = 1.0, 1.0, None, past, version.base
             beside = {"maps": version.maps, "rules": version.rules}
+            beside["sounds_as"] = version.sounds_as
             opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard, **beside)
             known = self.session.disk.hashes_by_name(version.texts)
             written.tell("session", **opening.fields(), disk=known)

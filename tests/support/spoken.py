@@ -28,6 +28,7 @@ def _scope() -> Scope:
         "takes": {**known.takes, "solo": "take"},
         "blocks": {"fill": "block, 1 line"},
         "rooms": {"hall": "room"},
+        "phrases": {"tune": "phrase"},
     }
     return dataclasses.replace(known, **added)
 
@@ -148,6 +149,24 @@ OTHERS = [
             "rain",
             {"to": "bell.m gong", "every": "1/2", "impulse": "2mNs", "euclid": "3 8 rotate 2"},
             when=parse_position("B"),
+        ),
+    ),
+    (
+        "hook strikes tune every 2bar transpose -3st do scale 0.5, from 2",
+        c.StrikeModules(
+            "hook",
+            {"play": "tune", "every": "2bar", "transpose": "-3st", "do": "scale 0.5, from 2"},
+        ),
+    ),
+    (
+        "phrase air 0 C4 1mNs, 1/2 E4 bell.m to bell length 4",
+        c.DefinePhrase(
+            "air",
+            (
+                {"at": "0", "impulse": "1mNs", "what": "C4"},
+                {"at": "1/2", "what": "E4 bell.m"},
+            ),
+            "bell",
         ),
     ),
     ("def tilt: ada plays lean", c.DefineBlock("tilt", ("ada plays lean",))),

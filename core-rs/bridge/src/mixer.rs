@@ -32,7 +32,7 @@ impl Mixer {
         highpass: Option<f64>,
         group: usize,
         delay: usize,
-        curve: Option<Vec<(u64, f64, bool)>>,
+        curve: Option<Vec<(i64, f64, bool)>>,
         to_room: bool,
     ) -> PyResult<()> {
         let to = if to_room {
@@ -71,7 +71,7 @@ impl Mixer {
     }
 
     /// Set a gain of all channels over the frames of the piece: (frame, gain, whether smooth).
-    fn fade(&mut self, curve: Vec<(u64, f64, bool)>) {
+    fn fade(&mut self, curve: Vec<(i64, f64, bool)>) {
         self.0.fade(through(curve));
     }
 
@@ -106,8 +106,8 @@ impl Mixer {
     }
 }
 
-fn through(points: Vec<(u64, f64, bool)>) -> Curve {
-    let point = |(frame, gain, is_smooth): (u64, f64, bool)| Point {
+fn through(points: Vec<(i64, f64, bool)>) -> Curve {
+    let point = |(frame, gain, is_smooth): (i64, f64, bool)| Point {
         frame,
         gain,
         way: if is_smooth { Way::Smooth } else { Way::Line },

@@ -82,6 +82,8 @@ results! {
     Place { x: f64, y: f64 }
     /// The lowest and the highest of some positions.
     Range { low: f64, high: f64 }
+    /// What trials of an island took and found, as numbers that can be written and read.
+    TrialRecord { numbers: Vec<Option<f64>>, counts: Vec<Vec<u32>>, reason: Option<String> }
     /// How many modes of a body are computed.
     ModeCount { computed: usize, total: usize }
     /// The decisions of a plan on one island.

@@ -1,15 +1,14 @@
 //! Plans: what is computed, how, and why the rest is not.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use ergon_engine::plan::{
-    self, Audible, Budget, CachedReport, Computed, Measured, ModeKind, Reason,
-};
+use ergon_engine::interrupt;
+use ergon_engine::plan::{self, Budget, Computed, Known, ModeKind, Reason, TrialStore};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, refused, word};
-use crate::named::{AudibleError, FullRatePart, IslandChoice, ModeCount, TrialWork};
+use crate::named::{AudibleError, FullRatePart, IslandChoice, ModeCount, TrialRecord, TrialWork};
 use crate::network::Network;
 use crate::timeline::Timeline;
 use crate::words;
@@ -17,17 +16,45 @@ use crate::work::computing;
 
 /// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
 type Pin = (usize, u32, usize, Vec<Vec<u32>>);
-/// What was told of a row: error [dB] over [s], by spectrum [dB], what is heard of it [cents, of T60, dB], modes left out
-/// [dB], why it is stepped, whether its trials were cut short.
-type Said = (
-    Option<f64>,
-    Option<f64>,
-    Option<f64>,
-    Option<(f64, f64, f64)>,
-    Option<f64>,
-    Option<String>,
-    bool,
-);
+/// Numbers, counts and reason of a record.
+type Record = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);
+
+/// Records in the keeping of a Python object.
+struct Store {
+    object: Py<PyAny>,
+    /// What it raised, which ended the planning.
+    raised: Mutex<Option<PyErr>>,
+}
+
+impl Store {
+    fn call<T: Default>(&self, call: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>) -> T {
+        let done = Python::attach(|py| call(self.object.bind(py)));
+        done.unwrap_or_else(|error| {
+            *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            interrupt::stop()
+        })
+    }
+}
+
+impl TrialStore for Store {
+    fn get(&self, key: &str) -> Option<plan::TrialRecord> {
+        let found: Option<Record> = self.call(|store| store.call_method1("get", (key,))?.extract());
+        found.map(|(numbers, counts, reason)| plan::TrialRecord {
+            numbers,
+            counts,
+            reason,
+        })
+    }
+
+    fn put(&self, key: &str, record: plan::TrialRecord) {
+        let record = TrialRecord {
+            numbers: record.numbers,
+            counts: record.counts,
+            reason: record.reason,
+        };
+        self.call(|store| store.call_method1("put", (key, record)).map(drop));
+    }
+}
 
 /// What is computed, how, and why the rest is not.
 #[pyclass(frozen, module = "ergon._core")]
@@ -37,7 +64,7 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 impl Plan {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, told=None, like=None, share=1.0))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, store=None, like=None, share=1.0))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -47,7 +74,7 @@ impl Plan {
         cents: Option<f64>,
         upto: Option<f64>,
         pins: Option<Vec<Pin>>,
-        told: Option<Vec<Said>>,
+        store: Option<Py<PyAny>>,
         like: Option<&Self>,
         share: f64,
     ) -> PyResult<Self> {
@@ -55,38 +82,27 @@ impl Plan {
         let budget = budget(method, error_db, cents, upto)?;
         let network = Arc::new(network.0.clone());
         let pins = pins.map(|pins| pins.into_iter().map(choice).collect());
-        let told = told.map(|told| told.into_iter().map(said).collect::<Vec<_>>());
-        computing(py, || {
-            let timeline = &timeline.inner;
-            let like = like.map(|like| &*like.0);
-            let plan = plan::Plan::with(network, timeline, &budget, pins, (like, share))?;
-            match told {
-                Some(told) => plan.recalled(&told),
-                None => Ok(plan),
-            }
-        })?
-        .map(|plan| Self(Arc::new(plan)))
-        .map_err(from_engine)
-    }
-
-    /// A hash of all that a plan is a function of (64 hex digits).
-    #[staticmethod]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, share=1.0))]
-    #[allow(clippy::too_many_arguments)]
-    fn key(
-        py: Python<'_>,
-        network: &Network,
-        timeline: &Timeline,
-        method: Option<&str>,
-        error_db: Option<f64>,
-        cents: Option<f64>,
-        upto: Option<f64>,
-        share: f64,
-    ) -> PyResult<String> {
-        let budget = budget(method, error_db, cents, upto)?;
-        computing(py, || {
-            plan::key(&network.0, &timeline.inner, &budget, share)
-        })
+        let store = store.map(|object| Store {
+            object,
+            raised: Mutex::default(),
+        });
+        let made = computing(py, || {
+            let known = Known {
+                like: like.map(|like| &*like.0),
+                store: store.as_ref().map(|store| store as &dyn TrialStore),
+                share,
+            };
+            plan::Plan::with(network, &timeline.inner, &budget, pins, known)
+        });
+        if let Some(store) = store
+            && let Some(error) = store
+                .raised
+                .into_inner()
+                .unwrap_or_else(PoisonError::into_inner)
+        {
+            return Err(error);
+        }
+        made?.map(|plan| Self(Arc::new(plan))).map_err(from_engine)
     }
 
     /// Every module stepped as written, with contacts computed several times a frame.
@@ -147,20 +163,6 @@ fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
         oversampling: times,
         contact_substeps: steps,
         kept,
-    }
-}
-
-fn said((db, over, spectral, audible, left_out, because, is_cut_short): Said) -> CachedReport {
-    CachedReport {
-        error: db.zip(over).map(|(db, over)| Measured {
-            db,
-            over,
-            spectral,
-            audible: audible.map(|(cents, t60, level)| Audible { cents, t60, level }),
-        }),
-        left_out,
-        because,
-        is_cut_short,
     }
 }
 

@@ -296,12 +296,36 @@ impl Cell {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
+        self.split_at(alpha, rate).of(impulse)
+    }
+
+    /// What [`Self::split`] needs of an instant, for many impulses there.
+    pub(crate) fn split_at(&self, alpha: f64, rate: Rate) -> Split {
         let step = rate.step();
-        let unit = impulse / (step * step);
         let (rest, past) = ((1.0 - alpha) * step, alpha * step);
-        [
-            unit * self.response(rest),
-            unit * exp(-2.0 * self.sigma * rest) * self.response(past),
-        ]
+        Split {
+            square: step * step,
+            now: self.response(rest),
+            decay: exp(-2.0 * self.sigma * rest),
+            past: self.response(past),
+        }
+    }
+}
+
+/// How impulses at one instant between two samples are split into forces at both.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Split {
+    /// Square of the step [s²].
+    square: f64,
+    now: f64,
+    decay: f64,
+    past: f64,
+}
+
+impl Split {
+    /// The forces [N] for an impulse [N·s].
+    pub(crate) fn of(&self, impulse: f64) -> [f64; 2] {
+        let unit = impulse / self.square;
+        [unit * self.now, unit * self.decay * self.past]
     }
 }

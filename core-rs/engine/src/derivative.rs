@@ -64,7 +64,7 @@ impl Derivatives {
         }
     }
 
-    /// Go on as `old` stands; `outputs`: which output here each of its outputs has become. Allocates nothing.
+    /// Continue as `old` stands; `outputs`: which output here each of its outputs has become. Allocates nothing.
     pub fn take_over(&mut self, old: &Self, outputs: &[Option<usize>]) {
         for own in &mut self.0 {
             let is_same = |before: &&Differentiator| {

@@ -65,6 +65,11 @@ pub fn poll() {
     }
 }
 
+/// Unwind to [`until`], whatever its question would say.
+pub fn stop() -> ! {
+    resume_unwind(Box::new(Stopped)) // no panic: nothing is printed
+}
+
 #[cold]
 fn ask() {
     // The question may itself compute something, with a question of its own.
@@ -72,7 +77,7 @@ fn ask() {
     let is_over = ask();
     set(Some(ask));
     if is_over {
-        resume_unwind(Box::new(Stopped)); // no panic: nothing is printed
+        stop();
     }
 }
 

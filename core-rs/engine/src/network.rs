@@ -5,20 +5,22 @@
 
 mod builder;
 mod checks;
+mod error;
 pub(crate) mod forest;
-mod kinds;
 mod links;
 mod modes;
 mod names;
 mod output;
+mod parameters;
 mod reachable;
 mod same;
 mod subset;
 
-pub use kinds::{But, Contact, Error, Side, Tie};
+pub use error::Error;
 pub use links::LawUse;
 pub use modes::Tone;
 pub use output::{Output, Term};
+pub use parameters::{But, Contact, Side, Tie};
 pub use reachable::{PRESS_DEPTH, ReachableScene, SceneMoment};
 pub(crate) use subset::Subset;
 

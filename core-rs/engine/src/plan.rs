@@ -15,10 +15,10 @@ pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
 pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
-pub use report::cache::{CachedReport, key};
 pub(crate) use report::content::Content;
 pub use report::row::{Computed, Measured, Reason, Row};
 pub use trial::audible::Audible;
+pub use trial::record::{TrialRecord, TrialStore};
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -97,6 +97,27 @@ impl Unit {
         match self {
             Self::IslandPlan(island_plan) => island_plan.cost(),
             Self::Bank(bank) => cost::bank_cost(bank),
+        }
+    }
+}
+
+/// What is known before a plan is made.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    /// A plan of another version: what it found out about bodies is not computed again.
+    pub like: Option<&'a Plan>,
+    /// What trials of earlier plans found; new trials are kept there.
+    pub store: Option<&'a dyn TrialStore>,
+    /// The part of the allowance of work that trials may take (0 to 1).
+    pub share: f64,
+}
+
+impl Default for Known<'_> {
+    fn default() -> Self {
+        Self {
+            like: None,
+            store: None,
+            share: 1.0,
         }
     }
 }
@@ -223,12 +244,10 @@ impl Plan {
         budget: &Budget,
         pins: Option<Vec<Choice>>,
     ) -> Result<Self, Error> {
-        make::make(network, timeline, budget, pins, (None, 1.0))
+        make::make(network, timeline, budget, pins, Known::default())
     }
 
-    /// The same plan as [`Plan::new`] makes, whose trials may take but a `share` of the work (0 to 1).
-    ///
-    /// Sooner: what is known of bodies from `like`, a plan of another version, is not computed again.
+    /// The same plan as [`Plan::new`] makes, sooner where something is known.
     ///
     /// # Errors
     ///
@@ -238,15 +257,9 @@ impl Plan {
         timeline: &Timeline,
         budget: &Budget,
         pins: Option<Vec<Choice>>,
-        (like, share): (Option<&Self>, f64),
+        known: Known<'_>,
     ) -> Result<Self, Error> {
-        make::make(network, timeline, budget, pins, (like, share))
-    }
-
-    /// The same, with what was told of an equal plan when its pilot was played.
-    pub fn recalled(mut self, told: &[CachedReport]) -> Result<Self, Error> {
-        report::cache::recall(&mut self.rows, told)?;
-        Ok(self)
+        make::make(network, timeline, budget, pins, known)
     }
 
     /// The units in at most `most` groups of about the same cost, one after the other.

@@ -22,11 +22,11 @@ const BOARD_STALL: Duration = Duration::from_millis(100);
 /// A fault that is made on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The scene asks for a force that is no number.
+    /// The piece asks for a force that is no number.
     NotANumber,
-    /// The scene asks for an infinite force.
+    /// The piece asks for an infinite force.
     Infinite,
-    /// The scene asks for 1e300 N for half a second, then for nothing.
+    /// The piece asks for 1e300 N for half a second, then for nothing.
     Huge,
     /// The board hears, and none of its replies arrive.
     NoReplies,
@@ -114,9 +114,9 @@ impl Fault {
     /// The fault in words.
     pub fn name(self) -> &'static str {
         match self {
-            Self::NotANumber => "the scene asks for NaN",
-            Self::Infinite => "the scene asks for an infinite force",
-            Self::Huge => "the scene asks for 1e300 N, until it asks for nothing",
+            Self::NotANumber => "the piece asks for NaN",
+            Self::Infinite => "the piece asks for an infinite force",
+            Self::Huge => "the piece asks for 1e300 N, until it asks for nothing",
             Self::NoReplies => "no reply arrives: positions are stale",
             Self::HostStalled => "the host stalls for 2 s, or is killed: the watchdog",
             Self::HostResumed => "the host goes on after 2 s",

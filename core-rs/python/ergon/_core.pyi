@@ -10,7 +10,7 @@ exist EngineError.
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Literal, NamedTuple, Self, final
+from typing import Literal, NamedTuple, Protocol, Self, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +23,6 @@ FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played 
 _Floats = NDArray[np.float64]
 _LinkFactor = tuple[int, float]  # (LIA, factor of its force)
 _NativeLaw = tuple[int, int]  # (index in Network.laws(), address of its machine code)
-# What a row of a plan says of an island: (error_db, error_s, spectral_db, audible, left_out_db, because, cut_short)
-_IslandErrors = tuple[
-    float | None,
-    float | None,
-    float | None,
-    tuple[float, float, float] | None,
-    float | None,
-    str | None,
-    bool,
-]
 
 class Range(NamedTuple):
     """The lowest and the highest of some positions, [m] or [rad]."""
@@ -712,6 +702,22 @@ class Timeline:
 
 # --- what is computed ---------------------------------------------------------------------------
 
+class TrialRecord(NamedTuple):
+    """What trials of an island took and found."""
+
+    numbers: list[float | None]  # finite
+    counts: list[list[int]]
+    reason: str | None
+
+@type_check_only
+class TrialStore(Protocol):
+    """Where records of trials are kept, by keys of 64 hex digits."""
+
+    def get(self, key: str, /) -> TrialRecord | None:
+        """The record that was kept under a key."""
+    def put(self, key: str, record: TrialRecord, /) -> None:
+        """Keep a record, if that can be."""
+
 class ModeCount(NamedTuple):
     """How many modes of a body are computed, of how many."""
 
@@ -808,26 +814,15 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[IslandChoice | tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
-        told: Sequence[_IslandErrors] | None = None,
+        store: TrialStore | None = None,
         like: Plan | None = None,
         share: float = 1.0,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, which are used again;
-        `told`: what each of that plan's rows says; `like`: a plan of another version, whose modes of unchanged bodies are used
-        again; `share` (0 to 1): the part of the allowance of work that the trials may take."""
+        `store`: what trials of earlier plans found, and where new ones are kept: an island whose beginning is as it was then is not
+        tried again, and the plan is the same as without; `like`: a plan of another version, whose modes of unchanged bodies are used
+        again; `share` (0 to 1): the part of the allowance of work that the trials may take. What `store` raises is raised."""
 
-    @staticmethod
-    def key(
-        network: Network,
-        timeline: Timeline,
-        *,
-        method: Literal["ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"] | None = None,
-        error_db: float | None = None,
-        cents: float | None = None,
-        upto: float | None = None,
-        share: float = 1.0,
-    ) -> str:
-        """Hash of everything that determines a plan: 64 hex digits. Raises EngineError."""
     @staticmethod
     def with_fine_contacts(network: Network, timeline: Timeline) -> Plan:
         """Every module stepped as written, with contacts computed several times a frame.

@@ -13,7 +13,7 @@ impl Bank {
     }
 
     /// Take over the motion of a bank of the same oscillators; the strikes may differ.
-    pub(crate) fn go_on(&mut self, old: &mut Self) {
+    pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.motions, &mut old.motions);
         std::mem::swap(&mut self.still, &mut old.still);
     }

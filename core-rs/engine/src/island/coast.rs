@@ -29,7 +29,7 @@ impl Island {
             && fine.is_some()
     }
 
-    /// Go on for as long as nothing meets, from one step of a block to another at most; how many steps that was.
+    /// Coast for as long as nothing meets, from one step of a block to another at most; how many steps that was.
     pub(super) fn coast(
         &mut self,
         heard: &mut StepOutputs<'_>,

@@ -78,7 +78,7 @@ impl Mutes {
     }
 
     /// What it was heard at last passes on: where it falls silent, it fades from there.
-    pub(super) fn go_on(&mut self, old: &Self) {
+    pub(super) fn continue_from(&mut self, old: &Self) {
         if self.last.len() == old.last.len() {
             self.last.copy_from_slice(&old.last);
         }

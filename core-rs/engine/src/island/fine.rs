@@ -228,15 +228,15 @@ impl Fine {
         &self.script.basis.instants
     }
 
-    /// Go on as the same contacts of another version stand.
-    pub(super) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as the same contacts of another version stand.
+    pub(super) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.later, &mut old.later);
         if self.rests.len() == old.rests.len() {
             self.rests.copy_from_slice(&old.rests);
         }
         if self.laws.len() == old.laws.len() {
             for (law, old) in self.laws.iter_mut().zip(&old.laws) {
-                law.go_on(old);
+                law.continue_from(old);
             }
         }
         self.has_touched = old.has_touched;

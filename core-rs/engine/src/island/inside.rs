@@ -236,12 +236,12 @@ impl RunningBody {
         }
     }
 
-    /// Go on as an equal body of another version does.
-    pub(crate) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as an equal body of another version does.
+    pub(crate) fn continue_from(&mut self, old: &mut Self) {
         match (self, old) {
-            (Self::Modal(own), Self::Modal(old)) => own.go_on(old),
-            (Self::Mesh(own), Self::Mesh(old)) => own.go_on(old),
-            (Self::Slow(own), Self::Slow(old)) => own.go_on(old),
+            (Self::Modal(own), Self::Modal(old)) => own.continue_from(old),
+            (Self::Mesh(own), Self::Mesh(old)) => own.continue_from(old),
+            (Self::Slow(own), Self::Slow(old)) => own.continue_from(old),
             _ => {}
         }
     }

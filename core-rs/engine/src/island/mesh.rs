@@ -137,8 +137,8 @@ impl RunningMesh {
         self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);
     }
 
-    /// Go on as an equal mesh does, whatever else is to strike it.
-    pub(crate) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as an equal mesh does, whatever else is to strike it.
+    pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.integrator, &mut old.integrator);
         std::mem::swap(&mut self.previous, &mut old.previous);
         std::mem::swap(&mut self.own, &mut old.own);

@@ -339,8 +339,8 @@ impl RunningModal {
         self.next = self.script.blows.partition_point(|blow| blow.0 < n);
     }
 
-    /// Go on as an equal body does, whatever else is to strike it: how far it was followed changes nothing.
-    pub(crate) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as an equal body does, whatever else is to strike it: how far it was followed changes nothing.
+    pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.motions, &mut old.motions);
         std::mem::swap(&mut self.saved, &mut old.saved);
         std::mem::swap(&mut self.seen, &mut old.seen);

@@ -224,8 +224,8 @@ impl RunningSlow {
         self.damped = (0..2 * self.plan.flow.macrostep).fold(1.0, |all, _| all * by);
     }
 
-    /// Go on as an equal body does.
-    pub(crate) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as an equal body does.
+    pub(crate) fn continue_from(&mut self, old: &mut Self) {
         let damped = self.damped;
         std::mem::swap(self, old);
         std::mem::swap(&mut self.plan, &mut old.plan);

@@ -36,7 +36,7 @@ impl StepOutputs<'_> {
 }
 
 impl Island {
-    /// Go on `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
+    /// Play `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
     ///
     /// Fails with the first part that goes non-finite, unless faults are muted.
     pub(crate) fn process(

@@ -17,7 +17,7 @@ impl Island {
         bytes
     }
 
-    /// Go on from the state of an island of the same network and bodies, with the same events up to there.
+    /// Continue from the state of an island of the same network and bodies, with the same events up to there.
     ///
     /// # Errors
     /// [`Damaged`] where the bytes are not of such an island; this one is then of no use.

@@ -46,8 +46,8 @@ impl Island {
         super::real_hands::seek(&script.hand_bindings, &mut state.hand_states, n);
     }
 
-    /// Go on as an island of the same network and bodies, stepped as often, to the last bit.
-    pub(crate) fn go_on(&mut self, old: &mut Self) {
+    /// Continue as an island of the same network and bodies, stepped as often, to the last bit.
+    pub(crate) fn continue_from(&mut self, old: &mut Self) {
         if old.n_muted() > 0 {
             // Muted parts are out of its lists: of what moves on, only where it is is sure.
             self.state.body.x.copy_from_slice(&old.state.body.x);
@@ -65,12 +65,12 @@ impl Island {
         std::mem::swap(&mut body.inner, &mut other.inner);
         std::mem::swap(&mut body.link, &mut other.link);
         for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
-            own.go_on(their);
+            own.continue_from(their);
         }
         if let (Some(own), Some(their)) = (&mut own.fine, &mut their.fine) {
-            own.go_on(their);
+            own.continue_from(their);
         }
-        own.mutes.go_on(&their.mutes);
+        own.mutes.continue_from(&their.mutes);
         std::mem::swap(&mut own.guard, &mut their.guard);
         std::mem::swap(&mut own.stream, &mut their.stream);
         if own.ledger.is_some() && their.ledger.is_some() {
@@ -78,10 +78,10 @@ impl Island {
         }
     }
 
-    /// Take something single over from an island of another version.
-    pub(crate) fn receive(&mut self, what: &ItemTakeover, old: &mut Self) {
+    /// Take the state of one item over from an island of another version.
+    pub(crate) fn take_over(&mut self, item: &ItemTakeover, old: &mut Self) {
         let is_whole = old.n_muted() == 0;
-        match *what {
+        match *item {
             ItemTakeover::Voice(ref takeover) if is_whole => {
                 let script = &self.script;
                 let voice = &mut self.state.voices[takeover.to];
@@ -89,7 +89,7 @@ impl Island {
                     &mut old.state.voices[takeover.from],
                     &old.script.voices[takeover.from],
                 );
-                voice.go_on(&script.voices[takeover.to], from, then, takeover);
+                voice.continue_from(&script.voices[takeover.to], from, then, takeover);
             }
             ItemTakeover::Gate(from, to) => {
                 let n = self.state.frame;
@@ -129,7 +129,7 @@ impl Island {
                 report.pushed_by = report.pushed_by.filter(|_| is_same);
             }
             ItemTakeover::Body(from, to) if is_whole => {
-                self.state.bodies[to].go_on(&mut old.state.bodies[from]);
+                self.state.bodies[to].continue_from(&mut old.state.bodies[from]);
             }
             ItemTakeover::Part(from, to) => {
                 let is_mute =

@@ -1,7 +1,29 @@
 //! Coupling between ports and a group of modes at instants within a frame: positions out, impulses in.
 
-use super::bank::{LANES, Lanes, Sum, joined};
+use super::bank::{LANES, Lanes, SUMS, Sum, joined};
 use crate::maths::wide::wide;
+
+/// The sum of a group, lane by lane. The terms are computed in a loop of their own: in one loop with the sums they would
+/// be gathered from memory one by one.
+#[inline(always)]
+fn summed(terms: &Lanes) -> f64 {
+    let mut sum = Sum::ZERO;
+    for at in (0..LANES).step_by(SUMS) {
+        for (lane, sum) in sum.0.iter_mut().enumerate() {
+            *sum += terms.0[at + lane];
+        }
+    }
+    joined(&sum)
+}
+
+wide! {
+    /// x += factor·y, as far as both go.
+    pub(crate) fn add_scaled(x: &mut [f64], y: &[f64], factor: f64) {
+        for (x, y) in x.iter_mut().zip(y) {
+            *x += y * factor;
+        }
+    }
+}
 
 wide! {
     /// Add to `path` [m], (S + 1), the position of a port at each instant: the sum of its row over modes interpolated
@@ -14,14 +36,11 @@ wide! {
         path: &mut [f64],
     ) {
         for (x, [weight_now, weight_next]) in path.iter_mut().zip(table) {
-            let mut sum = Sum::ZERO;
-            for at in (0..LANES).step_by(8) {
-                for (lane, sum) in sum.0.iter_mut().enumerate() {
-                    let i = at + lane;
-                    *sum += row.0[i] * (weight_now.0[i] * now.0[i] + weight_next.0[i] * next.0[i]);
-                }
+            let mut terms = Lanes::ZERO;
+            for (i, term) in terms.0.iter_mut().enumerate() {
+                *term = row.0[i] * (weight_now.0[i] * now.0[i] + weight_next.0[i] * next.0[i]);
             }
-            *x += joined(&sum);
+            *x += summed(&terms);
         }
     }
 }
@@ -58,12 +77,10 @@ wide! {
 wide! {
     /// Position of a port by a kick: the product of its row and the kick.
     pub(crate) fn see(row: &Lanes, kick: &Lanes) -> f64 {
-        let mut sum = Sum::ZERO;
-        for at in (0..LANES).step_by(8) {
-            for (lane, sum) in sum.0.iter_mut().enumerate() {
-                *sum += row.0[at + lane] * kick.0[at + lane];
-            }
+        let mut terms = Lanes::ZERO;
+        for ((term, row), kick) in terms.0.iter_mut().zip(&row.0).zip(&kick.0) {
+            *term = row * kick;
         }
-        joined(&sum)
+        summed(&terms)
     }
 }

@@ -14,8 +14,8 @@ pub enum Way {
 /// A point of a [`Curve`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Frame of the piece.
-    pub frame: u64,
+    /// Frame of the piece; before its beginning below 0.
+    pub frame: i64,
     /// Ratio of amplitudes, 0 or more.
     pub gain: f64,
     /// How it is reached from the point before.
@@ -50,6 +50,7 @@ impl Curve {
     /// The gain at a frame of the piece; 1 without points.
     #[must_use]
     pub fn at(&self, frame: u64) -> f64 {
+        let frame = i64::try_from(frame).unwrap_or(i64::MAX);
         let next = self.0.partition_point(|point| point.frame <= frame);
         let before = next.checked_sub(1).and_then(|at| self.0.get(at));
         match (before, self.0.get(next)) {
@@ -77,7 +78,7 @@ impl Curve {
 mod tests {
     use super::*;
 
-    fn point(frame: u64, gain: f64, way: Way) -> Point {
+    fn point(frame: i64, gain: f64, way: Way) -> Point {
         Point { frame, gain, way }
     }
 
@@ -100,6 +101,15 @@ mod tests {
             (curve.at(250) - 0.5).abs() < 1e-15,
             "by the ratio to nothing"
         );
+    }
+
+    #[test]
+    fn goes_on_from_points_before_the_beginning() {
+        let curve = Curve::new(vec![
+            point(-100, 1.0, Way::Line),
+            point(100, 0.0, Way::Line),
+        ]);
+        assert_eq!((curve.at(0), curve.at(50), curve.at(100)), (0.5, 0.25, 0.0));
     }
 
     #[test]

@@ -30,7 +30,7 @@ impl Delay {
         }
     }
 
-    /// Go on with the newest samples of another line, as many as fit. Allocates nothing.
+    /// Continue with the newest samples of another line, as many as fit. Allocates nothing.
     pub(super) fn take_over(&mut self, old: &Self) {
         let (own, their) = (self.past.len(), old.past.len());
         self.at = 0;

@@ -118,6 +118,8 @@ pub struct Mixer {
     sent: Vec<f64>,
     /// Of all channels.
     fade: Option<Curve>,
+    /// What is left of the gain of all channels before, beyond their own.
+    rest: Option<Glide>,
     /// Routes of a mixer before this one that fade out.
     leaving: [Option<Route>; LEAVING_MAX],
     /// Whether a route has a fade.
@@ -136,6 +138,8 @@ struct Route {
     curve: Option<Curve>,
     /// A factor on its way, since another mixer was taken over.
     fade: Option<Glide>,
+    /// What is left of its gain before, beyond its own, where no factor leads from one to the other.
+    rest: Option<Glide>,
 }
 
 impl Mixer {
@@ -150,6 +154,7 @@ impl Mixer {
             rooms: Vec::new(),
             sent: Vec::new(),
             fade: None,
+            rest: None,
             leaving: [const { None }; LEAVING_MAX],
             is_fading: false,
             frame: 0,
@@ -245,6 +250,7 @@ impl Mixer {
             delay: (delay > 0).then(|| Delay::new(delay)),
             curve,
             fade: None,
+            rest: None,
         });
         Ok(())
     }
@@ -312,6 +318,7 @@ impl Mixer {
             self.is_fading = false;
             let leaving = self.leaving.iter_mut().flatten();
             for route in self.routes.iter_mut().chain(leaving) {
+                self.is_fading |= falls(&mut route.rest, n);
                 let Some(fade) = &mut route.fade else {
                     continue;
                 };
@@ -324,6 +331,7 @@ impl Mixer {
             for place in &mut self.leaving {
                 place.take_if(|route| route.fade.is_some_and(|fade| fade.steady(n).is_some()));
             }
+            self.is_fading |= falls(&mut self.rest, n);
         }
         !self.is_fading
     }
@@ -395,13 +403,19 @@ impl Mixer {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));
             frames.zip(sent).for_each(|(frame, &x)| room.next(x, frame));
         }
-        if let Some(fade) = &self.fade {
+        if self.fade.is_some() || self.rest.is_some() {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));
             for (frame, n) in frames.zip(first..) {
-                let gain = fade.at(n);
+                let gain = self.gain_of_all(n);
                 frame.iter_mut().for_each(|x| *x *= gain);
             }
         }
+    }
+
+    /// The gain of all channels at a frame.
+    fn gain_of_all(&self, n: u64) -> f64 {
+        let rest = self.rest.map_or(0.0, |rest| rest.at(n));
+        self.fade.as_ref().map_or(1.0, |fade| fade.at(n)) + rest
     }
 }
 
@@ -416,6 +430,12 @@ impl Route {
     /// Its gain at a frame of the piece, by its curve.
     fn written(&self, frame: u64) -> f64 {
         self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
+    }
+
+    /// Its gain at a frame of the piece, as it is heard.
+    fn heard(&self, frame: u64) -> f64 {
+        let fade = self.fade.map_or(1.0, |fade| fade.at(frame));
+        self.written(frame) * fade + self.rest.map_or(0.0, |rest| rest.at(frame))
     }
 
     /// Fade to a factor of its gain, from another one.
@@ -434,6 +454,7 @@ impl Route {
         to: impl Iterator<Item = &'a mut f64>,
     ) {
         let is_plain = self.delay.is_none() && self.curve.is_none() && self.fade.is_none();
+        let is_plain = is_plain && self.rest.is_none();
         match (group.steady(first), &mut self.highpass) {
             (Some(gain), None) if is_plain => {
                 let gain = self.gain * gain;
@@ -457,10 +478,30 @@ impl Route {
                     let curve = self.curve.as_ref().map_or(1.0, |curve| curve.at(n));
                     let fade = self.fade.map_or(1.0, |fade| fade.at(n));
                     *y += self.gain * group.at(n) * fade * curve * x;
+                    if let Some(rest) = self.rest {
+                        *y += rest.at(n) * group.at(n) * x;
+                    }
                 }
             }
         }
     }
+}
+
+/// Let what is left of a gain fall from frame `n` on; whether it is on its way.
+fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
+    let Some(glide) = rest else { return false };
+    glide.begin_due(n);
+    if glide.steady(n).is_some() {
+        *rest = None;
+    }
+    rest.is_some()
+}
+
+/// A gain that falls to nothing.
+fn falling(rate: f64, from: f64) -> Option<Glide> {
+    let mut rest = Glide::new(rate, from);
+    rest.set(0.0);
+    (from != 0.0).then_some(rest)
 }
 
 /// The high-passed sample. A sample that is not finite counts as 0, for it would stay in the filter for ever and keep

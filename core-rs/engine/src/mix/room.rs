@@ -125,7 +125,7 @@ impl Room {
         })
     }
 
-    /// Go on as the room of the same name sounds. Allocates nothing.
+    /// Continue as the room of the same name sounds. Allocates nothing.
     pub(super) fn take_over(&mut self, old: &[Self]) {
         let Some(old) = old.iter().find(|old| old.spec.name == self.spec.name) else {
             return;

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::checks::Rule;
-use super::kinds::{Error, Tie};
+use super::error::Error;
+use super::parameters::Tie;
 use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
 use crate::cell::{self, Cell};
 use crate::chance::Chance;

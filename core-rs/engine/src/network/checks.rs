@@ -1,7 +1,7 @@
 //! Rules for the numbers of a network.
 
 use super::Network;
-use super::kinds::Error;
+use super::error::Error;
 
 /// Most MATs or LIAs of one network: 4 GB of state.
 const MODULES_MAX: usize = 20_000_000;

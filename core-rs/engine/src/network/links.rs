@@ -4,7 +4,8 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::checks::Rule;
-use super::kinds::{But, Contact, Error, Side};
+use super::error::Error;
+use super::parameters::{But, Contact, Side};
 use super::{LinkKind, Network};
 use crate::law::{Entry, Law, Row};
 

@@ -19,12 +19,14 @@ use crate::plan::passes::ported::{self, PortedBody as Body};
 use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
+use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::{self, Computed, Measured, PRESERVED, Reason, Row};
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
-use crate::plan::trial::pilot::{self, Piloted};
-use crate::plan::{Plan, Unit};
+use crate::plan::trial::pilot::{self, Piloted, Tried};
+use crate::plan::trial::record::{Series, TrialStore};
+use crate::plan::{Known, Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
@@ -35,6 +37,8 @@ struct Maker<'a> {
     pins: Pins,
     memo: Memo<'a>,
     allowance: Allowance,
+    /// What trials of earlier plans found.
+    store: Option<&'a dyn TrialStore>,
 }
 
 /// How an island goes.
@@ -56,7 +60,7 @@ pub(super) fn make(
     timeline: &Timeline,
     budget: &Budget,
     pins: Option<Vec<Choice>>,
-    (like, share): (Option<&Plan>, f64),
+    Known { like, store, share }: Known<'_>,
 ) -> Result<Plan, Error> {
     let mut maker = Maker {
         plan: Plan::empty(network.clone(), timeline),
@@ -64,6 +68,7 @@ pub(super) fn make(
         pins: Pins::new(pins),
         allowance: Allowance::new(network.n_mat() + network.n_lia(), share),
         memo: Memo::new(like.map_or(&[], |like| &like.solved)),
+        store,
     };
     let (mut loose, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
     let glides: BTreeSet<u32> = timeline
@@ -156,12 +161,15 @@ impl Maker<'_> {
 
     /// An island: by its modes where it has them, else stepped.
     fn island(&mut self, subset: Subset, own: OwnTimeline) -> Result<(), Error> {
+        self.memo.begin();
         let modules = subset.network.n_mat() + subset.network.n_lia();
         let pin = self.pins.next(modules)?;
         let mut why = None;
         if self.budget.takes_modes() && pin.as_ref().is_none_or(Choice::is_bank) {
             let kept = pin.as_ref().map(|pin| &pin.kept[..]);
-            match body::bank(&subset, &own.timeline, self.budget, kept, &self.memo) {
+            let bank = body::bank(&subset, &own.timeline, self.budget, kept, &self.memo);
+            self.allowance.spend(self.memo.take_work());
+            match bank {
                 Ok(mut found) => {
                     found.bank.is_open = own.timeline.is_open;
                     found.bank.kept = found.kept.numbers();
@@ -316,7 +324,7 @@ impl Maker<'_> {
                         pin,
                     )
                     .ok_or_else(another)?,
-                    None => pilot::pilot(&assemble, self.budget, &self.allowance)?,
+                    None => self.piloted(&subset, own, &assemble)?,
                 };
                 // Where all of it goes more often its map is another.
                 if found.island.island_plan.oversampling > 1 {
@@ -334,7 +342,7 @@ impl Maker<'_> {
         };
         let slow_error = match growth {
             Some(_) if pin.is_none() && !own.timeline.is_open => {
-                let known = (&self.memo, &self.allowance);
+                let known = (&self.memo, &self.allowance, self.store);
                 multirate::error(&subset, own, self.budget, &found.island, known)?
             }
             _ => None,
@@ -346,6 +354,44 @@ impl Maker<'_> {
             stay,
             is_offered: false,
         })
+    }
+
+    /// An island by its pilot, or by one of an earlier plan that would find the same.
+    fn piloted(
+        &self,
+        subset: &Subset,
+        own: &OwnTimeline,
+        assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
+    ) -> Result<Piloted, Error> {
+        let known = (&self.allowance, self.store);
+        let is_tried = !matches!(self.budget, Budget::Method(_)) && !own.timeline.is_open;
+        let series = self.store.filter(|_| is_tried).map(|store| {
+            let also = format_args!("pilot {:?}", self.budget);
+            Series::new(
+                store,
+                IslandContent::of(&subset.network, &own.timeline, also),
+            )
+        });
+        let recalled = series.as_ref().and_then(|series| {
+            let (taken, record) = series.find(&self.allowance)?;
+            let assemble = |how: (u32, MethodChoice<'_>), pin: Option<&Choice>| {
+                Assembled::new(subset, own, self.budget, how, pin, &self.memo)
+            };
+            let tried = Tried::recalled(&record, &assemble)?;
+            // What bodies cost is among the work that the record tells.
+            self.memo.take_work();
+            self.allowance.count(&taken);
+            Some(tried)
+        });
+        if let Some(tried) = recalled {
+            return tried.held(self.budget, known);
+        }
+        let left = self.allowance.begin();
+        let tried = pilot::pilot(assemble, self.budget, &self.allowance)?;
+        if let Some(series) = &series {
+            series.keep(&self.allowance, left, tried.record());
+        }
+        tried.held(self.budget, known)
     }
 
     /// The same with its keys slow, where that is cheaper by enough and sounds as it did.

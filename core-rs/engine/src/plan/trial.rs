@@ -9,6 +9,7 @@ pub(in crate::plan) mod multirate;
 pub(in crate::plan) mod pilot;
 pub(in crate::plan) mod pilot_run;
 pub(in crate::plan) mod prune_modes;
+pub(in crate::plan) mod record;
 pub(in crate::plan) mod search;
 pub(in crate::plan) mod third_octaves;
 pub(in crate::plan) mod waveform_error;

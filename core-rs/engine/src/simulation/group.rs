@@ -139,7 +139,7 @@ impl Group {
                 (0..n_frames).step_by(STRETCH).find_map(|from| {
                     let n_frames = STRETCH.min(n_frames - from);
                     let out = &mut sum[n_out * from..n_out * (from + n_frames)];
-                    running.go_on(
+                    running.process(
                         (unit, source),
                         &mut self.sound,
                         out,
@@ -157,7 +157,7 @@ impl Group {
 
 impl RunningUnit {
     /// A few frames, added to `out` (n_frames · n_out); `sound` is room for its own.
-    fn go_on(
+    fn process(
         &mut self,
         (unit, source): (&Unit, &mut SoundSource),
         sound: &mut [f64],

@@ -7,7 +7,7 @@ use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
-use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::plan::{Budget, Known, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
@@ -278,7 +278,10 @@ fn a_version_that_is_the_same_changes_no_bit() {
                 &timeline,
                 &budget,
                 None,
-                (Some(&plan), 1.0),
+                Known {
+                    like: Some(&plan),
+                    ..Known::default()
+                },
             )
             .unwrap(),
         );
@@ -344,7 +347,13 @@ fn a_session_is_planned_for_what_may_come() {
     let plan = |timeline: &Timeline, like: Option<&Plan>| {
         let budget = Budget::default();
         match like {
-            Some(like) => Plan::with(network.clone(), timeline, &budget, None, (Some(like), 1.0)),
+            Some(like) => {
+                let known = Known {
+                    like: Some(like),
+                    ..Known::default()
+                };
+                Plan::with(network.clone(), timeline, &budget, None, known)
+            }
             None => Plan::new(network.clone(), timeline, &budget, None),
         }
         .unwrap()

@@ -1,6 +1,6 @@
 //! The open frame (docs/open-frame.md) on a serial port or in datagrams.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::port::Port;
 use super::{
@@ -12,6 +12,8 @@ use crate::safety::contract::{Drift, Sent};
 use crate::wire::Inbox;
 use crate::wire::frame::{self as wire, flag, status};
 
+/// The longest that a reply is waited for in lockstep [s].
+const LONGEST_PATIENCE: f64 = 3600.0;
 /// USB boards ignore it.
 const BAUD: u32 = 1_000_000;
 
@@ -19,6 +21,8 @@ pub(super) struct Frame {
     port: Port,
     spec: Spec,
     lockstep: bool,
+    /// How long a reply is waited for in lockstep.
+    patience: Duration,
     wide: bool,
     inbox: Inbox<512>,
     sent: Sent,
@@ -86,10 +90,13 @@ impl Frame {
                 url.cannot("the device sends integers only and does not support the option wide")
             );
         }
+        let patience = url.number("patience", LOCKSTEP_PATIENCE.as_secs_f64())?;
+        let patience = Duration::from_secs_f64(patience.clamp(0.0, LONGEST_PATIENCE));
         let mut this = Self {
             port,
             spec,
             lockstep: url.lockstep,
+            patience,
             wide: url.wide,
             inbox: Inbox::new(),
             sent: Sent::default(),
@@ -138,6 +145,9 @@ impl Frame {
     fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
         let (mut bytes, mut fresh) = ([0; 512], false);
         loop {
+            if self.port.was_refused() && self.lockstep {
+                return Err(Gone::Silent); // in lockstep nobody is late: nobody is there
+            }
             let until = if fresh { Instant::now() } else { deadline };
             let n = self.port.read(&mut bytes, until)?;
             let now = Instant::now();
@@ -219,7 +229,7 @@ impl Device for Frame {
         let latest =
             |last: &Option<wire::Reply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
         if self.lockstep {
-            let patience = Instant::now() + LOCKSTEP_PATIENCE;
+            let patience = Instant::now() + self.patience;
             into.fresh = self.new || !latest(&self.last, self.latest);
             while !latest(&self.last, self.latest) {
                 if !self.take(patience)? {

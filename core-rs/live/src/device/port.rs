@@ -14,11 +14,30 @@ pub(super) enum Port {
     Serial(Box<dyn serialport::SerialPort>),
     /// Datagrams from and to one address, which no other program of this machine sends to.
     #[cfg(unix)]
-    Udp(UdpSocket, #[expect(dead_code)] super::lock::DeviceLock),
+    Udp(
+        UdpSocket,
+        #[expect(dead_code)] super::lock::DeviceLock,
+        Refused,
+    ),
     #[cfg(not(unix))]
-    Udp(UdpSocket, ()),
+    Udp(UdpSocket, (), Refused),
     /// A board in this process.
     InProcess(Box<dyn InProcess>),
+}
+
+/// Whether a datagram found nobody at its address, or one that was empty said so.
+#[derive(Default)]
+pub(super) struct Refused(bool);
+
+impl Refused {
+    /// Note the error, if it says so; it is none then.
+    fn note(&mut self, error: std::io::Error) -> std::io::Result<()> {
+        if error.kind() == std::io::ErrorKind::ConnectionRefused {
+            self.0 = true;
+            return Ok(());
+        }
+        Err(error)
+    }
 }
 
 /// The other end of a wire that does not leave this process.
@@ -81,7 +100,7 @@ impl Port {
         let owned = super::lock::DeviceLock::take(peer).map_err(|who| url.closed(who))?;
         #[cfg(not(unix))]
         let owned = ();
-        Ok(Self::Udp(socket, owned))
+        Ok(Self::Udp(socket, owned, Refused::default()))
     }
 
     /// Send a packet; one that finds no room is dropped, as on any wire.
@@ -91,7 +110,10 @@ impl Port {
             Self::Serial(fd) => unix::write(fd, packet),
             #[cfg(not(unix))]
             Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(forgiven),
-            Self::Udp(socket, _) => socket.send(packet).map(drop).or_else(forgiven),
+            Self::Udp(socket, _, refused) => {
+                let sent = socket.send(packet).map(drop);
+                sent.or_else(|error| refused.note(error)).or_else(forgiven)
+            }
             Self::InProcess(board) => board.write(packet),
         }
     }
@@ -106,13 +128,30 @@ impl Port {
                 Self::Serial(fd) => unix::read(fd, into)?,
                 #[cfg(not(unix))]
                 Self::Serial(port) => std::io::Read::read(port, into).or_else(nothing)?,
-                Self::Udp(socket, _) => socket.recv(into).or_else(nothing)?,
+                Self::Udp(socket, _, refused) => {
+                    let known = refused.0;
+                    let got = socket.recv(into);
+                    refused.0 |= matches!(got, Ok(0)); // an empty datagram: it leaves
+                    let got = got.or_else(|error| refused.note(error).map(|()| 0));
+                    if refused.0 && !known {
+                        return Ok(0);
+                    }
+                    got.or_else(nothing)?
+                }
             };
             let left = deadline.saturating_duration_since(Instant::now());
             if got > 0 || left.is_zero() {
                 return Ok(got);
             }
             self.wait(left)?;
+        }
+    }
+
+    /// Whether nobody was at the address of a datagram since this was asked last.
+    pub(super) fn was_refused(&mut self) -> bool {
+        match self {
+            Self::Udp(_, _, refused) => std::mem::take(&mut refused.0),
+            _ => false,
         }
     }
 
@@ -134,7 +173,7 @@ impl Port {
         use std::os::fd::AsRawFd;
         match self {
             Self::Serial(fd) => fd.as_raw_fd(),
-            Self::Udp(socket, _) => socket.as_raw_fd(),
+            Self::Udp(socket, ..) => socket.as_raw_fd(),
             Self::InProcess(_) => -1,
         }
     }

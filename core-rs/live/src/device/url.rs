@@ -19,6 +19,16 @@ pub enum Kind {
     Emul,
 }
 
+impl Kind {
+    /// Whether its address is that of a serial port, whose board may have a serial number.
+    pub(crate) fn is_serial(self) -> bool {
+        match self {
+            Self::FireFader | Self::Frame => true,
+            Self::FrameUdp | Self::Haply | Self::Emul => false,
+        }
+    }
+}
+
 const KINDS: [(&str, Kind); 5] = [
     ("firefader", Kind::FireFader),
     ("frame", Kind::Frame),
@@ -29,7 +39,16 @@ const KINDS: [(&str, Kind); 5] = [
 
 /// Options, and whether each takes a value.
 const FLAGS: [&str; 2] = ["lockstep", "wide"];
-const VALUES: [&str; 7] = ["id", "baud", "axes", "rate", "mass", "stiffness", "damping"];
+const VALUES: [&str; 8] = [
+    "id",
+    "baud",
+    "axes",
+    "rate",
+    "mass",
+    "stiffness",
+    "damping",
+    "patience",
+];
 
 /// A device as it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]

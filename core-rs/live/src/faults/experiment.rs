@@ -1,4 +1,4 @@
-//! One fault on one device: a hand holds a key, a scene guides it, the fault begins, the motor is watched.
+//! One fault on one device: a hand holds a key, a piece guides it, the fault begins, the motor is watched.
 
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -14,11 +14,11 @@ use crate::wire::firefader;
 
 /// Periods of a board in a second.
 const RATE: f64 = 8000.0;
-/// When the fault begins: forces have risen, and the scene pulls its hardest.
+/// When the fault begins: forces have risen, and the piece pulls its hardest.
 const ONSET: Duration = Duration::from_millis(3250);
 /// How long the motor is watched from then on.
 const LOOK: Duration = Duration::from_secs(2);
-/// How long the scene asks for 1e300 N.
+/// How long the piece asks for 1e300 N.
 const HUGE_LASTS: Duration = Duration::from_millis(500);
 /// The board's own watchdog.
 const WATCHDOG: Duration = Duration::from_millis(50);
@@ -26,10 +26,10 @@ const WATCHDOG: Duration = Duration::from_millis(50);
 const NEVER: Duration = Duration::from_secs(3600);
 /// The hand that holds the key [N/m, N·s/m].
 const HAND: [f64; 2] = [400.0, 4.0];
-/// The scene leads the key so far to and fro, once a second [m].
+/// The piece leads the key so far to and fro, once a second [m].
 const SWING: f64 = 6e-3;
 
-/// What a scene asks for.
+/// What a piece asks for.
 #[derive(Clone, Copy)]
 pub(super) enum Ask {
     /// A spring that holds the key at 0 [N/m].
@@ -44,7 +44,7 @@ pub(super) struct Host {
     guarded: Guarded<Defective>,
     pub(super) shared: Shared,
     sample: Sample,
-    /// The scene's spring [N/m].
+    /// The piece's spring [N/m].
     stiffness: f64,
     pub(super) ask: Ask,
 }
@@ -264,7 +264,7 @@ fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
     since
 }
 
-/// The scene asks for more than any motor gives, then for nothing; returns when it asked for nothing.
+/// The piece asks for more than any motor gives, then for nothing; returns when it asked for nothing.
 fn let_go_of_a_huge_force(mut host: Host) -> Duration {
     host.ask = Ask::Force(1e300);
     let _ = host.run(HUGE_LASTS);

@@ -36,14 +36,14 @@ pub enum PlayError {
     /// More hands than a performance can have.
     #[error("{0} real hands: at most {HANDS_MAX} are supported")]
     Hands(usize),
-    /// A scene that is too stiff for a device to be stable.
+    /// A piece that is too stiff for a device to be stable.
     #[error(
-        "hand {hand}: the scene is {stiffness:.0} N/m stiff there, and the device bears {limit:.0} N/m"
+        "hand {hand}: the piece is {stiffness:.0} N/m stiff there, and the device bears {limit:.0} N/m"
     )]
     Stiff {
         /// The hand.
         hand: usize,
-        /// Stiffness of the scene [N/m].
+        /// Stiffness of the piece [N/m].
         stiffness: f64,
         /// Greatest stable stiffness [N/m].
         limit: f64,

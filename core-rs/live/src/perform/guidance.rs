@@ -48,7 +48,7 @@ impl Guidance {
         }
     }
 
-    /// The response of scene and guidance together, in ticks of `period` [s]; see
+    /// The response of piece and guidance together, in ticks of `period` [s]; see
     /// [`Hand::response`](super::Hand::response).
     pub(super) fn total_response(
         this: Option<Self>,

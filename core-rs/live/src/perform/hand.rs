@@ -16,11 +16,11 @@ pub struct Hand {
     pub standin: Vec<f64>,
     /// Tick of the first of these positions.
     pub since: u64,
-    /// Factor from the travel of the key to that in the scene, and from the force of the scene to that on the key.
+    /// Factor from the travel of the key to that in the piece, and from the force of the piece to that on the key.
     pub reach: f64,
     /// The guidance of the hand.
     pub guidance: Option<Guidance>,
-    /// Force of the scene against the key [N/m] in each tick after it was 1 m away for one tick, (n_ticks,); empty: not
+    /// Force of the piece against the key [N/m] in each tick after it was 1 m away for one tick, (n_ticks,); empty: not
     /// computed.
     pub response: Vec<f64>,
 }

@@ -1,4 +1,4 @@
-//! The greatest stable force of a scene on the key under a real hand.
+//! The greatest stable force of a piece on the key under a real hand.
 
 use super::{Guidance, Hand, Keyboard};
 use crate::safety::margin::Answer;
@@ -6,17 +6,17 @@ use crate::safety::stiffness;
 
 /// Mass [kg] and damping [N·s/m] of a device that does not tell its own: light, with little friction.
 const DEFAULT_KEY: (f64, f64) = (0.05, 0.3);
-/// A piece is not played where a hand may get less than this part of the scene's force.
+/// A piece is not played where a hand may get less than this part of its force.
 pub const SCALE_MIN: f64 = 0.02;
 
-/// How much of the scene's force a hand may get.
+/// How much of the piece's force a hand may get.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandLimit {
     /// Which hand.
     pub hand: usize,
     /// Factor of the force, 0 to 1.
     pub scale: f64,
-    /// Greatest stiffness of scene and guidance [N/m].
+    /// Greatest stiffness of piece and guidance [N/m].
     pub stiffness: f64,
     /// Greatest stable stiffness [N/m]: `scale` · `stiffness`.
     pub limit: f64,
@@ -43,7 +43,7 @@ impl HandKey {
         axes.iter().map(of).collect()
     }
 
-    /// The limit for a scene with this response; see [`Hand::response`].
+    /// The limit for a piece with this response; see [`Hand::response`].
     pub fn limit(&self, response: &[f64]) -> HandLimit {
         let answer = Answer::new(response);
         let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
@@ -64,7 +64,7 @@ impl HandKey {
     }
 }
 
-/// The key of a device without hand or scene, in ticks of `period` [s].
+/// The key of a device without hand or piece, in ticks of `period` [s].
 pub(super) fn key(spec: &crate::device::Spec, lockstep: bool, period: f64) -> stiffness::Key {
     let own_delay = spec.loop_delay_s.map(|s| (s / period).ceil() as usize);
     stiffness::Key {

@@ -9,7 +9,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Command, hand_limit};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, ports};
+use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// Time between two attempts to open a lost device.
@@ -46,8 +46,8 @@ pub struct DeviceConfig {
 impl DeviceConfig {
     /// A name of the board that does not depend on its port, if one is certain.
     fn identity(&self) -> Option<String> {
-        let is_serial = matches!(self.url.kind, Kind::FireFader | Kind::Frame);
-        is_serial
+        let kind = self.url.kind;
+        kind.is_serial()
             .then(|| ports::identity(&self.url.target))
             .flatten()
     }
@@ -109,7 +109,7 @@ impl Keyboard {
         }
     }
 
-    /// The key of the device, without hand or scene.
+    /// The key of the device, without hand or piece.
     pub(super) fn key(&self) -> stiffness::Key {
         self.known.key(&self.guarded)
     }

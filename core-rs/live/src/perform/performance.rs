@@ -82,12 +82,12 @@ impl Performance {
         self.events.pop().ok()
     }
 
-    /// How much of the scene's force each real hand may get.
+    /// How much of the piece's force each real hand may get.
     pub fn hand_limits(&self) -> &[HandLimit] {
         &self.hand_limits
     }
 
-    /// The key under a hand, to compute limits of another scene; `None`: the hand is not real.
+    /// The key under a hand, to compute limits of another piece; `None`: the hand is not real.
     pub fn hand_key(&self, hand: usize) -> Option<HandKey> {
         self.hand_keys.iter().find(|own| own.hand == hand).copied()
     }

@@ -68,7 +68,7 @@ pub(super) struct Player {
     pub(super) scales: Vec<Scale>,
     /// Position of each hand's key in the previous tick [m], from which its speed is computed.
     previous: Vec<f64>,
-    /// Force of the scene on each hand [N].
+    /// Force of the piece on each hand [N].
     felt: Vec<f64>,
     /// Slot and axis of each hand.
     pub(super) axis_of: Vec<Option<(usize, usize)>>,

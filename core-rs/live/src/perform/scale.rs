@@ -1,4 +1,4 @@
-//! The factor of the scene's force on a hand, tick by tick: lowered before a stiffer scene acts, raised after its end.
+//! The factor of the piece's force on a hand, tick by tick: lowered before a stiffer piece acts, raised after its end.
 
 use crate::safety::unit;
 
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(scale.tick(7, std::iter::empty()), 0.1);
     }
 
-    /// It rises when the glide to a softer scene is over, and not before; a change that waits meanwhile holds it down.
+    /// It rises when the glide to a softer piece is over, and not before; a change that waits meanwhile holds it down.
     #[test]
     fn a_scale_rises_once_the_stiff_scene_is_gone() {
         let mut scale = Scale::new(0.2, PERIOD);

@@ -67,11 +67,11 @@ impl Default for Status {
 pub struct HandStatus {
     /// Position of the key [m].
     pub position: f64,
-    /// Force of the scene on the key [N].
+    /// Force of the piece on the key [N].
     pub force: f64,
     /// Force sent to the motor, after the safety stages [N].
     pub sent: f64,
-    /// Factor of the scene's force, 0 to 1.
+    /// Factor of the piece's force, 0 to 1.
     pub scale: f64,
     /// Whether a person moves the key, and not the stand-in.
     pub real: bool,

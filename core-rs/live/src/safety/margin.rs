@@ -1,6 +1,6 @@
-//! Which part of a scene's force leaves the loop of key and scene stable, whoever holds the key.
+//! Which part of a piece's force leaves the loop of key and piece stable, whoever holds the key.
 //!
-//! The loop is linear: the key answers a force that is held over a tick, the scene answers positions tick by tick. It is
+//! The loop is linear: the key answers a force that is held over a tick, the piece answers positions tick by tick. It is
 //! opened at the force; where it comes round turned by half a circle, so much of it that it comes round no smaller swings
 //! up (Nyquist 1932; a sampled loop of a key and a virtual scene: Colgate & Schenkel 1997).
 
@@ -18,7 +18,7 @@ const HANDS: [(f64, f64); 4] = [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (1_500.0
 
 type Complex = (f64, f64);
 
-/// What a scene answers at frequencies from 0 to half the rate of the ticks, without 0.
+/// What a piece answers at frequencies from 0 to half the rate of the ticks, without 0.
 pub struct Answer {
     /// z of each place, and the force against a hand there [N/m].
     places: Vec<(Complex, Complex)>,
@@ -47,8 +47,8 @@ impl Answer {
         }
     }
 
-    /// Gain margin of the loop of key and scene, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground beside the
-    /// scene: the factor of all forces at the border of stability; infinite where no factor makes the loop unstable.
+    /// Gain margin of the loop of key and piece, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground beside the
+    /// piece: the factor of all forces at the border of stability; infinite where no factor makes the loop unstable.
     pub fn gain_margin(&self, key: Key, k: f64, z: f64) -> f64 {
         if !self.acts && (k, z) == (0.0, 0.0) {
             return f64::INFINITY;
@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// A scene that rings: the border is where the loop, played for long, neither grows nor falls.
+    /// A piece that rings: the border is where the loop, played for long, neither grows nor falls.
     #[test]
     fn the_border_is_where_a_played_loop_begins_to_grow() {
         let (mass, k, z, period) = (0.02, 800.0, 0.2, 1e-3);
@@ -280,7 +280,7 @@ mod tests {
         }
     }
 
-    /// Whether a part of the scene's force swings a held key up.
+    /// Whether a part of the piece's force swings a held key up.
     fn grows(response: &[f64], key: Key, hand: (f64, f64), part: f64) -> bool {
         let Motion { a, b } = Motion::new(key, hand);
         let (mut x, mut force, mut v) = (vec![0.0], Vec::new(), 1.0);

@@ -2,7 +2,7 @@
 //!
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So nothing of
 //! this is concluded from looking alone. What looks wrong is a suspicion, and a suspicion is answered by a probe: for a
-//! few milliseconds the force differs from what the scene asks for, and the key answers with the right sign, with the
+//! few milliseconds the force differs from what the piece asks for, and the key answers with the right sign, with the
 //! wrong sign, or not at all. A wrong sign is probed a second time, the other way round, before it counts. Only two
 //! things count at once, for no hand does them: a force of newtons that pushes a resting key further into its stop, and
 //! a position that keeps its last bit while the force changes by newtons.

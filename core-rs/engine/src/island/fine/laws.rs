@@ -625,7 +625,7 @@ impl LawNow<'_> {
 
 impl LawState {
     /// Go on as the same law of another version stands.
-    pub(super) fn go_on(&mut self, old: &Self) {
+    pub(super) fn continue_from(&mut self, old: &Self) {
         (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
         (self.begin, self.largest) = (old.begin, old.largest);
         (self.inverse, self.known) = (old.inverse, old.known);

@@ -1,11 +1,11 @@
 //! The mixer of a version takes over from that of the version before.
 
-use super::{Mixer, Route, To};
+use super::{Mixer, Route, To, falling};
 
 impl Mixer {
     /// Take the state of `old` over: gains of groups, filters and delays of routes that both have, and rooms of the same
     /// name. Over 20 ms from the next multiple of 64 frames on, routes that are new fade in, those that are gone fade out,
-    /// and gains glide. Routes with a delay or a curve end at once. Allocates nothing.
+    /// and gains glide, that of all channels too. Routes with a delay or a curve end at once. Allocates nothing.
     ///
     /// `outputs`: for each output of `old` the output here, where they differ.
     pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
@@ -34,11 +34,24 @@ impl Mixer {
                 delay.take_over(before);
             }
             own.fade = before.fade;
+            own.rest = before.rest;
             let (gone, come) = (before.written(old.frame), own.written(old.frame));
-            if come != gone && come != 0.0 {
-                let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
-                own.fade(self.rate, gone * there / come, 1.0);
+            if come == gone {
+                continue;
             }
+            let heard = before.heard(old.frame);
+            (own.fade, own.rest) = (None, None);
+            if come == 0.0 || own.curve.is_some() {
+                own.rest = falling(self.rate, heard - come); // a factor would grow with the curve
+            } else {
+                own.fade(self.rate, heard / come, 1.0);
+            }
+        }
+        let come = self.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
+        let gone = old.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
+        self.rest = old.rest;
+        if come != gone {
+            self.rest = falling(self.rate, old.gain_of_all(old.frame) - come);
         }
         for room in &mut self.rooms {
             room.take_over(&old.rooms);

@@ -146,7 +146,7 @@ fn hall() -> Mixer {
         };
         mixer.room(spec).unwrap();
     }
-    let point = |frame: u64, gain: f64| Point {
+    let point = |frame: i64, gain: f64| Point {
         frame,
         gain,
         way: Way::Smooth,
@@ -255,6 +255,67 @@ fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
     }
     let same = taken_over(&[(0, 0.5), (1, 2.0)], &[(1, 2.0), (0, 0.5)], 2000);
     assert!(same.chunks(2).all(|frame| frame == [0.5, 2.0]));
+}
+
+fn level(frame: i64, gain: f64) -> Point {
+    let way = Way::Line;
+    Point { frame, gain, way }
+}
+
+/// The gain of an input of 1 over 3000 frames, where a mixer takes over at frame 1000 that fades otherwise: the route,
+/// or all channels.
+fn turned(before: &[Point], after: &[Point], is_route: bool, block: usize) -> Vec<f64> {
+    let mixer = |points: &[Point]| {
+        let mut mixer = Mixer::new(44_100.0, 1, 1);
+        let curve = (!points.is_empty()).then(|| Curve::new(points.to_vec()));
+        let treatment = Treatment {
+            curve: curve.clone().filter(|_| is_route),
+            ..Treatment::default()
+        };
+        mixer.treated(0, 0, To::Channel(0), 1.0, treatment).unwrap();
+        curve
+            .filter(|_| !is_route)
+            .into_iter()
+            .for_each(|curve| mixer.fade(curve));
+        mixer
+    };
+    let (mut old, mut new) = (mixer(before), mixer(after));
+    let mut gains = vec![0.0; 3000];
+    old.process(&[1.0; 1000], &mut gains[..1000]);
+    new.take_over(&old, None);
+    for part in gains[1000..].chunks_mut(block) {
+        new.process(&vec![1.0; part.len()], part);
+    }
+    gains
+}
+
+#[test]
+fn a_fade_that_is_taken_back_returns_in_20_ms_without_a_jump() {
+    let out = [level(0, 1.0), level(500, 0.0)];
+    let rise = [level(0, 0.0), level(990, 0.0), level(200_000, 1.0)];
+    for is_route in [false, true] {
+        for (before, after) in [
+            (&out[..], &[][..]),  // faded out, and back
+            (&[][..], &out[..]),  // and forth
+            (&[][..], &rise[..]), // to a fade that has hardly begun
+        ] {
+            let gains = turned(before, after, is_route, 2000);
+            for block in [1, 64, 333] {
+                assert_eq!(turned(before, after, is_route, block), gains);
+            }
+            let end = *gains.last().unwrap();
+            let curve = Curve::new(after.to_vec());
+            assert!((end - curve.at(2999)).abs() < 1e-12, "{end}");
+            assert!(
+                gains[999..].iter().all(|x| (0.0..1.001).contains(x)),
+                "no overshoot"
+            );
+            let steps = gains[999..]
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).abs());
+            assert!(steps.fold(0.0, f64::max) < 1.5 * 1.01 / 896.0);
+        }
+    }
 }
 
 #[test]

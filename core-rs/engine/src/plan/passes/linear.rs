@@ -61,9 +61,12 @@ impl NoModes {
         Self::Ports,
     ];
 
-    /// Whether a plan can have told this.
-    pub(crate) fn is_why(text: &str) -> bool {
-        Self::ALL.iter().any(|reason| reason.why() == text)
+    /// The reason that a plan tells so.
+    pub(crate) fn of(text: &str) -> Option<Self> {
+        Self::ALL
+            .iter()
+            .find(|reason| reason.why() == text)
+            .cloned()
     }
 
     /// As the plan tells it.

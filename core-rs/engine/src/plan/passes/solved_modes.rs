@@ -35,6 +35,9 @@ pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<Solved>],
     found: RefCell<Vec<Arc<Solved>>>,
     complex: RefCell<Vec<SolvedComplex>>,
+    /// Bodies whose solution has been counted for this island: what is known from others counts here all the same, so
+    /// that what an island takes does not depend on others.
+    counted: RefCell<Vec<Network>>,
     /// Work of the solutions that nobody has counted yet [s].
     work: Cell<f64>,
 }
@@ -45,6 +48,7 @@ impl<'a> Memo<'a> {
             known,
             found: RefCell::default(),
             complex: RefCell::default(),
+            counted: RefCell::default(),
             work: Cell::default(),
         }
     }
@@ -52,6 +56,21 @@ impl<'a> Memo<'a> {
     /// For the next plan.
     pub(in crate::plan) fn found(self) -> Vec<Arc<Solved>> {
         self.found.into_inner()
+    }
+
+    /// Begin another island.
+    pub(in crate::plan) fn begin(&self) {
+        self.counted.borrow_mut().clear();
+        self.work.set(0.0);
+    }
+
+    fn count(&self, network: &Network, n_modes: usize) {
+        let mut counted = self.counted.borrow_mut();
+        if !counted.iter().any(|own| own.is_same_from_start(network)) {
+            counted.push(network.clone());
+            let n = n_modes as f64;
+            self.work.set(self.work.get() + SOLVE * n * n * n);
+        }
     }
 
     /// Work of the solutions since this was asked last [s].
@@ -77,6 +96,7 @@ impl<'a> Memo<'a> {
         if let Some(solved) = &known {
             let places: Option<Vec<usize>> = rows.iter().map(|row| place(solved, row)).collect();
             if let Some(places) = places {
+                self.count(network, solved.modes.len());
                 self.keep(solved.clone());
                 return Ok(solved.modes.seen_by(&places));
             }
@@ -88,8 +108,7 @@ impl<'a> Memo<'a> {
             all.extend(others.cloned());
         }
         let modes = Modes::new(network, &all, rate)?;
-        let n = modes.len() as f64;
-        self.work.set(self.work.get() + SOLVE * n * n * n);
+        self.count(network, modes.len());
         let places: Vec<usize> = (0..rows.len()).collect();
         let own = modes.seen_by(&places);
         self.keep(Arc::new(Solved {
@@ -163,6 +182,12 @@ mod tests {
         };
         let (first, work) = solve(44_100.0);
         assert!(work > 0.0);
-        assert_eq!(solve(88_200.0), (first, 0.0));
+        assert_eq!(solve(88_200.0), (first.clone(), 0.0));
+        memo.begin();
+        assert_eq!(
+            solve(44_100.0),
+            (first, work),
+            "another island's work is its own"
+        );
     }
 }

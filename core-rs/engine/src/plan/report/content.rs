@@ -1,51 +1,70 @@
 //! What the sound of an island up to an instant is a function of, as a hash: the same in another version of the score
 //! whose events differ only later.
 
-use std::fmt::Write;
+use std::collections::BTreeSet;
+use std::fmt::{self, Arguments, Write};
 
 use sha2::{Digest, Sha256};
 
 use crate::gesture::script::Gesture;
 use crate::island::inside::BodyPlan;
+use crate::network::Network;
 use crate::plan::IslandPlan;
-use crate::plan::report::cache::Sink;
 use crate::timeline::{Ergon, Strike, Timeline};
 
 /// Events that act within so many frames after an instant count as before it: rounding to frames, and strikes that are
 /// shared out to two frames.
 const MARGIN: u64 = 4;
 
-/// Hashes of an island's parts and of each of its gestures.
+/// What is written is hashed.
+struct Sink(Sha256);
+
+impl Sink {
+    fn new() -> Self {
+        Self(Sha256::new())
+    }
+
+    /// The hash (64 hex digits).
+    fn hex(self) -> String {
+        let digest = self.0.finalize();
+        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl Write for Sink {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0.update(text);
+        Ok(())
+    }
+}
+
+/// A hash of some words (64 hex digits).
+pub(in crate::plan) fn hex_of(words: Arguments<'_>) -> String {
+    let mut sink = Sink::new();
+    // A hash takes everything: nothing can fail.
+    let _ = sink.write_fmt(words);
+    sink.hex()
+}
+
+/// Hashes of what happens to an island: of all but strikes, ergons and gestures, and of each gesture.
 #[derive(Clone, Debug)]
-pub(crate) struct Content {
-    /// Of all but strikes, ergons and gestures.
+struct Events {
     fixed: [u8; 32],
     /// Of each gesture, and the instant from which it acts [s]   (n_gestures)
     gestures: Vec<(f64, [u8; 32])>,
 }
 
-impl Content {
-    pub(crate) fn of(island: &IslandPlan) -> Self {
-        let IslandPlan {
-            network,
-            timeline,
-            bodies,
-            contact_substeps,
-            oversampling,
-            to_whole: _,
-        } = island;
+impl Events {
+    /// `also`: what else is always so.
+    fn of(network: &Network, timeline: &Timeline, also: Arguments<'_>) -> Self {
         let rest = Timeline {
             gestures: Vec::new(),
             strikes: Vec::new(),
             ergons: Vec::new(),
             ..timeline.clone()
         };
-        let bodies: Vec<BodyPlan> = bodies.iter().map(BodyPlan::without_strikes).collect();
-        let numbers = (contact_substeps, oversampling);
         Self {
-            fixed: digest(format_args!(
-                "{network:?}\n{rest:?}\n{bodies:?}\n{numbers:?}"
-            )),
+            fixed: digest(format_args!("{network:?}\n{rest:?}\n{also}")),
             gestures: timeline
                 .gestures
                 .iter()
@@ -54,32 +73,15 @@ impl Content {
         }
     }
 
-    /// A hash of what the island is a function of up to frame `until` of the scene (64 hex digits); `before` is that up to
-    /// frame `from`, and empty at 0.
-    pub(crate) fn key(
-        &self,
-        island: &IslandPlan,
-        (from, until): (u64, u64),
-        before: &str,
-    ) -> String {
-        let oversampling = u64::from(island.oversampling);
-        let rate = island.timeline.rate.hertz();
-        let [first, last] = [from, until].map(|frame| match frame {
-            0 => 0,
-            frame => (frame + MARGIN) * oversampling,
-        });
-        let [start, stop] = [first, last].map(|frame| frame as f64 / rate);
-        let falls = |at: f64| at <= stop && (from == 0 || at > start);
-        let mut sink = Sink(Sha256::new());
-        sink.0.update(before);
+    /// Hash what is always so, and what acts after the instant `start` [s], if one is given, up to `stop` [s].
+    fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
+        let falls = |at: f64| at <= stop && start.is_none_or(|start| at > start);
         sink.0.update(self.fixed);
-        sink.0.update(until.to_le_bytes());
         // Gestures are known by their place in this list: those before one that counts do too.
         let begun = self.gestures.iter().rposition(|own| own.0 <= stop);
         for (_, digest) in &self.gestures[..begun.map_or(0, |last| last + 1)] {
             sink.0.update(digest);
         }
-        let timeline = &island.timeline;
         // Where in the score a strike stands does not sound.
         for &Strike {
             at, mat, impulse, ..
@@ -107,6 +109,52 @@ impl Content {
                 }
             }
         }
+    }
+}
+
+/// Hashes of an island's parts and of each of its gestures.
+#[derive(Clone, Debug)]
+pub(crate) struct Content(Events);
+
+impl Content {
+    pub(crate) fn of(island: &IslandPlan) -> Self {
+        let IslandPlan {
+            network,
+            timeline,
+            bodies,
+            contact_substeps,
+            oversampling,
+            to_whole: _,
+        } = island;
+        let bodies: Vec<BodyPlan> = bodies.iter().map(BodyPlan::without_strikes).collect();
+        let numbers = (contact_substeps, oversampling);
+        Self(Events::of(
+            network,
+            timeline,
+            format_args!("{bodies:?}\n{numbers:?}"),
+        ))
+    }
+
+    /// A hash of what the island is a function of up to frame `until` of the scene (64 hex digits); `before` is that up to
+    /// frame `from`, and empty at 0.
+    pub(crate) fn key(
+        &self,
+        island: &IslandPlan,
+        (from, until): (u64, u64),
+        before: &str,
+    ) -> String {
+        let oversampling = u64::from(island.oversampling);
+        let rate = island.timeline.rate.hertz();
+        let [first, last] = [from, until].map(|frame| match frame {
+            0 => 0,
+            frame => (frame + MARGIN) * oversampling,
+        });
+        let [start, stop] = [first, last].map(|frame| frame as f64 / rate);
+        let mut sink = Sink::new();
+        sink.0.update(before);
+        sink.0.update(until.to_le_bytes());
+        let start = (from > 0).then_some(start);
+        self.0.hash(&island.timeline, (start, stop), &mut sink);
         for body in &island.bodies {
             sink.0.update(b"body");
             let falls = |frame: u64| frame <= last && (from == 0 || frame > first);
@@ -122,15 +170,88 @@ impl Content {
     }
 }
 
+/// What an island that is not put together yet is a function of, whatever its plan will be.
+pub(in crate::plan) struct IslandContent<'a> {
+    timeline: &'a Timeline,
+    events: Events,
+}
+
+impl<'a> IslandContent<'a> {
+    /// `also`: what else its plan depends on.
+    pub(in crate::plan) fn of(
+        network: &Network,
+        timeline: &'a Timeline,
+        also: Arguments<'_>,
+    ) -> Self {
+        // How an island is put together depends on where events act, whenever that is.
+        let places = (
+            Vec::from_iter(
+                timeline
+                    .strikes
+                    .iter()
+                    .map(|own| own.mat)
+                    .collect::<BTreeSet<_>>(),
+            ),
+            Vec::from_iter(
+                timeline
+                    .ergons
+                    .iter()
+                    .map(|own| own.mat)
+                    .collect::<BTreeSet<_>>(),
+            ),
+        );
+        let gestures = timeline.gestures.iter();
+        let manners: BTreeSet<String> = gestures
+            .map(|own| format!("{} {:?}", own.key, (own.manner.touch, own.manner.limit)))
+            .collect();
+        let events = Events::of(
+            network,
+            timeline,
+            format_args!("{places:?} {manners:?}\n{also}"),
+        );
+        Self { timeline, events }
+    }
+
+    /// A hash of what is always so (64 hex digits).
+    pub(in crate::plan) fn fixed(&self) -> String {
+        let mut sink = Sink::new();
+        sink.0.update(self.events.fixed);
+        sink.hex()
+    }
+
+    /// A hash of all that it is a function of up to a frame (64 hex digits).
+    pub(in crate::plan) fn until(&self, frame: u64) -> String {
+        let mut sink = Sink::new();
+        sink.0.update(frame.to_le_bytes());
+        let stop = (frame + MARGIN) as f64 / self.timeline.rate.hertz();
+        self.events.hash(self.timeline, (None, stop), &mut sink);
+        sink.hex()
+    }
+}
+
+/// When a gesture begins to act, and a hash of it.
 fn of_gesture(gesture: &Gesture) -> (f64, [u8; 32]) {
+    let Gesture {
+        key,
+        stretches,
+        start,
+        exit,
+        entry,
+        manner,
+        points,
+    } = gesture;
+    // Where in the score a point stands does not sound.
+    let instants: Vec<f64> = points.iter().map(|point| point.0).collect();
     (
-        gesture.start - gesture.manner.join,
-        digest(format_args!("{gesture:?}")),
+        start - manner.join,
+        digest(format_args!(
+            "{key} {stretches:?} {start:?} {exit:?} {entry:?} {manner:?} {instants:?}"
+        )),
     )
 }
 
-fn digest(text: std::fmt::Arguments<'_>) -> [u8; 32] {
-    let mut sink = Sink(Sha256::new());
+fn digest(text: Arguments<'_>) -> [u8; 32] {
+    let mut sink = Sink::new();
     // A hash takes everything: nothing can fail.
     let _ = sink.write_fmt(text);
     sink.0.finalize().into()

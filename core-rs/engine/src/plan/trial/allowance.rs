@@ -38,11 +38,36 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<
     }
 }
 
+/// What a series of trials took: enough to count it again without playing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::plan) struct Taken {
+    /// Work [s].
+    pub(in crate::plan) drawn: f64,
+    /// The least allowance that gives the same results [s].
+    pub(in crate::plan) needed: f64,
+    /// What was left when it began [s], where the results depend on that.
+    pub(in crate::plan) left: Option<f64>,
+    /// It ended because the allowance was spent.
+    pub(in crate::plan) is_refused: bool,
+    /// How far the longest of them played [frames of the scene].
+    pub(in crate::plan) frames: u64,
+}
+
+/// Nothing is left, for a trial has been refused.
+const SPENT: f64 = -1.0;
+
 /// The work that the trials of one plan may take [s], and what they have taken.
 #[derive(Debug)]
 pub(in crate::plan) struct Allowance {
     total: f64,
+    /// Before the series of trials that is under way.
+    drawn_before: Cell<f64>,
+    /// By that series.
     drawn: Cell<f64>,
+    /// The most that it asked for.
+    needed: Cell<f64>,
+    /// How far the longest of its trials plays [frames].
+    frames: Cell<u64>,
     /// Work taken from what lies aside, beyond the total.
     drawn_aside: Cell<f64>,
     /// Trials that ended because the allowance was spent.
@@ -61,10 +86,73 @@ impl Allowance {
         };
         Self {
             total: share * seconds,
+            ..Self::of(0.0)
+        }
+    }
+
+    /// Of so much work [s].
+    fn of(total: f64) -> Self {
+        Self {
+            total,
+            drawn_before: Cell::new(0.0),
             drawn: Cell::new(0.0),
+            needed: Cell::new(0.0),
+            frames: Cell::new(0),
             drawn_aside: Cell::new(0.0),
             n_refused: Cell::new(0),
         }
+    }
+
+    /// What is left of it [s].
+    fn left(&self) -> f64 {
+        if self.n_refused.get() > 0 {
+            return SPENT;
+        }
+        self.total - self.drawn_before.get()
+    }
+
+    /// Begin a series of trials; how much is left for it [s].
+    pub(in crate::plan) fn begin(&self) -> f64 {
+        self.drawn_before
+            .set(self.drawn_before.get() + self.drawn.take());
+        self.needed.set(0.0);
+        self.frames.set(0);
+        self.left()
+    }
+
+    /// What the series has taken that began with so much left [s].
+    pub(in crate::plan) fn taken(&self, left: f64) -> Taken {
+        let is_refused = self.n_refused.get() > 0;
+        let is_bound = is_refused || self.needed.get() > left;
+        Taken {
+            drawn: self.drawn.get(),
+            needed: self.needed.get(),
+            left: is_bound.then_some(left),
+            is_refused,
+            frames: self.frames.get(),
+        }
+    }
+
+    /// Whether a series of trials that was played before would go the same way if it began now.
+    pub(in crate::plan) fn is_enough_for(&self, taken: &Taken) -> bool {
+        let left = self.begin();
+        match taken.left {
+            Some(then) => then.to_bits() == left.to_bits(),
+            None => taken.needed <= left,
+        }
+    }
+
+    /// Count a series of trials that was played before.
+    pub(in crate::plan) fn count(&self, taken: &Taken) {
+        self.begin();
+        self.drawn.set(taken.drawn);
+        let n_refused = self.n_refused.get() + usize::from(taken.is_refused);
+        self.n_refused.set(n_refused);
+    }
+
+    /// A trial plays so many frames of the scene.
+    pub(in crate::plan) fn plays(&self, n_frames: usize) {
+        self.frames.set(self.frames.get().max(n_frames as u64));
     }
 
     /// Take so much work [s] before it is done.
@@ -74,17 +162,21 @@ impl Allowance {
     /// [`TrialError::AllowanceSpent`] where less is left: then all of it is spent, whatever smaller trials would still fit.
     pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
         let drawn = self.drawn.get() + seconds;
-        if self.n_refused.get() > 0 || drawn > self.total {
+        if drawn > self.left() {
             self.n_refused.set(self.n_refused.get() + 1);
             return Err(TrialError::AllowanceSpent);
         }
+        self.needed.set(self.needed.get().max(drawn));
         self.drawn.set(drawn);
         Ok(())
     }
 
     /// Take work [s] that is done whatever is left: what remains for trials is less by it.
     pub(in crate::plan) fn spend(&self, seconds: f64) {
-        self.drawn.set((self.drawn.get() + seconds).min(self.total));
+        let drawn = self.drawn.get() + seconds;
+        self.needed.set(self.needed.get().max(drawn));
+        let left = self.total - self.drawn_before.get();
+        self.drawn.set(drawn.min(left).max(0.0));
     }
 
     /// Look whether so much work [s] is left, and take none of it.
@@ -93,20 +185,24 @@ impl Allowance {
     ///
     /// [`TrialError::AllowanceSpent`] where less is left.
     pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), TrialError> {
-        if self.drawn.get() + seconds > self.total {
+        let drawn = self.drawn.get() + seconds;
+        if drawn > self.left() {
             return self.draw(f64::INFINITY);
         }
+        self.needed.set(self.needed.get().max(drawn));
         self.draw(0.0)
+    }
+
+    /// The part of so much work [s] that is left (0 to 1); none of it is taken.
+    pub(in crate::plan) fn share_left(&self, seconds: f64) -> f64 {
+        let drawn = self.drawn.get();
+        self.needed.set(self.needed.get().max(drawn + seconds));
+        ((self.left() - drawn) / seconds).clamp(0.0, 1.0)
     }
 
     /// What is left of a part of it that lies aside, to be drawn from by itself: no trial ends because of it.
     pub(in crate::plan) fn aside(&self) -> Self {
-        Self {
-            total: ASIDE * self.total - self.drawn_aside.get(),
-            drawn: Cell::new(0.0),
-            drawn_aside: Cell::new(0.0),
-            n_refused: Cell::new(0),
-        }
+        Self::of(ASIDE * self.total - self.drawn_aside.get())
     }
 
     /// Take work [s] from what lies aside.
@@ -121,7 +217,7 @@ impl Allowance {
 
     /// Work that the trials have taken, and the most that they may [s].
     pub(in crate::plan) fn spent(&self) -> (f64, f64) {
-        (self.drawn.get(), self.total)
+        (self.drawn_before.get() + self.drawn.get(), self.total)
     }
 }
 
@@ -164,5 +260,47 @@ mod tests {
         ));
         allowance.spend(9.0);
         assert_eq!(allowance.spent(), (1.0, 1.0));
+    }
+
+    #[test]
+    fn a_series_of_trials_counts_again_where_it_would_go_the_same_way() {
+        let first = Allowance::new(1, 1.0);
+        let left = first.begin();
+        first.draw(0.25).unwrap();
+        first.affords(0.5).unwrap();
+        let taken = first.taken(left);
+        assert_eq!((taken.drawn, taken.needed, taken.left), (0.25, 0.75, None));
+        // After others that leave enough, and after others that do not.
+        for (others, is_same) in [(0.25, true), (0.375, false)] {
+            let again = Allowance::new(1, 1.0);
+            again.draw(others).unwrap();
+            assert_eq!(again.is_enough_for(&taken), is_same);
+            again.count(&taken);
+            assert_eq!(again.spent().0, others + 0.25);
+        }
+    }
+
+    #[test]
+    fn a_series_that_was_cut_short_counts_again_where_as_much_is_left() {
+        let first = Allowance::new(1, 1.0);
+        let left = first.begin();
+        first.draw(0.75).unwrap();
+        assert!(first.draw(0.5).is_err());
+        let taken = first.taken(left);
+        assert!(taken.is_refused && taken.left == Some(1.0));
+        let again = Allowance::new(1, 1.0);
+        assert!(again.is_enough_for(&taken));
+        again.count(&taken);
+        assert!(again.n_refused() > 0 && again.draw(0.01).is_err());
+        let later = Allowance::new(1, 1.0);
+        later.draw(0.01).unwrap();
+        assert!(!later.is_enough_for(&taken));
+        // Where nothing is left nothing is played, whatever was left before.
+        let left = again.begin();
+        assert!(again.draw(0.01).is_err());
+        let none = again.taken(left);
+        let other = Allowance::new(1, 0.5);
+        assert!(other.draw(2.0).is_err());
+        assert!(other.is_enough_for(&none));
     }
 }

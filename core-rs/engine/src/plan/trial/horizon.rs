@@ -4,9 +4,11 @@ use crate::island::inside::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::IslandPlan;
+use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{play, work};
+use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::Spans;
 
@@ -45,7 +47,7 @@ pub(in crate::plan) fn held(
     measured: Measured,
     most: f64,
     [own, other]: [Played<'_>; 2],
-    allowance: &Allowance,
+    (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<Measured, TrialError> {
     let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
     if measured.db > PARTED {
@@ -60,18 +62,56 @@ pub(in crate::plan) fn held(
     if most_frames < pilot + look {
         return Ok(measured);
     }
-    let runs = play(own.0, own.1, most_frames, &rest).and_then(|run| {
+    let key = store.map(|_| key(measured, most, [own, other], most_frames));
+    let kept = store.zip(key.as_deref());
+    let recalled = kept.and_then(|(store, key)| record::find(store, key, &rest));
+    if let Some((taken, record)) = recalled
+        && let Some(Some(known)) = record.error_alone()
+    {
+        allowance.spend_aside(taken.drawn);
+        return Ok(known);
+    }
+    let left = rest.begin();
+    let held = over(measured, most, [own, other], (most_frames, look), &rest)?;
+    if let Some((store, key)) = kept {
+        let record = TrialRecord::of_error(Some(held));
+        record::keep(store, key, (&rest, left), record);
+    }
+    allowance.spend_aside(rest.spent().0);
+    Ok(held)
+}
+
+/// A hash of all that [`over`] is a function of.
+fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) -> String {
+    let [own, other] = played.map(|(island_plan, contact_substeps)| {
+        let content = Content::of(island_plan).key(island_plan, (0, n_frames as u64), "");
+        (content, contact_substeps)
+    });
+    hex_of(format_args!(
+        "horizon {measured:?} {most:?} {own:?} {other:?} {n_frames}"
+    ))
+}
+
+/// The same over so many frames at most, looked at now and then.
+fn over(
+    measured: Measured,
+    most: f64,
+    [own, other]: [Played<'_>; 2],
+    (most_frames, look): (usize, usize),
+    rest: &Allowance,
+) -> Result<Measured, TrialError> {
+    let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
+    let pilot = (measured.over * rate) as usize;
+    let runs = play(own.0, own.1, most_frames, rest).and_then(|run| {
         // What contacts added to the first run they add to each step of the other too.
-        let (drawn, total) = rest.spent();
         let steps = f64::from(other.0.oversampling) / f64::from(own.0.oversampling);
-        let lasts = FITS * (total - drawn) / (steps * drawn) * most_frames as f64;
-        let n_frames = most_frames.min(lasts as usize);
+        let share = rest.share_left(steps * rest.spent().0 / FITS);
+        let n_frames = (share * most_frames as f64) as usize;
         if n_frames < pilot + look {
             return Err(TrialError::AllowanceSpent);
         }
-        Ok((run, play(other.0, other.1, n_frames, &rest)?, n_frames))
+        Ok((run, play(other.0, other.1, n_frames, rest)?, n_frames))
     });
-    allowance.spend_aside(rest.spent().0);
     let (run, other, n_frames) = match runs {
         Ok(runs) => runs,
         Err(TrialError::AllowanceSpent) => return Ok(measured),

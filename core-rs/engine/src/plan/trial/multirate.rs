@@ -12,11 +12,13 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::slow::{Stays, slow};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
+use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::pilot_run::{is_worth, length, play};
+use crate::plan::trial::record::{Series, TrialRecord, TrialStore};
 use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::StabilityGuarantee;
 
@@ -146,7 +148,7 @@ pub(in crate::plan) fn error(
     own: &OwnTimeline,
     budget: &Budget,
     island: &Assembled,
-    (memo, allowance): (&Memo<'_>, &Allowance),
+    (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<Measured>, Error> {
     let methods = island.mesh_methods();
     let (oversampling, contact_substeps) = (
@@ -162,6 +164,46 @@ pub(in crate::plan) fn error(
     let Ok(single) = Assembled::new(&single, own, budget, how, None, memo) else {
         return Ok(None);
     };
+    let series = store.map(|store| {
+        let also = format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
+        Series::new(
+            store,
+            IslandContent::of(&subset.network, &own.timeline, also),
+        )
+    });
+    let recalled = series.as_ref().and_then(|series| series.find(allowance));
+    let known = recalled.and_then(|(taken, record)| {
+        let error = record.error_alone()?;
+        allowance.count(&taken);
+        Some(error)
+    });
+    let measured = match known {
+        Some(known) => known,
+        None => {
+            let left = allowance.begin();
+            let found = beside(&slow, &single, contact_substeps, allowance)?;
+            if let Some(series) = &series {
+                let record = TrialRecord::of_error(found);
+                series.keep(allowance, left, record);
+            }
+            found
+        }
+    };
+    let Some(measured) = measured else {
+        return Ok(None);
+    };
+    let ways = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
+    let known = (allowance, store);
+    unless_spent(horizon::held(measured, budget.asked(), ways, known))
+}
+
+/// How far apart an island and the same with kicks at every frame are, over its beginning.
+fn beside(
+    slow: &Assembled,
+    single: &Assembled,
+    contact_substeps: usize,
+    allowance: &Allowance,
+) -> Result<Option<Measured>, Error> {
     let n_frames = unless_spent(length(&slow.island_plan, allowance))?.unwrap_or(0);
     if n_frames == 0 || !is_worth(&single.island_plan, n_frames) {
         return Ok(None);
@@ -171,21 +213,16 @@ pub(in crate::plan) fn error(
         let run = play(&island.island_plan, contact_substeps, n_frames, allowance);
         unless_spent(run)
     };
-    let (Some(slowly), Some(plainly)) = (played(&slow)?, played(&single)?) else {
+    let (Some(slowly), Some(plainly)) = (played(slow)?, played(single)?) else {
         return Ok(None);
     };
     let db = difference(&slowly.sound, &plainly.sound, &spans);
-    if !db.is_finite() {
-        return Ok(None);
-    }
-    let measured = Measured {
+    Ok(db.is_finite().then_some(Measured {
         db,
         over: n_frames as f64 / spans.rate,
         spectral: None,
         audible: None,
-    };
-    let ways = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
-    unless_spent(horizon::held(measured, budget.asked(), ways, allowance))
+    }))
 }
 
 /// How sure a certificate is of an island whose other links say `word`.

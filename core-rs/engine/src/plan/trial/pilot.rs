@@ -12,7 +12,9 @@ use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
+use crate::plan::passes::ported::PortedBody;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
@@ -21,6 +23,7 @@ use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{PilotRun, is_worth, length, play};
 use crate::plan::trial::prune_modes::fewer;
+use crate::plan::trial::record::{TrialRecord, TrialStore};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::waveform_error::{Spans, difference, errors};
 
@@ -31,6 +34,9 @@ const LAW: f64 = 2.0;
 /// differs is then no error of theirs. (A steep law may begin to gain later.)
 const IDLE: usize = 2;
 const GAIN: f64 = 3.0;
+
+/// Contacts are computed at most so often a frame.
+const ONCE_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
@@ -55,18 +61,137 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
     })
 }
 
+/// An island as its pilot left it, whose error may not hold for long.
+pub(in crate::plan) struct Tried {
+    pub(in crate::plan) piloted: Piloted,
+    /// How to play on, to see how long it holds.
+    pub(in crate::plan) beyond: Option<Beyond>,
+}
+
+/// An island with all its modes and the same at half its step, to be played beside each other.
+pub(in crate::plan) struct Beyond {
+    pub(in crate::plan) own: Assembled,
+    pub(in crate::plan) finer: Assembled,
+    /// Contact substeps a frame, whatever the oversampling.
+    pub(in crate::plan) once: usize,
+}
+
+impl Tried {
+    /// With the error that holds, and over how long.
+    pub(in crate::plan) fn held(
+        self,
+        budget: &Budget,
+        known: (&Allowance, Option<&dyn TrialStore>),
+    ) -> Result<Piloted, Error> {
+        let Self {
+            mut piloted,
+            beyond,
+        } = self;
+        if let (Some(measured), Some(beyond)) = (piloted.error, beyond) {
+            let played = [&beyond.own, &beyond.finer].map(|island| {
+                let oversampling = island.island_plan.oversampling as usize;
+                (&island.island_plan, (beyond.once / oversampling).max(1))
+            });
+            piloted.error = unless_spent(horizon::held(measured, budget.asked(), played, known))?;
+        }
+        Ok(piloted)
+    }
+
+    /// As a record that [`Tried::recalled`] reads.
+    pub(in crate::plan) fn record(&self) -> TrialRecord {
+        let Assembled {
+            island_plan,
+            bodies,
+            because,
+            ..
+        } = &self.piloted.island;
+        let once = self.beyond.as_ref().map_or(0, |beyond| beyond.once);
+        let how = [
+            island_plan.oversampling,
+            island_plan.contact_substeps as u32,
+            once as u32,
+        ];
+        let mut numbers = TrialRecord::numbers_of(self.piloted.error);
+        numbers.extend(bodies.iter().map(|body| body.left_out));
+        let kept = bodies.iter().map(PortedBody::numbers);
+        TrialRecord {
+            numbers,
+            counts: std::iter::once(how.to_vec()).chain(kept).collect(),
+            reason: because.as_ref().map(|why| why.why().to_owned()),
+        }
+    }
+
+    /// As an earlier pilot left it; `None` where the record does not fit. `assemble` takes what was decided, too.
+    pub(in crate::plan) fn recalled(
+        record: &TrialRecord,
+        assemble: &impl Fn((u32, MethodChoice<'_>), Option<&Choice>) -> Result<Assembled, Error>,
+    ) -> Option<Self> {
+        let (error, left_out) = record.error()?;
+        let (how, kept) = record.counts.split_first()?;
+        let &[oversampling, contact_substeps, once] = &how[..] else {
+            return None;
+        };
+        if !(1..=2 * TIMES_MAX).contains(&oversampling) || once as usize > ONCE_MAX {
+            return None;
+        }
+        let choice = Choice {
+            oversampling,
+            contact_substeps: contact_substeps as usize,
+            kept: kept.to_vec(),
+            ..Choice::default()
+        };
+        let island = assemble((oversampling, MethodChoice::ByBudget), Some(&choice)).ok()?;
+        let Piloted { mut island, .. } = pinned(island, &choice)?;
+        if left_out.len() != island.bodies.len() {
+            return None;
+        }
+        for (body, left_out) in island.bodies.iter_mut().zip(left_out) {
+            body.left_out = *left_out;
+        }
+        island.because = match &record.reason {
+            Some(why) => Some(NoModes::of(why)?),
+            None => None,
+        };
+        let beyond = if once > 0 {
+            let methods = island.mesh_methods();
+            let at = |times| assemble((times, MethodChoice::AsBefore(&methods)), None).ok();
+            Some(Beyond {
+                own: at(oversampling)?,
+                finer: at(2 * oversampling)?,
+                once: once as usize,
+            })
+        } else {
+            None
+        };
+        Some(Self {
+            piloted: Piloted { island, error },
+            beyond,
+        })
+    }
+}
+
+impl From<Piloted> for Tried {
+    fn from(piloted: Piloted) -> Self {
+        Self {
+            piloted,
+            beyond: None,
+        }
+    }
+}
+
 /// The cheapest island within the budget; `assemble` puts it together at some times the rate.
 pub(in crate::plan) fn pilot(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
-) -> Result<Piloted, Error> {
+) -> Result<Tried, Error> {
     if let Budget::Method(_) = budget {
         let island = assemble((1, MethodChoice::ByBudget))?;
         return Ok(Piloted {
             island,
             error: None,
-        });
+        }
+        .into());
     }
     let island = first(assemble)?;
     let timeline = &island.island_plan.timeline;
@@ -75,14 +200,16 @@ pub(in crate::plan) fn pilot(
         return Ok(Piloted {
             island,
             error: None,
-        });
+        }
+        .into());
     }
     let n_frames = unless_spent(length(&island.island_plan, allowance))?.unwrap_or(0);
     if n_frames == 0 {
         return Ok(Piloted {
             island,
             error: None,
-        });
+        }
+        .into());
     }
     let spans = Spans::of(&island.island_plan, n_frames);
     let stretches = OnceCell::new();
@@ -91,7 +218,8 @@ pub(in crate::plan) fn pilot(
         return Ok(Piloted {
             island,
             error: None,
-        });
+        }
+        .into());
     };
     let cheaper = cheaper(
         assemble,
@@ -167,7 +295,8 @@ pub(in crate::plan) fn pilot(
             return Ok(Piloted {
                 island,
                 error: None,
-            });
+            }
+            .into());
         }
         let error = told(found.error, found.parting.as_ref(), None);
         let island = fewer(
@@ -177,7 +306,7 @@ pub(in crate::plan) fn pilot(
             budget,
             allowance,
         )?;
-        return Ok(Piloted { island, error });
+        return Ok(Piloted { island, error }.into());
     };
     let mut best = search.improve(start, budget)?;
     if best.run.is_lost
@@ -187,7 +316,8 @@ pub(in crate::plan) fn pilot(
             return Ok(Piloted {
                 island,
                 error: None,
-            });
+            }
+            .into());
         };
         best = Candidate {
             contact_substeps: island.island_plan.contact_substeps,
@@ -204,23 +334,24 @@ pub(in crate::plan) fn pilot(
     let parting = best
         .parting
         .map(|parting| parting.with(found.parting.as_ref()));
-    let mut error = told(own, parting.as_ref(), best.audible);
-    if let Some(measured) = error.filter(|error| error.spectral.is_none())
-        && horizon::may_grow(&best.island.island_plan)
-        && let Some(finer) = search.finer(&best.island)
-    {
-        let pair = search.pair(&best.island.island_plan, &finer.island_plan);
-        error = unless_spent(horizon::held(measured, budget.asked(), pair, allowance))?;
-    }
-    Ok(Piloted {
-        island: fewer(
-            &best.island,
-            (best.contact_substeps, &best.run),
-            n_frames,
-            budget,
-            allowance,
-        )?,
-        error,
+    let error = told(own, parting.as_ref(), best.audible);
+    let island = fewer(
+        &best.island,
+        (best.contact_substeps, &best.run),
+        n_frames,
+        budget,
+        allowance,
+    )?;
+    let is_open_ended = error.is_some_and(|error| error.spectral.is_none())
+        && horizon::may_grow(&best.island.island_plan);
+    let finer = is_open_ended.then(|| search.finer(&best.island)).flatten();
+    Ok(Tried {
+        piloted: Piloted { island, error },
+        beyond: finer.map(|finer| Beyond {
+            own: best.island,
+            finer,
+            once: search.once,
+        }),
     })
 }
 

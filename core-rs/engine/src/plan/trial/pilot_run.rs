@@ -52,6 +52,21 @@ pub(in crate::plan) fn length(
 ) -> Result<usize, TrialError> {
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
     let most = ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize);
+    let found = length_within(island_plan, (most, rate), allowance);
+    // Where there is no answer it is known that nothing happens for long.
+    let looked = match found {
+        Ok(n_frames) if n_frames > 0 => n_frames,
+        _ => most,
+    };
+    allowance.plays(looked);
+    found
+}
+
+fn length_within(
+    island_plan: &IslandPlan,
+    (most, rate): (usize, f64),
+    allowance: &Allowance,
+) -> Result<usize, TrialError> {
     let after = (AFTER * rate) as usize;
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
@@ -170,6 +185,7 @@ pub(in crate::plan) fn nudged(
     (block, by): (usize, f64),
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
+    allowance.plays(n_frames);
     let mut meter = Meter::new(island_plan, allowance);
     // What cannot be paid for is not begun.
     meter

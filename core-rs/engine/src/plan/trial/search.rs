@@ -7,7 +7,6 @@ use std::cell::OnceCell;
 use crate::integrate::MeshMethod;
 use crate::maths::decibels;
 use crate::network::Error;
-use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::MethodChoice;
@@ -103,15 +102,6 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         ))
         .ok()?;
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
-    }
-
-    /// An island and one of half its step, and how often a step contacts of each are computed.
-    pub(in crate::plan) fn pair<'b>(
-        &self,
-        own: &'b IslandPlan,
-        finer: &'b IslandPlan,
-    ) -> [(&'b IslandPlan, usize); 2] {
-        [own, finer].map(|plan| (plan, self.contact_substeps(plan.oversampling)))
     }
 
     /// Measure the error of an island that was played by playing it at half its step.

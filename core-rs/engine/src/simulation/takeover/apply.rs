@@ -23,8 +23,8 @@ impl Simulation {
             .take_over(&old.derivatives, &takeover.outputs);
         for &(from, to) in &takeover.units {
             match (self.playing(to), old.playing(from)) {
-                (RunningUnit::Island(own), RunningUnit::Island(old)) => own.go_on(old),
-                (RunningUnit::Bank(own), RunningUnit::Bank(old)) => own.go_on(old),
+                (RunningUnit::Island(own), RunningUnit::Island(old)) => own.continue_from(old),
+                (RunningUnit::Bank(own), RunningUnit::Bank(old)) => own.continue_from(old),
                 _ => {}
             }
         }
@@ -51,7 +51,7 @@ impl Simulation {
             if let (RunningUnit::Island(own), RunningUnit::Island(old)) =
                 (self.playing(*to), old.playing(*from))
             {
-                own.receive(item, old);
+                own.take_over(item, old);
             }
         }
         for &at in &takeover.placed {

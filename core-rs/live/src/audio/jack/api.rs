@@ -36,6 +36,7 @@ pub(super) struct LatencyRange {
 
 pub(super) const NO_START_SERVER: c_uint = 1;
 pub(super) const SERVER_FAILED: c_uint = 0x10;
+pub(super) const SERVER_ERROR: c_uint = 0x20;
 pub(super) const PORT_IS_INPUT: c_ulong = 1;
 pub(super) const PORT_IS_OUTPUT: c_ulong = 2;
 pub(super) const PORT_IS_PHYSICAL: c_ulong = 4;

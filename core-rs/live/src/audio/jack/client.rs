@@ -51,25 +51,43 @@ unsafe impl Send for Port {}
 // SAFETY: as above.
 unsafe impl Sync for Port {}
 
+/// How often a server is asked that had no time for a client: each time it has some seconds.
+const ATTEMPTS: usize = 4;
+
+/// What `open` gives, which fails with a status: where the server was there and too busy, it is asked again.
+fn admitted<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, AudioError> {
+    let mut status = 0;
+    for _ in 0..ATTEMPTS {
+        status = 0;
+        if let Some(client) = open(&mut status) {
+            return Ok(client);
+        }
+        if status & api::SERVER_FAILED != 0 || status & api::SERVER_ERROR == 0 {
+            break;
+        }
+    }
+    let why = if status & api::SERVER_FAILED != 0 {
+        "no JACK server runs".into()
+    } else if status & api::SERVER_ERROR != 0 {
+        "the JACK server is too busy to take a client".into()
+    } else {
+        format!("the JACK server refuses (status {status:#x})")
+    };
+    Err(AudioError::Unavailable {
+        backend: "jack",
+        why,
+    })
+}
+
 impl Client {
     /// Connect to the server that runs; starts none.
     pub(super) fn open(name: &CStr, shared: Arc<Shared>) -> Result<Self, AudioError> {
         let api = api::api()?;
-        let mut status = 0;
-        // SAFETY: both pointers live through the call; no option that needs a further argument is given.
-        let raw =
-            unsafe { (api.client_open)(name.as_ptr(), api::NO_START_SERVER, &raw mut status) };
-        if raw.is_null() {
-            let why = if status & api::SERVER_FAILED != 0 {
-                "no JACK server runs".into()
-            } else {
-                format!("the JACK server refuses (status {status:#x})")
-            };
-            return Err(AudioError::Unavailable {
-                backend: "jack",
-                why,
-            });
-        }
+        let raw = admitted(|status| {
+            // SAFETY: both pointers live through the call; no option that needs a further argument is given.
+            let raw = unsafe { (api.client_open)(name.as_ptr(), api::NO_START_SERVER, status) };
+            (!raw.is_null()).then_some(raw)
+        })?;
         // SAFETY: the client is open.
         let (rate, block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
         let news = Arc::new(ServerEvents {
@@ -333,4 +351,32 @@ unsafe extern "C" fn freewheel(on: c_int, arg: *mut c_void) {
 unsafe extern "C" fn shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
     // SAFETY: a callback of `listen`.
     unsafe { news(arg) }.gone.store(true, Ordering::Release);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_busy_server_is_asked_again() {
+        let mut asked = 0;
+        let found = admitted(|status| {
+            asked += 1;
+            *status = 0x21;
+            (asked == 3).then_some(asked)
+        });
+        assert_eq!(found.unwrap(), 3);
+    }
+
+    #[test]
+    fn a_refusal_is_told_in_words() {
+        let why = |status| {
+            admitted(|own| (None::<()>, *own = status).0)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(why(0x21).contains("too busy"), "{}", why(0x21));
+        assert!(why(0x11).contains("no JACK server runs"), "{}", why(0x11));
+        assert!(why(0x3).contains("refuses (status 0x3)"), "{}", why(0x3));
+    }
 }

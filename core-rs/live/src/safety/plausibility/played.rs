@@ -1,4 +1,4 @@
-//! A key, a hand and a scene in virtual time: what the tests here play on.
+//! A key, a hand and a piece in virtual time: what the tests here play on.
 
 use std::time::Instant;
 
@@ -122,7 +122,7 @@ impl Device for Key {
     fn zero(&mut self) {}
 }
 
-/// What a scene asks for at an instant, for a key at x that goes with v [N].
+/// What a piece asks for at an instant, for a key at x that goes with v [N].
 pub(super) type Scene = fn(f64, f64, f64) -> f64;
 
 /// A key that is played.

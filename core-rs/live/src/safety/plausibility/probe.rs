@@ -1,4 +1,4 @@
-//! A probe: a force that differs from the scene's for some milliseconds, and what the key answers.
+//! A probe: a force that differs from the piece's for some milliseconds, and what the key answers.
 
 use super::signs::{AxisParameters, OVER, Signs, Suspicion};
 
@@ -41,7 +41,7 @@ pub(super) struct Probe {
     /// Steps until it begins, and since then.
     settles: u32,
     steps: u32,
-    /// What it adds to the scene's force now, or gives instead of it [N].
+    /// What it adds to the piece's force now, or gives instead of it [N].
     pub(super) offset: f64,
     pub(super) instead: bool,
     /// The course of the key if nothing had changed: position, velocity, acceleration.
@@ -96,7 +96,7 @@ impl Probe {
         }
     }
 
-    /// The next one, soon, from however the key moves then; until it is over the scene's force does not act.
+    /// The next one, soon, from however the key moves then; until it is over the piece's force does not act.
     pub(super) fn again(self) -> Self {
         Self {
             kind: Suspicion::Run,

@@ -59,9 +59,9 @@ impl Voice {
         self.free.seek(n);
     }
 
-    /// Go on as `old` does, with the gesture that it plays where it is still to be played. Where it is not, the key
+    /// Continue as `old` does, with the gesture that it plays where it is still to be played. Where it is not, the key
     /// goes on by itself, and what comes next joins it there.
-    pub(crate) fn go_on(
+    pub(crate) fn continue_from(
         &mut self,
         script: &VoiceScript,
         old: &mut Self,

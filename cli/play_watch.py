@@ -1,0 +1,70 @@
+"""`ergon play --watch`: a session that reloads its score whenever it is saved."""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.api.options import SessionOptions
+
+from .console import Console
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from ergon.api.play import PlayOptions
+    from ergon.repl.session_protocol import SessionProtocol
+
+_LOOK = 0.1  # [s] between two looks for messages
+# What a session has no way to do: it has no end, computes as it is edited, and finds its own plan.
+_EXCLUDED = ("loop", "frozen", "method", "error", "cents", "plan", "draft", "seed")
+
+
+def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: bool) -> None:
+    """Play a score, and each new version of it from where the one before stands, until Ctrl-C.
+
+    Raises Refused, ScoreError, OptionError and DeviceError.
+    """
+    from ergon import _core
+    from ergon.api import local_session, score
+
+    if path == score.STDIN:
+        raise Refused("--watch needs a file: the score cannot be -")
+    for name in _EXCLUDED:
+        if getattr(asked, name) not in (None, False):
+            raise Refused(f"--watch excludes --{name}")
+    if strict:
+        raise Refused("--watch excludes --strict")
+    common = {one.name for one in fields(SessionOptions)} & {one.name for one in fields(asked)}
+    given = {name: getattr(asked, name) for name in common}
+    with tempfile.TemporaryDirectory(prefix="ergon-play-") as folder:
+        options = SessionOptions(**given, watch=True, journal=Path(folder, "session.jsonl"))
+        session = local_session.begin(path, options, console)
+        _core.stop_on_signals([signal.SIGINT], ends=True)
+        follow(session, console.say, asked.from_, _looks())
+
+
+def follow(
+    session: SessionProtocol, say: Callable[[str], None], start: str | None, looks: Iterator[None]
+) -> None:
+    """Play a session from a position, say what it says at each look, and close it."""
+    try:
+        reply = session.submit("play" if start is None else f"play from {start}")
+        if not reply.taken:
+            raise Refused(f"--from: {reply.text}")
+        say("a saved version plays on from the next bar; Ctrl-C ends")
+        for _ in looks:
+            for message in session.messages():
+                say(message)
+    finally:
+        session.close()
+
+
+def _looks() -> Iterator[None]:
+    while True:
+        time.sleep(_LOOK)
+        yield

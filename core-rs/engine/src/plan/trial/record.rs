@@ -1,0 +1,199 @@
+//! What trials found, kept from one plan to the next, so that an island whose beginning did not change is not tried again.
+//!
+//! A series of trials plays the beginning of an island, and how far it plays is known only afterwards. So what it found is
+//! kept by two hashes: that of what is always so tells how far earlier series of such an island played, and that of all which
+//! happens until there tells what they found.
+
+use crate::plan::report::content::{IslandContent, hex_of};
+use crate::plan::report::row::Measured;
+use crate::plan::trial::allowance::{Allowance, Taken};
+use crate::plan::trial::audible::Audible;
+
+/// Of an island so many different lengths are remembered.
+const LENGTHS_MAX: usize = 8;
+
+/// What a series of trials took and found, as numbers that can be written and read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrialRecord {
+    /// Finite, or none.
+    pub numbers: Vec<Option<f64>>,
+    /// Steps, and the modes of bodies.
+    pub counts: Vec<Vec<u32>>,
+    /// Why a body goes by no modes.
+    pub reason: Option<String>,
+}
+
+/// Where records are kept. What it gives back may be broken or another's: whoever asks has to look.
+pub trait TrialStore {
+    /// The record that was kept under a key (64 hex digits).
+    fn get(&self, key: &str) -> Option<TrialRecord>;
+
+    /// Keep a record.
+    fn put(&self, key: &str, record: TrialRecord);
+}
+
+impl TrialRecord {
+    /// With what was taken at its head.
+    fn with(mut self, taken: &Taken) -> Self {
+        let head = [Some(taken.drawn), Some(taken.needed), taken.left];
+        self.numbers.splice(0..0, head);
+        self.counts.insert(0, vec![u32::from(taken.is_refused)]);
+        self
+    }
+
+    /// What was taken, and the rest.
+    fn apart(mut self) -> Option<(Taken, Self)> {
+        let numbers = self.numbers.iter().flatten();
+        let are_good = numbers.clone().all(|number| number.is_finite());
+        if !are_good || self.numbers.len() < 3 || self.counts.is_empty() {
+            return None;
+        }
+        let head: Vec<Option<f64>> = self.numbers.drain(..3).collect();
+        let taken = Taken {
+            drawn: head[0].filter(|drawn| *drawn >= 0.0)?,
+            needed: head[1]?,
+            left: head[2],
+            is_refused: match self.counts.remove(0)[..] {
+                [0] => false,
+                [1] => true,
+                _ => return None,
+            },
+            frames: 0,
+        };
+        Some((taken, self))
+    }
+
+    /// An error as numbers.
+    pub(in crate::plan) fn numbers_of(error: Option<Measured>) -> Vec<Option<f64>> {
+        let audible = error.and_then(|error| error.audible);
+        vec![
+            error.map(|error| error.db),
+            error.map(|error| error.over),
+            error.and_then(|error| error.spectral),
+            audible.map(|own| own.cents),
+            audible.map(|own| own.t60),
+            audible.map(|own| own.level),
+        ]
+    }
+
+    /// Of an error and nothing else.
+    pub(in crate::plan) fn of_error(error: Option<Measured>) -> Self {
+        Self {
+            numbers: Self::numbers_of(error),
+            ..Self::default()
+        }
+    }
+
+    /// The error that it is of, where it is of nothing else.
+    pub(in crate::plan) fn error_alone(&self) -> Option<Option<Measured>> {
+        let (error, rest) = self.error()?;
+        let is_alone = rest.is_empty() && self.counts.is_empty() && self.reason.is_none();
+        is_alone.then_some(error)
+    }
+
+    /// The error that stands at its head, and the numbers after it.
+    pub(in crate::plan) fn error(&self) -> Option<(Option<Measured>, &[Option<f64>])> {
+        let [db, over, spectral, cents, t60, level, rest @ ..] = &self.numbers[..] else {
+            return None;
+        };
+        let audible = match (*cents, *t60, *level) {
+            (Some(cents), Some(t60), Some(level)) => Some(Audible { cents, t60, level }),
+            _ => None,
+        };
+        let error = db.zip(*over).map(|(db, over)| Measured {
+            db,
+            over,
+            spectral: *spectral,
+            audible,
+        });
+        Some((error, rest))
+    }
+}
+
+/// Series of trials of one island, and where what they find is kept.
+pub(in crate::plan) struct Series<'a> {
+    store: &'a dyn TrialStore,
+    content: IslandContent<'a>,
+    fixed: String,
+}
+
+impl<'a> Series<'a> {
+    pub(in crate::plan) fn new(store: &'a dyn TrialStore, content: IslandContent<'a>) -> Self {
+        let fixed = content.fixed();
+        Self {
+            store,
+            content,
+            fixed,
+        }
+    }
+
+    fn key(&self, frames: u64) -> String {
+        hex_of(format_args!(
+            "{} {}",
+            self.fixed,
+            self.content.until(frames)
+        ))
+    }
+
+    fn lengths(&self) -> Vec<u64> {
+        let index = self.store.get(&self.fixed).unwrap_or_default();
+        if index.reason.is_some() || !index.numbers.is_empty() || index.counts.len() != 1 {
+            return Vec::new();
+        }
+        let lengths = index.counts.first().cloned().unwrap_or_default();
+        lengths.into_iter().map(u64::from).collect()
+    }
+
+    /// What an earlier series took and found that would go the same way now.
+    pub(in crate::plan) fn find(&self, allowance: &Allowance) -> Option<(Taken, TrialRecord)> {
+        let mut lengths = self.lengths().into_iter();
+        lengths.find_map(|frames| find(self.store, &self.key(frames), allowance))
+    }
+
+    /// Keep what the series found that began with so much `left`.
+    pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: f64, record: TrialRecord) {
+        let frames = allowance.taken(left).frames;
+        keep(self.store, &self.key(frames), (allowance, left), record);
+        let mut lengths = self.lengths();
+        if !lengths.contains(&frames) {
+            lengths.insert(0, frames);
+            lengths.truncate(LENGTHS_MAX);
+            let lengths = lengths.into_iter().map(|frames| frames as u32).collect();
+            let index = TrialRecord {
+                counts: vec![lengths],
+                ..TrialRecord::default()
+            };
+            self.store.put(&self.fixed, index);
+        }
+    }
+}
+
+/// What trials of known length took and found that would go the same way now.
+pub(in crate::plan) fn find(
+    store: &dyn TrialStore,
+    key: &str,
+    allowance: &Allowance,
+) -> Option<(Taken, TrialRecord)> {
+    let left = allowance.begin();
+    [key.to_owned(), of_left(key, left)].iter().find_map(|key| {
+        let found = store.get(key)?.apart()?;
+        allowance.is_enough_for(&found.0).then_some(found)
+    })
+}
+
+/// Keep what trials of known length found that began with so much `left`.
+pub(in crate::plan) fn keep(
+    store: &dyn TrialStore,
+    key: &str,
+    (allowance, left): (&Allowance, f64),
+    record: TrialRecord,
+) {
+    let taken = allowance.taken(left);
+    let of_left = taken.left.map(|left| of_left(key, left));
+    store.put(of_left.as_deref().unwrap_or(key), record.with(&taken));
+}
+
+/// The key of what trials found that were bound by what was left.
+fn of_left(key: &str, left: f64) -> String {
+    hex_of(format_args!("{key} {:016x}", left.to_bits()))
+}

@@ -1,0 +1,165 @@
+"""Phrases at the prompt: what defines one, and what follows `strikes` where one is played."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ergon.notation.tables import notes
+from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
+from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import commands as c
+from ergon.repl.language import values as v
+from ergon.repl.language.forms import Words
+from ergon.repl.language.scope import Scope
+from ergon.repl.language.values import Completion, CompletionContext, Value
+from ergon.scores.gesture.transforms import parse_chain
+from ergon.scores.pattern.words import parse_strikes
+from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY
+from ergon.scores.reading.sections import STRIKES
+
+_OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
+_IMPULSE = re.compile(r"[-+.0-9]")  # what begins so is none of a note or a module
+_DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
+_MOST = 1_000  # entries of a line
+
+Entry = Mapping[str, str]  # `at`, `what` and `impulse`, as texts
+
+
+def _entries(text: str, *_: Any) -> tuple[Entry, ...]:
+    """Entries apart by commas: so long after the beginning, what is struck, and how strongly."""
+    found: list[Entry] = []
+    start = 0
+    for part in text.split(","):
+        words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", part)]
+        if not words:
+            message = "an entry is missing: write for instance 0 C4 1mNs, 1/2 E4"
+            raise TextError(message, offset=start)
+        found.append(_entry(words))
+        start += len(part) + 1
+    if len(found) > _MOST:
+        raise TextError(f"a line has at most {_MOST:,} entries of a phrase", length=len(text))
+    return tuple(found)
+
+
+def _entry(words: list[tuple[str, int]]) -> Entry:
+    (at, begin), *rest = words
+    said = {"at": at}
+    if len(rest) > 1 and _IMPULSE.match(rest[-1][0]):
+        said["impulse"] = rest[-1][0]
+        _check("impulse", *rest.pop())
+    _check("at", at, begin)
+    if not 1 <= len(rest) <= MAX_CHORD:
+        message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
+        raise TextError(message, offset=begin, length=len(at))
+    for word, offset in rest:
+        if notes.number(word) is None and not re.fullmatch(r"[^\W\d][\w.#-]*", word):
+            message = f"{quote(word)} is neither a note nor a module, such as C4 or bell.m"
+            raise TextError(message, offset=offset, length=len(word))
+    return {**said, "what": " ".join(word for word, _ in rest)}
+
+
+def _check(field: str, word: str, offset: int) -> None:
+    shape = PHRASE_ENTRY.by_name[field].shape
+    assert isinstance(shape, Text)
+    try:
+        shape.parse(word)
+    except TextError as error:
+        error.offset += offset
+        raise
+
+
+def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    v.new_name(text)
+    for what in ("gesture", "take", "player", "instrument", "key"):
+        if text in getattr(scope, f"{what}s"):
+            message = f"{quote(text)} is the name of a {what}: give the phrase another name"
+            raise TextError(message, length=len(text))
+    return text
+
+
+def _played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
+    """The fields of strikes that play a phrase, as texts."""
+    do = _DO.search(text)
+    before = text if do is None else text[: do.start()]
+    words, options = parse_strikes(before, _OPTIONS)
+    if not words or words[0].text not in scope.phrases:
+        first = words[0].text if words else text
+        raise v.unknown(first, "a phrase", scope.phrases)
+    if len(words) > 1:
+        message = f"{quote(words[1].text)} does not belong here: one phrase is played at a time"
+        raise TextError(message, offset=words[1].offset, length=len(words[1].text))
+    for name, word in options.items():
+        try:
+            shape = STRIKES.by_name[name].shape
+            if name == "until" or not isinstance(shape, Text):
+                v.POSITION.read(word.text, scope, {})
+            else:
+                shape.parse(word.text)
+        except TextError as error:
+            error.offset += word.offset
+            raise
+    said = {"play": words[0].text, **{name: word.text for name, word in options.items()}}
+    if do is not None:
+        if not text[do.end() :].strip():
+            message = "'do' needs a transformation: do scale 0.5, from 2"
+            raise TextError(message, offset=do.start(), length=max(1, len(text) - do.start()))
+        try:
+            parse_chain(text[do.end() :])
+        except TextError as error:
+            error.offset += do.end()
+            raise
+        said["do"] = " ".join(text[do.end() :].split())
+    return said
+
+
+def _offers(context: CompletionContext) -> Iterator[Completion]:
+    last = context.before[-1] if context.before else ""
+    if not context.before:
+        yield from v.listed(context.scope.phrases)
+    elif context.before[0] not in context.scope.phrases:
+        return
+    elif "do" in context.before:
+        yield from v.transforms(context)
+    elif last in _OPTIONS:
+        yield Completion(_OPTIONS[last], STRIKES.by_name[last].doc)
+    else:
+        for name in (*_OPTIONS, "do"):
+            if name not in context.before:
+                yield Completion(name, STRIKES.by_name[name].doc)
+
+
+def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if not NAME.fullmatch(text.split(".")[0]) or len(text) > 4 * MAX_NAME:
+        raise TextError(f"{quote(text)} is not an instrument", length=len(text))
+    if text.split(".")[0] not in scope.instruments:
+        raise v.unknown(text, "an instrument", scope.instruments)
+    return text
+
+
+NEW_PHRASE = Value("a name for the phrase", _name, lambda context: v.listed(context.scope.phrases))
+ENTRIES = Value(
+    "entries, such as 0 C4 1mNs, 1/2 E4 G4",
+    _entries,
+    lambda context: () if context.before else (Completion("0", "when, what, how strongly"),),
+)
+TO = Value(
+    "an instrument whose notes are struck",
+    _struck,
+    lambda context: v.listed(context.scope.instruments),
+)
+PLAYED = Value("a phrase, and how it is repeated", _played, _offers)
+
+
+def define(
+    name: str,
+    entries: tuple[Entry, ...],
+    to: str | None,
+    length: Any,
+    *,
+    when: c.When,
+    words: Words,
+) -> c.DefinePhrase:
+    """A phrase."""
+    return c.DefinePhrase(name, entries, to, when=when, words=words)

@@ -1,0 +1,216 @@
+"""Other names for what a score defines: each place that names a thing names it anew."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container, Iterator
+from dataclasses import replace
+
+from ergon.instruments.members import PATTERN
+from ergon.notation.tables import notes
+from ergon.notation.tables.shapes import Reference, Shape
+from ergon.notation.text import document
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import quote
+from ergon.scores.edits.structure import written_in
+from ergon.scores.edits.texts import Texts
+from ergon.scores.pattern import words
+from ergon.scores.reading.melody import Entries, WhatShape
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.sounding import SoundingNames
+
+_PARTS = "keys", "instruments"
+_RENAMED = ("gestures", "phrases", "takes", "players", "blocks", *_PARTS)
+_WORD = re.compile(r"\S+")
+_MEMBERS = re.compile(rf"\.(?:{PATTERN})\Z")
+
+Span = tuple[int, int]  # first and last character
+
+
+def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
+    """Give what a score defines another name, wherever it is named. Raises EditError.
+
+    That is a gesture, a phrase, a take, a player, a block, a key or an instrument.
+    """
+    section, _ = written_in(texts, old)
+    if section not in _RENAMED or "." in old:
+        raise EditError(f"{old} is no gesture, phrase, take, player, block, key or instrument")
+    names: dict[str, Container[str]] = {"players": piece.players, "blocks": piece.blocks}
+    names["phrases"] = piece.phrases
+    parts = {*piece.keys, *piece.instruments, *piece.families}
+    names |= dict.fromkeys(_PARTS, parts | {part.partition(".")[0] for part in parts})
+    if new in names.get(section, {*piece.gestures, *piece.takes}):
+        raise EditError(f"the name {quote(new)} is in use")
+    root = texts.document().root
+    assert isinstance(root, document.Mapping)
+    find = (
+        _part_named(root, piece, section, old) if section in _PARTS else _named(root, section, old)
+    )
+    text, after = "", 0
+    for start, stop in sorted({*find}):
+        text, after = f"{text}{texts.text[after:start]}{new}", stop
+    changed = texts.changed(text + texts.text[after:])
+    if section in _PARTS:
+        _check(piece, changed, old, new)
+    return changed
+
+
+def _check(piece: Piece, changed: Texts, old: str, new: str) -> None:
+    """Refuse a text in which the part is named somewhere where no name was looked for."""
+    made = changed.load().piece
+    back = None if made is None else SoundingNames({new: old}).piece(made)
+    if back is None or replace(back, takes={}).digest() != replace(piece, takes={}).digest():
+        raise EditError(
+            f"{old} is named where `rename` does not find it: change the name in the file, and "
+            "`load` it"
+        )
+
+
+# --- keys and instruments -----------------------------------------------------------------------
+
+
+def _part_named(root: document.Mapping, piece: Piece, section: str, name: str) -> Iterator[Span]:
+    """Where a key or an instrument is named in a score."""
+    own = root.get(section)
+    if isinstance(own, document.Mapping) and name in own.entries:
+        word, _ = own.entries[name]
+        yield word.start, word.end
+    yield from _in_blocks(root.get("blocks"), name)
+    yield from _references(root, SCORE, name, _own_modules(piece), ())
+
+
+def _own_modules(piece: Piece) -> dict[str, set[str]]:
+    """The names of modules, by those of their key or instrument: inside they are meant first."""
+    found: dict[str, set[str]] = {}
+    for part, module in piece.modules():
+        for owner in (part, part.rpartition(".")[0]):
+            found.setdefault(owner, set()).add(module.name)
+    return found
+
+
+def _references(
+    node: Node, shape: Shape | None, name: str, own: dict[str, set[str]], path: tuple[str, ...]
+) -> Iterator[Span]:
+    """Where values below a node name a part; `path` are the names that lead to the node."""
+    shape = None if shape is None else shape.chosen(node)
+    if isinstance(node, document.Mapping):
+        for word, (_, child) in node.entries.items():
+            inner = None if shape is None else shape.inner(word)
+            yield from _references(child, inner, name, own, (*path, word))
+    elif isinstance(node, document.Sequence):
+        for number, child in enumerate(node.items):
+            inner = None if shape is None else shape.inner(number)
+            yield from _references(child, inner, name, own, path)
+    elif isinstance(node, Scalar) and isinstance(shape, Entries):
+        for row, offset in words.rows(node.text):
+            _, *cells = [(cell.group(), offset + cell.start()) for cell in _WORD.finditer(row)]
+            yield from _of_words(node, cells, name)
+    elif isinstance(node, Scalar) and isinstance(shape, WhatShape):
+        yield from _of_words(
+            node, [(w.group(), w.start()) for w in _WORD.finditer(node.text)], name
+        )
+    elif isinstance(node, Scalar) and isinstance(shape, Reference):
+        is_inside = len(path) > 1 and path[0] in _PARTS
+        is_module = is_inside and _MEMBERS.sub("", node.text) in own.get(path[1], ())
+        if {"modules", *_PARTS} & {*shape.sections} and not (is_module and path[-1] != "like"):
+            yield from _of_words(node, [(node.text, 0)], name)
+
+
+def _of_words(node: Scalar, found: list[tuple[str, int]], name: str) -> Iterator[Span]:
+    """Where words at offsets of a text name a part, or what is reached through it."""
+    for word, offset in found:
+        if word.partition(".")[0] == name and notes.number(word) is None:
+            yield _span(node, offset, len(name))
+
+
+def _span(node: Scalar, offset: int, length: int) -> Span:
+    """First and last character of a word at an offset of a text."""
+    own, where = node.document, node.place_at(offset, length)
+    start, _ = own.line_span(where.line - own.first_row - 1)
+    return start + where.column - 1, start + where.column - 1 + length
+
+
+# --- gestures, takes, players, blocks -----------------------------------------------------------
+
+
+def _named(root: document.Mapping, section: str, name: str) -> Iterator[Span]:
+    """Where a gesture, take or player is named in a score: first and last character."""
+    own = root.get(section)
+    if isinstance(own, document.Mapping) and name in own.entries:
+        word, _ = own.entries[name]
+        yield word.start, word.end
+    if section == "blocks":
+        return
+    yield from _in_blocks(root.get("blocks"), name)
+    parts = root.get("parts")
+    players = parts.entries if isinstance(parts, document.Mapping) else {}
+    strikes = root.get("strikes")
+    for _, node in strikes.entries.values() if isinstance(strikes, document.Mapping) else ():
+        if section in ("phrases", "takes"):  # a take that is a MIDI file
+            yield from _same(node.get("play") if isinstance(node, document.Mapping) else None, name)
+    if section == "phrases":
+        return
+    if section == "players":
+        if name in players:
+            yield players[name][0].start, players[name][0].end
+        return
+    for _, part in players.values():
+        if isinstance(part, document.Sequence):
+            for item in part.items:
+                play = item.get("play") if isinstance(item, document.Mapping) else None
+                yield from _in_play(play, name)
+        elif isinstance(part, Scalar):
+            yield from _in_table(part, name)
+    gestures, hands = root.get("gestures"), root.get("players")
+    for table, field in ((gestures, "like"), (hands, "standin")):
+        for _, node in table.entries.values() if isinstance(table, document.Mapping) else ():
+            yield from _same(node.get(field) if isinstance(node, document.Mapping) else None, name)
+
+
+def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
+    """Where lines of blocks have a word."""
+    word = re.compile(rf"(?<![\w./-]){re.escape(name)}(?![\w/-])")
+    for _, block in blocks.entries.values() if isinstance(blocks, document.Mapping) else ():
+        lines = block.items if isinstance(block, document.Sequence) else [block]
+        for line in lines:
+            for match in word.finditer(line.document.text, line.start, line.end):
+                yield match.span()
+
+
+def _same(node: Node | None, name: str) -> Iterator[Span]:
+    if isinstance(node, Scalar) and node.text == name:
+        yield node.start, node.end
+
+
+def _in_table(part: Scalar, name: str) -> Iterator[Span]:
+    """Where rows of a table name what is played."""
+    for row, offset in words.rows(part.text):
+        called: list[int] = []
+        play = words.parse_row(row, offset, _noting(name, called)).play
+        yield from _spans(part, name, play, called)
+
+
+def _in_play(node: Node | None, name: str) -> Iterator[Span]:
+    """Where the play of an entry names what is played."""
+    if isinstance(node, Scalar) and not node.is_empty:
+        called: list[int] = []
+        yield from _spans(node, name, words.parse(node.text, 0, _noting(name, called)), called)
+
+
+def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
+    """Note where a name stands in a pattern."""
+
+    def note(word: str, at: int) -> str:
+        if word == name:
+            called.append(at)
+        return word
+
+    return note
+
+
+def _spans(node: Scalar, name: str, play: words.PlayWords, called: list[int]) -> Iterator[Span]:
+    """First and last character of a name in a play, whose pattern calls it at some offsets."""
+    for offset in [play.what.offset] if play.what.text == name else sorted({*called}):
+        yield _span(node, offset, len(name))

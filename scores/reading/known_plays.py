@@ -1,0 +1,78 @@
+"""When the lines of parts play, as far as it was worked out before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ergon.notation.text.memory import Memory
+from ergon.scores.reading.piece import Gesture, Piece, Play
+
+# Of a line, by its identity: the line itself (so that no other has its number), and its beats.
+Begins = dict[int, tuple[Play, float]]
+Starts = dict[int, tuple[Play, Sequence[float] | None, int]]  # with their number
+Played = dict[int, tuple[Play, tuple[str, ...]]]  # the gestures and takes that it names
+
+_KEPT = "begins", "starts", "names"
+
+
+class KnownPlays:
+    """The beats of lines, kept in a memory while the `times` of the piece are the same."""
+
+    def __init__(self, memory: Memory | None, file: str, times: Any) -> None:
+        """Of the score in a file. Without a memory nothing is known."""
+        self._memory = memory
+        self._begins, self._starts, self._names = (f"{of} {file}" for of in _KEPT)
+        self._times = times
+        self._played: Played = {}
+
+    def names(self) -> Played:
+        """What lines play; what is found out of others is to be added."""
+        if self._memory is not None:
+            self._played = self._memory.held(self._names, None) or {}
+        return self._played
+
+    def begins(self) -> Begins:
+        """On which beats lines begin."""
+        if self._memory is None:
+            return {}
+        return self._memory.held(self._begins, self._times) or {}
+
+    def keep_begins(self, parts: Sequence[Play], found: Begins) -> None:
+        """Keep what was found for the lines of these parts."""
+        if self._memory is not None:
+            kept = {id(play): found[id(play)] for play in parts if id(play) in found}
+            self._memory.hold(self._begins, self._times, kept)
+
+    def starts(self, piece: Piece) -> Starts:
+        """The beats of all occurrences of lines; none where what they play has changed."""
+        if self._memory is None:
+            return {}
+        known = self._memory.held(self._starts, (self._times, piece.seed))
+        if known is None:
+            return {}
+        gestures, starts = known
+        own = piece.gestures
+        is_same = all(_is_same(gesture, own.get(name)) for name, gesture in gestures.items())
+        return starts if is_same else {}
+
+    def keep_starts(self, piece: Piece, found: Starts) -> None:
+        """Keep what was found for the lines of a piece."""
+        if self._memory is None:
+            return
+        parts = piece.parts
+        kept = {id(play): found[id(play)] for play in parts if id(play) in found}
+        new = [play for play in parts if id(play) not in self._played]
+        known = self._played | {id(play): (play, play.names) for play in new}
+        played = {id(play): known[id(play)] for play in parts}
+        self._memory.hold(self._names, None, played)
+        names = {name for _, found in played.values() for name in found}
+        gestures: Mapping[str, Gesture | None] = {name: piece.gestures.get(name) for name in names}
+        self._memory.hold(self._starts, (self._times, piece.seed), (gestures, kept))
+
+
+def _is_same(a: Gesture | None, b: Gesture | None) -> bool:
+    """Whether two gestures are the same path."""
+    if a is b or a is None or b is None:
+        return a is b
+    return (a.points, a.do, a.bar_checks) == (b.points, b.do, b.bar_checks)

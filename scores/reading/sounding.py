@@ -1,0 +1,107 @@
+"""A piece under the names by which its keys and instruments sound: those they had at first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+from ergon.instruments.model import Instrument, Module, Output, Target
+from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.piece import Coupling, Hit, Key, Mix, Piece, Player, Route, Strikes
+
+# Types of which a field may hold a target or the name of a part.
+_HOLDING = (Automation, Coupling, Hit, Instrument, Key, Mix, Module, Output, Player, Route, Strikes)
+_NAMED = {Target: ("part", "text"), Route: ("part",), Player: ("key",)}
+_NAMED |= {Key: ("name",), Instrument: ("name",)}
+
+
+class SoundingNames:
+    """By what names the parts of a piece sound, where these are other than their own.
+
+    `names` are those of parts that were renamed. A part that has a name which sounds for another
+    one sounds under a new name.
+    """
+
+    def __init__(self, names: Mapping[str, str] | None = None) -> None:
+        """Keep the names that differ."""
+        self.names = {own: old for own, old in (names or {}).items() if own != old}
+        self._known: dict[int, tuple[Any, Any]] = {}  # with what they are of, so that it stays
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the names are the same."""
+        return isinstance(other, SoundingNames) and self.names == other.names
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def of(self, name: str) -> str:
+        """By what name a part, or what is reached through one (`bell.m`), sounds."""
+        if not self.names:
+            return name
+        head, dot, rest = name.partition(".")
+        return f"{self._of(head)}{dot}{rest}"
+
+    def _of(self, head: str) -> str:
+        if head in self.names:
+            return self.names[head]
+        taken = self.names.values()
+        number, found = 2, head
+        while found in taken:
+            number, found = number + 1, f"{head}-{number}"
+        return found
+
+    def shown(self, name: str, known: Iterable[str]) -> str:
+        """The name of the part, of those that are known, that sounds by a name."""
+        if not self.names:
+            return name
+        return next((own for own in known if self.of(own) == name), name)
+
+    def renamed(self, old: str, new: str) -> SoundingNames:
+        """After a part was given another name."""
+        rest = {own: name for own, name in self.names.items() if own != old}
+        return SoundingNames({**rest, new: self._of(old)})
+
+    def piece(self, piece: Piece) -> Piece:
+        """The piece under the names by which it sounds."""
+        if not self.names:
+            return piece
+        before, self._known = self._known, {}
+        made = {
+            name: self._made(getattr(piece, name), before)
+            for name in ("keys", "instruments", "strikes", "players", "duet", "mix", "automation")
+        }
+        families = {
+            self.of(name): tuple(map(self.of, members)) for name, members in piece.families.items()
+        }
+        parts = {
+            section: {part.name: part for part in made[section].values()}
+            for section in ("keys", "instruments")
+        }
+        return replace(piece, **{**made, **parts}, families=families)
+
+    def _made(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
+        """A value with the names in it replaced; the value itself where there are none."""
+        if isinstance(value, (tuple, list)):
+            items = [self._made(one, before) for one in value]
+            is_same = all(a is b for a, b in zip(items, value, strict=True))
+            return value if is_same else type(value)(items)
+        if isinstance(value, Mapping):
+            found = {name: self._made(one, before) for name, one in value.items()}
+            return value if all(found[name] is value[name] for name in value) else found
+        if not isinstance(value, (Target, *_HOLDING)):
+            return value
+        known = (
+            before.get(id(value)) or self._known.get(id(value)) or (value, self._new(value, before))
+        )
+        self._known[id(value)] = known
+        return known[1]
+
+    def _new(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
+        named = _NAMED.get(type(value), ())
+        said: dict[str, Any] = {}
+        for field in fields(value):
+            own = getattr(value, field.name)
+            made = self.of(own) if field.name in named else self._made(own, before)
+            if made is not own and made != own:
+                said[field.name] = made
+        return replace(value, **said) if said else value

@@ -1,0 +1,69 @@
+"""`ergon play --watch`: what is saved plays on, in a session that leaves nothing behind."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sessions import Stepped
+
+from ergon.api import local_session
+from ergon.cli import app
+from ergon.cli.outcome import Refused
+from ergon.cli.play_watch import follow
+
+SCORE = """\
+ergon: 1
+instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 440Hz, t60: 0.5s}}}, out: {SOX: m}}}
+strikes: {a: {to: [bell.m], at: 1|1, every: 1, times: 40, impulse: 1mNs}}
+"""
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Stepped:
+    return Stepped(SCORE, tmp_path)
+
+
+def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(at: Stepped) -> None:
+    path, said, bars = at.journal.parent / "score.yaml", [], []
+
+    def looks() -> Iterator[None]:
+        """What an editor and the thread of the session do between two looks."""
+        at.run(4.5)
+        for text in (SCORE.replace("440Hz", "450Hz"), SCORE.replace("440Hz", "45x0Hz")):
+            path.write_text(text)
+            reply = at.session.submit("reload")
+            at.session._messages.append(reply.text)
+            at.run(4.0)
+            bars.append(at.session.state().bar)
+            yield
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        follow(at.session, said.append, "2|1", looks())
+    assert bars == [4, 5]  # from 2|1 on, and on
+    assert "450Hz" in at.session.commits.head.texts.text
+    assert said[0] == "a saved version plays on from the next bar; Ctrl-C ends"
+    assert any("45x0Hz" in message or "unit" in message for message in said[1:])
+    assert at.session._over.is_set()
+
+
+def test_a_position_that_is_none_is_refused_and_the_session_is_closed(at: Stepped) -> None:
+    with pytest.raises(Refused, match="--from"):
+        follow(at.session, lambda text: None, "nowhere", iter(()))
+    assert at.session._over.is_set()
+
+
+@pytest.mark.parametrize(
+    "option", [["--loop"], ["--draft"], ["--seed", "2"], ["--strict"], ["--error", "-40dB"]]
+)
+def test_what_a_session_cannot_do_is_refused(
+    option: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text(SCORE)
+    monkeypatch.setattr(local_session, "begin", lambda *_: pytest.fail("a session was opened"))
+    assert app.run(["play", "a.yaml", "--watch", *option]) == 2
+    assert f"--watch excludes {option[0]}" in capsys.readouterr().err

@@ -1,0 +1,104 @@
+"""Lists whose items stand in a line each are composed line by line, to the same nodes."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ergon.notation.text import item_lines
+from ergon.notation.text.document import Mapping, Scalar, compose
+from ergon.notation.text.errors import Collector
+
+ITEM = st.sampled_from(
+    [
+        "- {at: 1|1, play: knock}",
+        "- {at: 2|1, play: knock, every: 1/2, times: 2}",
+        "- {at: 3|1, play: 'a}b', do: [scale 2, mirror]}",
+        '- {at: 4|1, play: "x: {y}"}',
+        "- {}",
+        "- lean",
+        "# - {a remark}",
+        "- {at: 5|1,\n       play: two lines}",
+        "- {a: &one 1}",
+        "- {a: *one}",
+        "- {a: 'open}",
+        "- {a: {b: 1}",
+        "- {a: 1}  # said",
+    ]
+)
+USUAL = st.sampled_from(["- {at: 1|1, play: knock}", "- {at: 7|1, play: lean, do: [scale 2]}"])
+LIST = st.lists(st.one_of(USUAL, USUAL, USUAL, USUAL, ITEM), max_size=30)
+HEAD = st.sampled_from(["  ada:\n", "  ada: |\n", "  bo:\n", "  mia:  # a remark\n", "  - x\n"])
+
+
+def _same(own, other, base=0):
+    assert type(own) is type(other)
+    assert (base + own.start, base + own.end) == (other.start, other.end)
+    if isinstance(own, Scalar):
+        assert (own.text, own.style) == (other.text, other.style)
+        # Of equal lines the first says where they are.
+        assert (own.place.column, own.place.length) == (other.place.column, other.place.length)
+        assert own.place.line <= other.place.line
+    elif isinstance(own, Mapping):
+        for (name, value), (key, item) in zip(
+            own.entries.values(), other.entries.values(), strict=True
+        ):
+            _same(name, key, base)
+            _same(value, item, base)
+    else:
+        assert len(own.items) == len(other.items)
+        for number, (one, item) in enumerate(zip(own.items, other.items, strict=True)):
+            first, end = own.span(number)
+            assert (base + first, base + end) == (item.start, item.end)
+            _same(one, item, own.bases[number] if own.bases else base)
+
+
+def _flow(head, items):
+    """The items in one line."""
+    return head.rstrip("\n") + " [" + ", ".join(item.removeprefix("- ") for item in items) + "]\n"
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    lists=st.lists(st.tuples(HEAD, LIST, st.booleans()), min_size=1, max_size=4),
+    row=st.integers(0, 3),
+)
+def test_nodes_are_those_of_the_whole_text(lists, row):
+    text = "parts:\n" + "".join(
+        _flow(head, items) if is_flow else head + "".join(f"    {item}\n" for item in items)
+        for head, items, is_flow in lists
+    )
+    collector = Collector()
+    whole = compose(text, "score.yaml", collector, row)
+    found = item_lines.by_lines(text, "score.yaml", Path(), row, {})
+    if found is None:
+        return
+    own, lines = found
+    assert not collector.told
+    _same(own.root, whole.root)
+    assert own.size == whole.size
+    again, _ = item_lines.by_lines(text, "score.yaml", Path(), row, lines)
+    _same(again.root, whole.root)
+
+
+@pytest.mark.parametrize("n_lines", [10, 500])
+def test_of_lines_that_are_known_none_is_composed(monkeypatch, n_lines):
+    text = "parts:\n  ada:\n" + "".join(
+        f"    - {{at: {bar}|1, play: knock}}\n" for bar in range(1, n_lines)
+    )
+    _, lines = item_lines.by_lines(text, "score.yaml", Path(), 0, {})
+    composed = []
+    monkeypatch.setattr(
+        item_lines, "compose", lambda *of: (composed.append(of[0]), compose(*of))[1]
+    )
+    item_lines.by_lines(text + "    - {at: 900|1, play: lean}\n", "s", Path(), 0, lines)
+    assert composed == [
+        "parts:\n  ada:\n    - lines\n",
+        "    - {at: 900|1, play: lean}\n",
+    ]
+
+
+def test_a_text_that_looks_like_a_list_is_none():
+    rows = "    - {at: 1|1, play: knock}\n" * 9
+    assert item_lines.by_lines(f"parts:\n  ada: |\n{rows}", "s", Path(), 0, {}) is None

@@ -1,0 +1,70 @@
+"""Drafts: planned without trials, stable, and said to be drafts."""
+
+from pathlib import Path
+
+import pytest
+
+from ergon.cli import app
+
+Capture = pytest.CaptureFixture[str]
+
+# A string that rattles, and a stiff link that diverges at the score's rate.
+SCORE = """\
+ergon: 1
+accuracy: {error: -60dB}
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  wire:
+    modules:
+      s: {STRING: {masses: 12, M: 4g, f: D4, t60: 1s}}
+      w: {SOL: {}}
+      r: {BUT: {between: [w, s.6], K: 3e4N/m, Z: 0.02Ns/m, gap: 50um}}
+      b: {BUT: {between: [k1, s.3], K: 2kN/m, gap: 2mm}}
+    out: {SOX: s.8}
+  stiff:
+    modules:
+      a: {MAS: {M: 1g}}
+      b: {MAS: {M: 1g}}
+      c: {REF: {between: [a, b], K: 9e6N/m, Z: 0.1Ns/m}}
+      l: {LNL: {between: [a, b], law: "-k*d", k: 10N/m}}
+    out: {SOX: a}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: knock}]}
+strikes: {a: {to: [stiff.a], at: 0s, impulse: 1mNs}}
+render: {tail: 0.1s}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    Path("a.yaml").write_text(SCORE)
+
+
+def test_a_draft_is_rendered_without_trials_and_says_so(capsys: Capture) -> None:
+    assert app.run(["render", "a.yaml", "--draft"]) == 0
+    told = capsys.readouterr().err
+    assert "draft, by the cheapest stable methods and without trials" in told
+    assert "the error of k1 + wire + stiff is not measured" in told
+    assert "W403" not in told
+    assert Path("a.wav").exists()
+
+
+def test_no_trial_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ergon.api import score as scores
+    from ergon.api.options import AccuracyOptions
+
+    for is_draft in (True, False):
+        options = AccuracyOptions(draft=is_draft)
+        plan = scores.stage_piece(scores.read("a.yaml", options), options).stage.plan
+        assert plan is not None
+        assert (plan.trials.done == 0.0) == is_draft
+        assert all(row.error_db is None for row in plan.rows()) == is_draft
+
+
+@pytest.mark.parametrize("other", [["--error", "-40dB"], ["--method", "ca"], ["--cents", "3"]])
+def test_a_draft_has_no_accuracy(other: list[str], capsys: Capture) -> None:
+    assert app.run(["render", "a.yaml", "--draft", *other]) == 2
+    assert f"excludes {other[0].removeprefix('--')}" in capsys.readouterr().err

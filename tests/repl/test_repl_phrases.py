@@ -1,0 +1,146 @@
+"""Phrases at the prompt: defined, played, redefined, undone, saved, kept, resumed, renamed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edited import opened
+from sessions import Stepped
+
+SCORE = """\
+ergon: 1
+tempo: {bpm: 240}
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  harp: {CEL: {M: 5g, f: C4, t60: 100ms}, notes: C4..C5, out: {SOX: harp}}
+  bell: {modules: {m: {CEL: {M: 5g, f: A3, t60: 100ms}}}, out: {SOX: m}}
+gestures: {knock: 0mm@0 6mm@60ms 0mm@160ms}
+players: {ada: {key: k}}
+parts: {ada: []}
+mix: {channels: 1, route: [{from: harp, to: 1}, {from: bell, to: 1}]}
+"""
+TUNE = "phrase tune 0 C4 1mNs, 1/2 E4 G4, 2.5 D4 2mNs..3mNs to harp length 4"
+
+
+@pytest.fixture
+def at(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    stepped.ok("play")
+    yield stepped
+    stepped.close()
+
+
+def struck(at: Stepped, since: float) -> list[float]:
+    """Seconds at which something is struck, from an instant on."""
+    return [since + one / at.rate for one in onsets(at.sound[int(since * at.rate) :, 0], at.rate)]
+
+
+def onsets(sound: np.ndarray, rate: float) -> list[int]:
+    quiet = int(0.05 * rate)
+    moved = np.flatnonzero(np.abs(sound) > 1e-9)
+    found: list[int] = []
+    loud = 0.0
+    for n in range(0, len(sound) - quiet, 64):
+        now = float(np.abs(sound[n : n + 64]).max())
+        if now > 4.0 * loud + 1e-12 and (not found or n - found[-1] > quiet):
+            found.append(n)
+        loud = max(now, 0.9 * loud)
+    return found if len(moved) else []
+
+
+def test_a_phrase_is_defined_played_and_undone(at):
+    at.ok(TUNE)
+    piece = at.session.commits.head.piece
+    assert piece.phrases == ("tune",)
+    assert "entries: [{at: 0, what: C4, impulse: 1mNs}" in at.session.commits.head.texts.text
+    at.ok("hook strikes tune every 1bar")
+    at.run(4.0)
+    heard = len(struck(at, 0.0))
+    assert heard >= 5
+    at.ok("hook strikes tune every 1bar transpose 5st do scale 0.5, from 1/2 now")
+    at.run(1.0)
+    (hook,) = [one for one in at.session.commits.head.piece.strikes if one.name == "hook-2"]
+    assert {target.part for hit in hook.hits for target in hit.to} >= {"harp.A4", "harp.G4"}
+    at.ok("undo")
+    at.run(1.0)
+    at.ok("rest hook")
+    at.run(2.5)
+    assert np.abs(at.sound[-int(0.5 * at.rate) :]).max() < 1e-9
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(at):
+    at.ok(TUNE)
+    at.ok("hook strikes tune every 1bar\nada plays knock every 1")
+    at.run(2.2)
+    at.ok("phrase tune 0 C4, 1 D4, 2 E4, 3 F4 to harp length 1bar")
+    assert "{to: harp, length: 1bar, impulse: 1mNs, entries:" in at.session.commits.head.texts.text
+    at.run(3.0)
+    at.ok("keep 1bar as verse\nsave typed\nrename tune air")
+    at.run(1.5)
+    head = at.session.commits.head
+    assert head.piece.phrases == ("air",)
+    assert "play: air" in head.texts.text
+    _, typed = opened(str(at.journal.with_name("typed.yaml")))
+    assert [len(one.hits) for one in typed.strikes] == [4]
+    assert opened(str(at.journal.with_name("verse.yaml")))
+    at.ok("show air")
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+    again = Stepped.resumed(at.journal)
+    assert again.session.commits.head.piece.phrases == ("air",)
+    again.ok("play")
+    again.run(2.5)
+    assert np.abs(again.sound).max() > 0
+    again.ok("undo")
+    again.run(0.5)
+    again.close()
+    assert np.array_equal(again.again(), again.sound)
+
+
+def test_a_block_defines_a_phrase_and_plays_it(at):
+    at.ok("def fill:\n  phrase two 0 C4, 1/2 D4 to harp\n  hook strikes two\nend")
+    at.ok("fill every 1bar now")
+    at.run(3.5)
+    assert np.abs(at.sound[-int(1.2 * at.rate) :]).max() > 1e-9
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("phrase tune 0 C6 to harp", "has no note 'C6'"),
+        ("phrase tune 0 C4", "'C4' is a note; write `to`"),
+        ("phrase tune 0 bell.q", "nothing is called 'bell.q'"),
+        ("phrase tune 0 C4, , 1 D4 to harp", "an entry is missing"),
+        ("phrase tune C4 to harp", "C4"),
+        ("phrase tune 0 to harp", "what is struck is missing"),
+        ("phrase tune 0 C4 3mm to harp", "'mm'"),
+        ("phrase tune 0 C4 to harq", "'harq'"),
+        ("phrase knock 0 C4 to harp", "is the name of a gesture"),
+        ("hook strikes tone every 1bar", "is not an instrument or a key"),
+        ("hook strikes hymn every", "'every' needs a value"),
+        ("hook strikes hymn transpose 3", "is not an interval"),
+        ("hook strikes hymn do bend 3", "bend"),
+        ("hook strikes hymn transpose 30st", "harp"),
+        ("remove hymn", "no phrase or MIDI take is called 'hymn'"),
+    ],
+)
+def test_what_is_wrong_is_refused_and_changes_nothing(at, line, message):
+    at.ok("phrase hymn 0 C4 to harp")
+    at.ok("old strikes hymn every 1bar")
+    text = at.session.commits.head.texts.text
+    reply = at.type(line)
+    assert not reply.taken
+    assert message in reply.text
+    assert at.session.commits.head.texts.text == text
+
+
+def test_a_phrase_that_strikes_play_is_completed(at):
+    at.ok(TUNE)
+    offered = [one.text for one in at.session.complete("hook strikes t", 14)]
+    assert "tune" in offered

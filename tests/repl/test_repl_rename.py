@@ -1,0 +1,224 @@
+"""Keys and instruments get other names while they sound: the text changes, and no sample does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edited import opened
+from sessions import Stepped
+
+SCORE = """\
+ergon: 1
+seed: 5
+tempo: {bpm: 240}
+let: {bell: 3mm}
+keys:
+  k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
+  k2: {like: k1}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 20g, f: 220Hz, t60: 2s}}
+      low: {CEL: {M: 20g, f: 80Hz, t60: 2s}}
+      b: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: [m, low]}
+  bell2: {like: bell, modules: {b: {BUT: {between: [k2, bell.m]}}}}
+  m:
+    modules:
+      bell: {CEL: {M: 20g, f: 300Hz, t60: 1s}}
+      r: {RES: {between: [bell, bell.low], K: 9N/m}}
+    out: {SOX: bell}
+  harp: {CEL: {M: 5g, f: C4, t60: 1s}, notes: [C4, E4, G4], out: {SOX: harp}}
+gestures:
+  knock: 0mm@0 smooth 6mm@60ms 0mm@160ms
+phrases:
+  tune:
+    to: harp
+    length: 1bar
+    entries: [{at: 0, what: C4, impulse: 1mNs}, {at: 2, what: bell.m harp.E4}]
+strikes:
+  rain: {to: [bell.m, m], at: 1|1, until: 99|1, rate: 4Hz, impulse: 1mNs..2mNs}
+  hook: {play: tune, at: 1|1, every: 1bar, until: 99|1}
+  steps: |
+    1|3  harp.G4 bell.low  2mNs
+    2|3  bell.m
+automation:
+  - {lfo: bell.m.K, range: 0.9..1.1, period: 1bar, at: 1|1, until: 99|1}
+  - {at: 1|2, set: bell2.m.f, to: A3 C4 E4, every: 1, until: 99|1, chance: 0.5}
+players:
+  ada: {key: k1}
+  leo: {key: k2}
+duet: {couple: [k1, k2], RES: {K: 5N/m}, until: 99|1}
+parts:
+  ada: [{at: 1|1, play: knock, every: 1, until: 99|1}]
+  leo: |
+    1|2    knock every 2 until 99|1
+blocks:
+  fill:
+    - set bell.m.K x1.1 over 1bar
+    - couple k1 k2 K=3N/m
+mix:
+  channels: 2
+  route:
+    - {from: bell, to: 1}
+    - {from: bell2, to: 2}
+    - {from: m, to: 1}
+    - {from: harp, to: [2], gain: -6dB}
+"""
+
+
+@pytest.fixture
+def at(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    stepped.ok("play")
+    yield stepped
+    stepped.close()
+
+
+def _played(folder: Path, lines: list[str]) -> np.ndarray:
+    """What a session plays that is typed these lines after 0.7 s each."""
+    folder.mkdir()
+    own = Stepped(SCORE, folder)
+    own.ok("play")
+    for line in lines:
+        own.run(0.7)
+        if line:
+            own.ok(line)
+    own.run(1.5)
+    own.close()
+    assert np.array_equal(own.again(), own.sound)
+    return own.sound
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["rename bell chime", "rename k1 pad", "rename k2 pad", "rename m b", "rename harp lyre"],
+)
+def test_the_sound_goes_on_to_the_last_bit_and_the_undo_does(tmp_path, line):
+    lines = [line, "ada plays knock every 1/2", "undo", "undo", "redo"]
+    plain = ["", "ada plays knock every 1/2", "undo", "", ""]
+    assert np.array_equal(_played(tmp_path / "a", lines), _played(tmp_path / "b", plain))
+
+
+def test_every_reference_follows(at):
+    at.run(0.5)
+    at.ok("gain bell -3dB now\nmute harp now\nmap cc 21 bell.m.K 1kN/m..9kN/m")
+    at.ok("map note C3 bell.low 1mNs..2mNs")
+    at.run(1.5)
+    for line in ("rename bell chime", "rename k1 pad", "rename harp lyre", "rename m low2"):
+        at.ok(f"{line} now")
+        at.run(0.1)
+    head = at.session.commits.head
+    text = head.texts.text
+    for new, old in (("chime", "bell"), ("pad", "k1"), ("lyre", "harp")):
+        text = text.replace(new, old)
+    said = SCORE.replace("\n  m:\n", "\n  low2:\n").replace("bell.m, m]", "bell.m, low2]")
+    assert text == said.replace("from: m,", "from: low2,")
+    assert "let: {bell: 3mm}" in head.texts.text
+    assert "      bell: {CEL" in head.texts.text  # a module of its own
+    assert head.faders.gains == {"chime": pytest.approx(10 ** (-3 / 20))}
+    assert head.faders.muted == {"lyre.C4", "lyre.E4", "lyre.G4"}
+    assert [own.target for own in head.maps.values()] == ["chime.m.K", "chime.low"]
+    assert head.piece.blocks["fill"] == ("set chime.m.K x1.1 over 1bar", "couple pad k2 K=3N/m")
+    at.ok("fill now")
+    at.ok("unmute lyre\nchime3 = chime transpose 7st\nset chime.m.f B3 over 1bar now")
+    at.run(1.5)
+    at.ok("keep 1bar as verse\nsave typed")
+    assert opened(str(at.journal.with_name("typed.yaml")))[1].instruments.keys() >= {
+        "chime",
+        "low2",
+    }
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_a_name_that_is_free_again_is_another_instrument(at):
+    at.run(0.6)
+    at.ok("rename bell chime now\nbell = bell/bell\nroute bell 2")
+    at.run(1.0)
+    assert at.session.commits.running.version.sounds_as.names == {"chime": "bell"}
+    assert [*at.session.commits.running.version.sounding.instruments][-1] == "bell-2"
+    at.ok("rename chime gong now")
+    at.ok("gain gong -6dB now")
+    at.run(1.0)
+    at.ok("rename bell chime")
+    at.run(1.5)
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_a_resumed_session_knows_what_sounds_by_another_name(at):
+    at.run(0.6)
+    at.ok("rename bell chime\nrename k1 pad\nada plays knock every 1/2")
+    at.run(1.5)
+    at.close()
+    again = Stepped.resumed(at.journal)
+    again.ok("play")
+    again.run(1.2)
+    again.ok("undo")
+    again.run(1.0)
+    assert "chime" not in again.session.commits.head.texts.text
+    again.close()
+    assert np.array_equal(again.again(), again.sound)
+    third = Stepped.resumed(again.journal)
+    third.ok("play")
+    third.ok("redo")
+    third.run(1.0)
+    third.close()
+    assert np.array_equal(third.again(), third.sound)
+
+
+def _edited(at, *changes):
+    path = at.journal.with_name("score.yaml")
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+
+
+def test_what_was_renamed_is_edited_in_the_file_under_its_old_name(at):
+    at.run(0.6)
+    for line in ("rename bell chime", "rename k1 pad", "rename knock tap", "set chime.low.t60 1s"):
+        at.ok(f"{line} now")
+        at.run(0.1)
+    _edited(at, ("f: 220Hz", "f: 230Hz"), ("6mm@60ms", "5mm@60ms"), ("K: 60N/m", "K: 70N/m"))
+    assert "has changed in the file too" not in at.ok("reload now").text
+    at.run(0.5)
+    head = at.session.commits.head
+    assert "chime" in head.piece.instruments
+    assert "bell" not in head.piece.instruments
+    said = {m.name: m.fields for m in head.piece.instruments["chime"].modules}
+    assert (said["m"]["f"], said["low"]["t60"]) == (230.0, 1.0)
+    assert head.piece.keys["pad"].modules[0].fields["K"] == 70.0
+    assert "tap: 0mm@0 smooth 5mm@60ms 0mm@160ms" in head.texts.text
+    _edited(at, ("f: 230Hz", "f: 240Hz"))
+    at.ok("reload now")
+    at.run(0.5)
+    at.ok("undo now")
+    at.run(0.5)
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_what_was_renamed_or_removed_stays_so_when_the_file_is_edited_after_a_resume(at):
+    at.run(0.6)
+    at.ok("rename bell chime now")
+    at.ok("remove fill now")
+    at.run(0.6)
+    at.close()
+    _edited(at, ("6mm@60ms", "5mm@60ms"))
+    again = Stepped.resumed(at.journal)
+    again.ok("play")
+    again.run(0.3)
+    assert "has changed in the file too" not in again.ok("reload now").text
+    again.run(0.5)
+    head = again.session.commits.head
+    assert "chime" in head.piece.instruments
+    assert "bell" not in head.piece.instruments
+    assert not head.piece.blocks
+    assert "5mm@60ms" in head.texts.text
+    again.close()
+    assert np.array_equal(again.again(), again.sound)

@@ -1,0 +1,169 @@
+"""The pitch of a whole instrument, and of a BANK: set and led at the prompt and in scores."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edited import opened
+from sessions import Stepped
+from tests.repl.test_repl_glides import pitch
+
+from ergon.repl.session.version import piece_of
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.load import load
+from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.leading import Led
+from ergon.scores.staging.stage import stage
+
+SCORE = """\
+ergon: 1
+tempo: {bpm: 240}
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  bell:
+    modules:
+      hammer: {CEL: {M: 9g, f: 2Hz, t60: 1s}}
+      m: {CEL: {M: 20g, f: A3, t60: 9s, X0: 1mm}}
+      low: {CEL: {M: 20g, K: 900N/m, Z: 0.01Ns/m}}
+      s: {STRING: {masses: 9, M: 5g, f: 300Hz, t60: 4s}}
+      some: {BANK: {count: 3, M: 20g, f: 200Hz..900Hz, t60: 4s}}
+      r: {REF: {between: [low, s.3], K: 90N/m, Z: 0.1Ns/m}}
+      b: {BUT: {between: [hammer, m], K: 900N/m, exponent: 1.5, gap: 9mm}}
+      slide: {LNL: {between: [k, hammer], damping: 0.1*v}}
+    f: A3
+    out: {SOX: m}
+  bell2: {like: bell, f: C4}
+  sky: {BANK: {count: 3, M: 20g, f: 200Hz..900Hz, t60: 4s}, out: {SOX: sky.all}}
+  hard: {f: A3, modules: {m: {CEL: {M: 2g, f: A3}}, n: {LNL: {between: [k, m], law: 3*d}}}}
+gestures: {knock: 0mm@0 smooth 3mm@1/8 throw 0mm@1/4}
+players: {ada: {key: k}}
+parts: {ada: []}
+mix: {channels: 2, route: [{from: bell, to: 1}, {from: bell2, to: 2}, {from: sky, to: 2}]}
+render: {bits: float, tail: 8s}
+"""
+MOVED = ("m", "low", "s", "some", "r", "b")
+
+
+@pytest.fixture
+def at(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    yield stepped
+    stepped.close()
+
+
+def numbers(piece, part):
+    return {
+        module.name: Led.of(piece, (part, module.name)).numbers_alone
+        for module in piece.instruments[part].modules
+        if module.name in MOVED
+    }
+
+
+def staged(text, tmp_path):
+    path = tmp_path / "led.yaml"
+    path.write_text(text)
+    return stage(load(path).piece)
+
+
+@pytest.mark.parametrize("part", ["bell", "bell2"])
+@pytest.mark.parametrize("to", ["C5", "x1.25", "C4@0 smooth C5@2"])
+def test_a_glide_ends_where_the_instrument_is_transposed(tmp_path, part, to):
+    over = "" if "@" in to else ", over: 1bar"
+    line = f"automation: [{{at: 1|1, set: {part}.f, to: {to}{over}}}]\n"
+    led = staged(SCORE + line, tmp_path)
+    piece = led.piece
+    begun = piece.instruments[part].pitch
+    end = value_on(piece, (part, ""), "f", 99.0)
+    assert {name for own, name in led.paths if own == part} == {*MOVED}  # no hammer, no friction
+    text = SCORE.replace("    f: A3\n", f"    f: A3\n    transpose: x{end / begun!r}\n")
+    if part == "bell2":
+        text = SCORE.replace("f: C4}", f"f: {end!r}Hz}}")
+    wanted = numbers(piece_of(Texts(str(tmp_path / "x.yaml"), text)), part)
+    for name in MOVED:
+        module = Led.of(piece, (part, name)).module
+        alone = [1.0, 1.0] if module.kind != "CEL" else wanted[name]
+        if module.kind != "CEL":  # factors
+            ratio = end / begun
+            alone = [ratio * ratio, ratio]
+        assert led.paths[part, name][-1][1:] == pytest.approx(tuple(alone), rel=1e-9), name
+
+
+def test_a_module_that_glides_by_itself_goes_with_the_whole(tmp_path):
+    lines = "automation:\n  - {at: 1|1, set: bell.f, to: A4, over: 1bar}\n"
+    lines += "  - {at: 1|1, set: bell.m.f, to: C4, over: 2bar}\n"
+    led = staged(SCORE + lines, tmp_path)
+    k, _, m = led.paths["bell", "m"][-1][1:]
+    assert np.sqrt(k / m) / (2 * np.pi) == pytest.approx(2 * 261.6256, rel=1e-4)
+
+
+def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(at, tmp_path):
+    at.ok("play from 1|1")
+    at.ok("set bell.f A4 over 1bar\nada plays knock every 1")
+    at.run(3.5)
+    rate = at.rate
+    assert pitch(at.sound[int(0.2 * rate) : int(0.9 * rate), 0], rate) == pytest.approx(
+        220, rel=0.01
+    )
+    assert pitch(at.sound[int(2.5 * rate) :, 0], rate) == pytest.approx(440.0, rel=0.01)
+    at.ok("keep 1bar as verse\nsave typed")
+    for name in ("typed", "verse"):
+        _, piece = opened(str(at.journal.with_name(f"{name}.yaml")))
+        assert value_on(piece, ("bell", ""), "f", 99.0) == pytest.approx(440.0)
+    at.ok("set bell.f x1.5 over 1bar")
+    at.run(2.5)
+    assert pitch(at.sound[-int(0.7 * rate) :, 0], rate) == pytest.approx(660.0, rel=0.01)
+    at.ok("lfo bell.f 0.9..1.1 period 1bar\nset bell2.f A3 C4 E4 every 1")
+    at.run(2.5)
+    at.ok("lfo bell.f off\nset sky.f x1@0 smooth x2@2")
+    at.run(2.5)
+    at.ok("undo")
+    at.run(1.0)
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+def test_the_pitch_is_set_where_it_is_written(at):
+    def said(name):
+        return at.session.commits.head.piece.instruments[name].pitch
+
+    at.ok("play from 1|1")
+    at.run(0.5)
+    at.ok("set bell.f C4 now")
+    assert "transpose: 3st" in at.session.commits.head.texts.text
+    assert (said("bell"), said("bell2")) == (pytest.approx(261.6256), pytest.approx(261.6256))
+    at.run(1.0)
+    assert pitch(at.sound[-int(0.7 * at.rate) :, 0], at.rate) == pytest.approx(261.6, rel=0.01)
+    at.ok("set bell.f x1.5 now")
+    assert said("bell") == pytest.approx(392.4384)
+    at.ok("set bell2.f A4 now")
+    assert "bell2: {like: bell, f: A4}" in at.session.commits.head.texts.text
+    at.ok("set bell.f A3 now")
+    assert "transpose" not in at.session.commits.head.texts.text
+    at.ok("set sky.f x2 now\nset sky.t60 x0.5 now")
+    assert "f: 400Hz..1800Hz, t60: 2s" in at.session.commits.head.texts.text
+    at.run(1.0)
+    at.ok("map cc 21 bell.f A3..A4")
+    at.close()
+    assert np.array_equal(at.again(), at.sound)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("set sky.f A3 over 1bar", "values of their own; write a factor, x1.5"),
+        ("set sky.f A3", "values of their own; write a factor, x1.5"),
+        ("set sky.f A3 C4 every 1", "values of their own; write a factor, x1.5"),
+        ("map cc 3 sky.f 1Hz..2Hz", "values of their own; write a factor, x1.5"),
+        ("set hard.f A4 over 1bar", "the law of its LNL n does not change while it plays"),
+        ("lfo hard.f 0.9..1.1 period 1bar", "glide its modules"),
+        ("set bell.f foo over 1bar", "foo"),
+        ("set bell.t60 2s over 1bar", "'bell.t60' is not a parameter"),
+    ],
+)
+def test_what_cannot_glide_is_refused(at, line, message):
+    at.ok("play from 1|1")
+    reply = at.type(line)
+    assert not reply.taken
+    assert message in reply.text
