@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,6 +58,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     """The staged score (None where it has errors), and the diagnostics of the engine."""
     if loaded.piece is None:
         return None, []
+    from ergon import _core
     from ergon.scores.staging.highest import highest_modes, passes_limit, stops_low
     from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.stage import StageError, prepare
@@ -70,9 +72,11 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
         found += passes_limit(loaded.piece, staged.scene, staged.paths)
     except StageError as error:
         found = list(error.diagnostics)
-        if any(one.code == "E309" for one in found):
-            ready = prepare(loaded.piece)
-            found += passes_limit(loaded.piece, ready.scene, ready.paths)
+        if loaded.piece.automation and any(one.code == "E309" for one in found):
+            # Where the network itself is refused there is nothing to look at.
+            with contextlib.suppress(_core.EngineError):
+                ready = prepare(loaded.piece)
+                found += passes_limit(loaded.piece, ready.scene, ready.paths)
     scores.show(report, loaded, found)
     return staged, found
 

@@ -37,6 +37,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
 _SPACE = re.compile(r"\s*")
 _OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
+_PATH = re.compile(r"[A-Za-z_]\w*(\.[^\s.()*/]+)+")  # a member or a module, such as bell.m
 _SIGNS_OF_WORDS = re.compile(r"[*/(]|\w\+\d")  # no name has these
 _LETTERS = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}
 _SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
@@ -363,6 +364,8 @@ def has_name(word: str, of: Document) -> bool:
 
 def is_computed(word: str, of: Document) -> bool:
     """Whether a word of a table is meant to be computed: a name of `let:` or a sign is in it."""
+    if _PATH.fullmatch(word):
+        return False
     return has_name(word, of) or _SIGNS_OF_WORDS.search(word) is not None
 
 

@@ -81,12 +81,12 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 def _played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that play a phrase, as texts."""
+    first = text.split()[0]
+    if first not in scope.phrases:  # what is wrong with modules is told by the form before
+        raise TextError(f"{quote(first)} is not a phrase", length=len(first))
     do = _DO.search(text)
     before = text if do is None else text[: do.start()]
     words, options = parse_strikes(before, _OPTIONS)
-    if not words or words[0].text not in scope.phrases:
-        first = words[0].text if words else text
-        raise v.unknown(first, "a phrase", scope.phrases)
     if len(words) > 1:
         message = f"{quote(words[1].text)} does not belong here: one phrase is played at a time"
         raise TextError(message, offset=words[1].offset, length=len(words[1].text))

@@ -228,7 +228,10 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("remove nothing", "is not a name of this score"),
         ("rename bell k1", "the name 'k1' is in use"),
         ("rename k1 bell", "the name 'bell' is in use"),
-        ("rename bell.m x", "is not a gesture, a take, a player, a block, a key or an instrument"),
+        (
+            "rename bell.m x",
+            "is not a gesture, a phrase, a take, a player",
+        ),
         ("rename knock lean", "the name 'lean' is in use"),
     ],
 )
