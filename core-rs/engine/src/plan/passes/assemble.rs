@@ -28,7 +28,7 @@ pub(in crate::plan) struct Assembled {
     /// It has single laws that can be computed finer than a frame, as contacts are.
     pub(in crate::plan) may_collocate: bool,
     /// It has no bodies though it might have.
-    is_stepped: bool,
+    pub(in crate::plan) is_stepped: bool,
 }
 
 impl Assembled {

@@ -35,8 +35,8 @@ const LAW: f64 = 2.0;
 const IDLE: usize = 2;
 const GAIN: f64 = 3.0;
 
-/// Contacts are computed at most so often a frame.
-const ONCE_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
+/// Contacts are computed at most so often a step.
+const SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
@@ -72,8 +72,8 @@ pub(in crate::plan) struct Tried {
 pub(in crate::plan) struct Beyond {
     pub(in crate::plan) own: Assembled,
     pub(in crate::plan) finer: Assembled,
-    /// Contact substeps a frame, whatever the oversampling.
-    pub(in crate::plan) once: usize,
+    /// Contact substeps a step, of each.
+    pub(in crate::plan) contact_substeps: [usize; 2],
 }
 
 impl Tried {
@@ -88,10 +88,11 @@ impl Tried {
             beyond,
         } = self;
         if let (Some(measured), Some(beyond)) = (piloted.error, beyond) {
-            let played = [&beyond.own, &beyond.finer].map(|island| {
-                let oversampling = island.island_plan.oversampling as usize;
-                (&island.island_plan, (beyond.once / oversampling).max(1))
-            });
+            let [own, finer] = beyond.contact_substeps;
+            let played = [
+                (&beyond.own.island_plan, own),
+                (&beyond.finer.island_plan, finer),
+            ];
             piloted.error = unless_spent(horizon::held(measured, budget.asked(), played, known))?;
         }
         Ok(piloted)
@@ -103,13 +104,17 @@ impl Tried {
             island_plan,
             bodies,
             because,
+            is_stepped,
             ..
         } = &self.piloted.island;
-        let once = self.beyond.as_ref().map_or(0, |beyond| beyond.once);
+        let beyond = self.beyond.as_ref();
+        let [own, finer] = beyond.map_or([0, 0], |beyond| beyond.contact_substeps);
         let how = [
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
-            once as u32,
+            u32::from(*is_stepped),
+            own as u32,
+            finer as u32,
         ];
         let mut numbers = TrialRecord::numbers_of(self.piloted.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
@@ -128,10 +133,11 @@ impl Tried {
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
         let (how, kept) = record.counts.split_first()?;
-        let &[oversampling, contact_substeps, once] = &how[..] else {
+        let &[oversampling, contact_substeps, is_stepped, own, finer] = &how[..] else {
             return None;
         };
-        if !(1..=2 * TIMES_MAX).contains(&oversampling) || once as usize > ONCE_MAX {
+        let is_much = own.max(finer) as usize > SUBSTEPS_MAX;
+        if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_stepped > 1 || is_much {
             return None;
         }
         let choice = Choice {
@@ -140,7 +146,11 @@ impl Tried {
             kept: kept.to_vec(),
             ..Choice::default()
         };
-        let island = assemble((oversampling, MethodChoice::ByBudget), Some(&choice)).ok()?;
+        let way = match is_stepped {
+            0 => MethodChoice::ByBudget,
+            _ => MethodChoice::Stepped,
+        };
+        let island = assemble((oversampling, way), Some(&choice)).ok()?;
         let Piloted { mut island, .. } = pinned(island, &choice)?;
         if left_out.len() != island.bodies.len() {
             return None;
@@ -152,13 +162,13 @@ impl Tried {
             Some(why) => Some(NoModes::of(why)?),
             None => None,
         };
-        let beyond = if once > 0 {
+        let beyond = if own > 0 {
             let methods = island.mesh_methods();
-            let at = |times| assemble((times, MethodChoice::AsBefore(&methods)), None).ok();
+            let at = |times| assemble((times, island.again(&methods)), None).ok();
             Some(Beyond {
                 own: at(oversampling)?,
                 finer: at(2 * oversampling)?,
-                once: once as usize,
+                contact_substeps: [own, finer].map(|substeps| substeps as usize),
             })
         } else {
             None
@@ -348,9 +358,10 @@ pub(in crate::plan) fn pilot(
     Ok(Tried {
         piloted: Piloted { island, error },
         beyond: finer.map(|finer| Beyond {
+            contact_substeps: [&best.island, &finer]
+                .map(|island| search.contact_substeps(island.island_plan.oversampling)),
             own: best.island,
             finer,
-            once: search.once,
         }),
     })
 }

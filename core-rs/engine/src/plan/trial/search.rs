@@ -153,7 +153,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     /// How often a step contacts are computed at `times` the rate.
-    fn contact_substeps(&self, oversampling: u32) -> usize {
+    pub(in crate::plan) fn contact_substeps(&self, oversampling: u32) -> usize {
         let least = self.once.min(Budget::STEPS_MIN);
         (self.once / oversampling as usize).max(least)
     }
