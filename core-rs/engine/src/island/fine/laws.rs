@@ -188,8 +188,9 @@ impl Fine {
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
             let (a, b) = script.ends[link];
             let first = 3 * part;
-            for stage in 0..STAGES {
-                let impulse = WEIGHTS[stage] * h * state.force[stage];
+            let forces = WEIGHTS.iter().zip(&state.force);
+            for (stage, (weight, force)) in forces.enumerate() {
+                let impulse = weight * h * force;
                 let row = &division.value[(first + stage) * n..(first + stage + 1) * n];
                 for (at, share) in row.iter().enumerate() {
                     self.pushed[a * n + at] += impulse * share;
