@@ -184,9 +184,10 @@ class Session(SessionCore):
             self._thread.join()
         with self.lock:
             self._handle_events()
-            self._tell("end", frame=self.commits.engine.frame)
             self.commits.engine.close()
+            # A line may take effect until the engine is closed: the end is told after all of them.
             self._handle_events()
+            self._tell("end", frame=self.commits.engine.frame)
             if self.journal is not None:
                 self.journal.close()
 

@@ -133,3 +133,17 @@ def test_lines_that_only_look_or_write_do_nothing_again(tmp_path: Path) -> None:
     before = sorted(tmp_path.iterdir())
     assert len(stepped.again()) == len(stepped.sound)
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_end_stands_below_a_line_that_takes_effect_while_the_engine_closes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "keys.yaml").write_text(KEYS)
+    at = Stepped(SCORE, tmp_path)
+    at.run(0.1)
+    at.ok("gain ring -3dB")
+    monkeypatch.setattr(at.engine, "close", lambda: at.engine.process(int(4 * at.rate)))
+    at.session.close()
+    *_, commit, end = read(at.journal)
+    assert (commit.name, end.name) == ("commit", "end")
+    assert end.get("frame", int) >= commit.get("frame", int)
