@@ -1,7 +1,8 @@
-"""The pictures of `docs/gallery.md`: a spectrogram of each piece that ships, or of those named."""
+"""The pictures of `docs/gallery.md`: a spectrogram of each piece on it, or of those named."""
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from ergon.cli.demo import bundled
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
-FOLDER = Path(__file__).parents[1] / "gallery"
+PAGE = Path(__file__).parents[1] / "gallery.md"
+FOLDER = PAGE.with_suffix("")
 _BLOCK = 65_536  # frames
 
 
@@ -39,7 +41,8 @@ def main() -> None:
     """Play the pieces and write their pictures."""
     FOLDER.mkdir(exist_ok=True)
     pieces = bundled()
-    for name in sys.argv[1:] or pieces:
+    shown = re.findall(r"\(gallery/(.+)\.svg\)", PAGE.read_text(encoding="utf-8"))
+    for name in sys.argv[1:] or shown:
         (FOLDER / f"{name}.svg").write_text(draw(pieces[name]), encoding="utf-8")
 
 
