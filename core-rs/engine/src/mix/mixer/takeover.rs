@@ -1,11 +1,12 @@
 //! The mixer of a version takes over from that of the version before.
 
-use super::{Mixer, Route, To, falling};
+use super::{Mixer, Placed, Route, To, falling};
+use crate::mix::glide::Glide;
 
 impl Mixer {
     /// Take the state of `old` over: gains of groups, filters and delays of routes that both have, and rooms of the same
     /// name. Over 20 ms from the next multiple of 64 frames on, routes that are new fade in, those that are gone fade out,
-    /// and gains glide, that of all channels too. Routes with a delay or a curve end at once. Allocates nothing.
+    /// and gains glide, that of all channels too. So do frozen outputs that stand elsewhere. Routes with a delay or a curve end at once. Allocates nothing.
     ///
     /// `outputs`: for each output of `old` the output here, where they differ.
     pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
@@ -57,7 +58,33 @@ impl Mixer {
             room.take_over(&old.rooms);
         }
         self.leave(old, out);
+        self.take_over_frozen(old, |before| match outputs {
+            Some(outputs) => outputs.get(before).copied().flatten(),
+            None => Some(before),
+        });
         self.is_fading = true;
+    }
+
+    /// Let frozen outputs go on that stand where they stood, those that are new fade in, and those that are gone fade out.
+    fn take_over_frozen(&mut self, old: &Self, out: impl Fn(usize) -> Option<usize>) {
+        for own in &mut self.frozen {
+            let is_same = |one: &&Placed| out(one.out).is_some_and(|here| own.is_as(one, here));
+            own.fade = match old.frozen.iter().find(is_same) {
+                Some(before) => before.fade,
+                None => gliding(self.rate, 0.0, 1.0),
+            };
+        }
+        let gone = old.frozen.iter().filter_map(|before| {
+            let here = out(before.out)?;
+            let goes_on = self.frozen.iter().any(|own| own.is_as(before, here));
+            let fade = gliding(self.rate, before.fade.at(old.frame), 0.0);
+            (!goes_on).then(|| before.fading(here, fade))
+        });
+        let leaving = old.frozen_leaving.iter().flatten();
+        let leaving = leaving.filter_map(|one| Some(one.fading(out(one.out)?, one.fade)));
+        for (place, one) in self.frozen_leaving.iter_mut().zip(leaving.chain(gone)) {
+            *place = Some(one);
+        }
     }
 
     /// Let routes of `old` fade out that have no successor here; their outputs here are `out`.
@@ -92,4 +119,11 @@ impl Mixer {
             *place = is_there.then_some(route);
         }
     }
+}
+
+/// A gain on its way from one value to another.
+fn gliding(rate: f64, from: f64, to: f64) -> Glide {
+    let mut fade = Glide::new(rate, from);
+    fade.set(to);
+    fade
 }

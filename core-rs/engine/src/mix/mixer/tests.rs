@@ -323,3 +323,82 @@ fn nothing_in_or_out() {
     Mixer::new(44_100.0, 0, 2).process(&[], &mut [1.0; 8]);
     Mixer::new(44_100.0, 0, 0).process(&[], &mut []);
 }
+
+/// A mixer of one output, silent but for a frozen ramp that begins at `begins`.
+fn ramp(source: &Arc<FrozenOutputs>, begins: Option<i64>) -> Mixer {
+    let mut mixer = Mixer::new(44_100.0, 1, 1);
+    mixer.route(0, 0, 1.0, None).unwrap();
+    if let Some(begins) = begins {
+        mixer.freeze(source, &[0], begins).unwrap();
+    }
+    mixer
+}
+
+#[test]
+fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
+    let samples: Vec<f64> = (0..6_000).map(|n| 1.0 + f64::from(n) * 1e-4).collect();
+    let source = Arc::new(FrozenOutputs::new(samples, 1));
+    let played = |block: usize| {
+        let mut mixer = ramp(&source, Some(0));
+        let mut heard = Vec::new();
+        // It stays at 1000, jumps at 2000, is on its way at 2100, and is gone from 4000 on.
+        let changes = [
+            (1000, Some(0)),
+            (2000, Some(500)),
+            (2100, Some(500)),
+            (4000, None),
+        ];
+        while heard.len() < 6_000 {
+            let at = heard.len();
+            if let Some((_, begins)) = changes.iter().find(|change| change.0 == at) {
+                let mut next = ramp(&source, *begins).clone();
+                next.take_over(&mixer, None);
+                mixer = next;
+            }
+            let next = changes
+                .iter()
+                .map(|change| change.0)
+                .find(|&next| next > at);
+            let n = block.min(next.unwrap_or(6_000) - at);
+            let mut mixed = vec![0.0; n];
+            mixer.process(&vec![0.0; n], &mut mixed);
+            heard.extend(mixed);
+        }
+        heard
+    };
+    let heard = played(4096);
+    let sample = |n: usize| 1.0 + n as f64 * 1e-4;
+    assert!((0..2000).all(|n| heard[n] == sample(n)));
+    assert!((2048 + 896..4000).all(|n| heard[n] == sample(n - 500)));
+    assert!(heard[4032 + 896..].iter().all(|&x| x == 0.0));
+    let steps = heard.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(steps.fold(0.0, f64::max) < 1.5 * 1.4 / 896.0 + 1e-4);
+    assert_eq!(heard, played(7));
+}
+
+#[test]
+fn frozen_outputs_follow_an_output_that_has_another_number() {
+    let source = Arc::new(FrozenOutputs::new(vec![1.0; 4_000], 1));
+    let mut before = ramp(&source, Some(0));
+    let mut after = Mixer::new(44_100.0, 2, 1);
+    after.route(1, 0, 1.0, None).unwrap();
+    after.freeze(&source, &[1], 0).unwrap();
+    let mut mixed = vec![0.0; 64];
+    before.process(&[0.0; 64], &mut mixed);
+    after.take_over(&before, Some(&[Some(1)]));
+    after.process(&[0.0; 128], &mut mixed);
+    assert_eq!(mixed, [1.0; 64]);
+}
+
+#[test]
+fn frozen_outputs_need_an_output_each() {
+    let source = Arc::new(FrozenOutputs::new(vec![0.0; 4], 2));
+    let mut mixer = Mixer::new(44_100.0, 2, 1);
+    let error = mixer.freeze(&source, &[0, 2], 0).unwrap_err();
+    assert_eq!(error, RouteError::Out { out: 2, n_out: 2 });
+    let error = mixer.freeze(&source, &[0], 0).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "2 frozen outputs cannot stand for 1 outputs"
+    );
+}
