@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import time
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
+from commands import ERGON
+from patience import PATIENCE
 from sessions import Stepped
 from tests.rendering.test_frozen import SCORE as SCORE_WITH_HAND
+from tests.repl.test_repl_session import onset
 
 from ergon.cli import app
 from ergon.repl.session.journal import JournalError
@@ -261,3 +266,38 @@ def test_a_forged_journal_is_refused(folder: Path, field: str, value: object, wh
     path.write_text("\n".join([json.dumps(json.loads(first) | {field: value}), *rest]))
     with pytest.raises(JournalError, match=why):
         read_journal(path)
+
+
+# --- on an engine in real time --------------------------------------------------------------------
+
+
+def test_what_was_heard_is_what_its_journal_renders(folder: Path, capsys: Capture) -> None:
+    """The command itself: a jump, a stop, a line that computes a part again."""
+    command = [*ERGON, "repl", "score.yaml", "--frozen", "score.frozen", "--plain"]
+    command += ["--audio", "clock:heard.wav", "--gain", "50dB"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, text=True, bufsize=1, **pipes) as repl:
+        assert repl.stdin is not None
+        for line in (
+            "play",
+            "remi plays knock every 1 now",
+            "play from 2|1 now",
+            "set bell.m.f 230Hz now",
+            "stop now",
+            "play from 1|2",
+            "set gong.c.f 300Hz now",
+            "play from 2|1 now",
+        ):
+            repl.stdin.write(f"{line}\n")
+            time.sleep(0.5)
+        said = repl.communicate("quit\n", timeout=PATIENCE)[0]
+    assert "from score.frozen: gong, sky, up to " in said
+    assert "gong is computed again from this line on" in said
+    assert app.run(["render", "session.jsonl", "-o", "again.wav", "--bits", "float", "-q"]) == 0
+    played, _ = soundfile.read("heard.wav", dtype="float32", always_2d=True)
+    again, _ = soundfile.read("again.wav", dtype="float32", always_2d=True)
+    start = onset(played) - onset(again)
+    assert start >= 0
+    n = len(played) - start - 4 * 1024  # what is in the ring at the end is not heard
+    assert n > 2 * RATE
+    assert np.array_equal(played[start : start + n], again[:n])
