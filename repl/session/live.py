@@ -49,7 +49,7 @@ class LiveEngine:
         numbers = [hand.index for hand in stage.live if hand.player in self._real]
         reaches = [hand.reach for hand in stage.live]
         self.guard = Guard(self._performance.hand_limit, reaches, numbers)
-        self._boards = [board.url for board in config.boards]
+        self._boards = [board.shown for board in config.boards]
         self._on_board = [[player for _, player in board.axes] for board in config.boards]
         self._sound = 0
         self._n_silences = 0

@@ -109,8 +109,8 @@ impl Mixer {
     /// Go on as `old` stands, with its gains and filters; `outputs`: which output here each of its outputs has become,
     /// where they are not the same.
     #[pyo3(signature = (old, outputs = None))]
-    fn take_over(&mut self, old: &Self, outputs: Option<Vec<Option<usize>>>) {
-        self.0.take_over(&old.0, outputs.as_deref());
+    fn take_over(&mut self, old: &mut Self, outputs: Option<Vec<Option<usize>>>) {
+        self.0.take_over(&mut old.0, outputs.as_deref());
     }
 
     /// (n_frames, n_out) -> (n_frames, n_channels).

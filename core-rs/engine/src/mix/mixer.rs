@@ -133,7 +133,7 @@ pub struct Mixer {
     fade: Option<Curve>,
     /// What is left of the gain of all channels before, beyond their own.
     rest: Option<Glide>,
-    /// Routes of a mixer before this one that fade out.
+    /// Routes of a mixer before this one that fade out. Those that have ended stay: to free them would take time.
     leaving: [Option<Route>; LEAVING_MAX],
     /// Outputs that were computed before.
     frozen: Vec<Placed>,
@@ -387,9 +387,6 @@ impl Mixer {
                     route.fade = None;
                 }
             }
-            for place in &mut self.leaving {
-                place.take_if(|route| route.fade.is_some_and(|fade| fade.steady(n).is_some()));
-            }
             self.is_fading |= falls(&mut self.rest, n);
             let leaving = self.frozen_leaving.iter_mut().flatten();
             for one in self.frozen.iter_mut().chain(leaving) {
@@ -452,6 +449,7 @@ impl Mixer {
         let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
         self.sent.fill(0.0);
         let leaving = self.leaving.iter_mut().flatten();
+        let leaving = leaving.filter(|route| !route.is_gone(first));
         for route in self.routes.iter_mut().chain(leaving) {
             let own = &self.groups[route.group];
             let out = route.out;
@@ -498,6 +496,12 @@ impl Route {
         (out, before.to, before.group) == (Some(self.out), self.to, self.group)
             && before.highpass.is_some() == self.highpass.is_some()
             && before.delay.is_some() == self.delay.is_some()
+    }
+
+    /// Whether it has faded out, where it is one that does.
+    fn is_gone(&self, frame: u64) -> bool {
+        self.fade
+            .is_some_and(|fade| fade.steady(frame) == Some(0.0))
     }
 
     /// Its gain at a frame of the piece, by its curve.
