@@ -12,8 +12,8 @@ from ergon import _core
 from ergon.cli import app
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path
-from ergon.live.display import event_sentence
 from ergon.live.calibration import Axis, certain, key, known, remember
+from ergon.live.display import event_sentence
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 Capture = pytest.CaptureFixture[str]
