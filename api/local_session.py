@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from ergon.common.errors import ErgonError
 from ergon.common.report import Report
 from ergon.rendering.level import HIGHPASS
 
+from . import freeze
 from . import score as scores
 from .errors import OptionError, not_begun
 from .gain import gain_of
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
+    from ergon.repl.session.frozen_parts import FrozenFolder, HeldPart
     from ergon.repl.session.history import PastVersions
     from ergon.repl.session.journal_content import SessionStart
     from ergon.repl.session.session import Session
@@ -55,12 +57,14 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
 
-    version, clock, past, heard, disk = _beginning(path, options, report)
+    version, clock, past, heard, disk, folder = _beginning(path, options, report)
     piece = version.piece
-    boards = [ready(board, options.unchecked, report) for board in boards_of(piece, options.live)]
+    boards = boards_of(piece, options.live)
     real = {player: None for board in boards for _, player in board.axes}
+    folder, frozen = _frozen(version, folder, real, options, report)
+    boards = [ready(board, options.unchecked, report) for board in boards]
     with scores.staging(version.texts.load, report):
-        config = _config(piece, options, boards, heard, report)
+        config = _config(piece, options, boards, heard, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
     try:
@@ -70,7 +74,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     try:
         hands = free(journal.path.with_suffix(".take")) if real else None
         config = replace(config, record=hands, about={"journal": journal.path.name})
-        make, opening = _engine(version, clock, past, config, report)
+        make, opening = _engine(version, clock, past, config, folder, report)
         with scores.staging(version.texts.load, report):
             session = Session(
                 version,
@@ -84,6 +88,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 disk=disk,
                 watches=options.watch,
                 past=past,
+                frozen=frozen,
             )
     except BaseException:
         journal.close()
@@ -110,9 +115,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
 
 def _beginning(
     path: str | None, options: SessionOptions, report: Report
-) -> tuple[Version, Clock, PastVersions | None, _Heard | None, Disk | None]:
+) -> tuple[Version, Clock, PastVersions | None, _Heard | None, Disk | None, FrozenFolder | None]:
     """The first version, where its piece stands, those before it, the gain and the reference level
-    where they are known, and the disk."""
+    where they are known, the disk, and the frozen parts of a session that goes on."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.journal_content import read_journal
@@ -122,10 +127,15 @@ def _beginning(
 
     if options.resume is not None:
         resume = Path(options.resume)
+        if options.frozen is not None:
+            raise OptionError(
+                "frozen", "the journal of --resume names its frozen parts; leave this option out"
+            )
         try:
             replay = read_journal(resume, path, resumes=True, trust=options.trust)
             opening = replay.opening
-            return *resumed(replay), (opening.gain, opening.reference), replay.disk
+            heard = opening.gain, opening.reference
+            return *resumed(replay), heard, replay.disk, opening.frozen
         except JournalError as error:
             raise OptionError("resume", str(error)) from None
         except NotTakenError as error:
@@ -135,7 +145,43 @@ def _beginning(
     loaded = scores.read(path, ReadOptions(trust=options.trust), report, leave_out=("N401",))
     piece = scores.piece_of(loaded)
     texts = Texts.read(path, scores.bounds(path, options.trust))
-    return Version(0, "", texts, piece), Clock(), None, None, None
+    return Version(0, "", texts, piece), Clock(), None, None, None, None
+
+
+def _frozen(
+    version: Version,
+    folder: FrozenFolder | None,
+    real: Collection[str],
+    options: SessionOptions,
+    report: Report,
+) -> tuple[FrozenFolder | None, tuple[HeldPart, ...]]:
+    """The folder of frozen parts, that of a session that goes on or the one asked for, and the
+    parts that the version plays from there. Raises OptionError."""
+    from ergon.exchange.frozen import NotFrozenError
+    from ergon.repl.session.frozen_parts import held, of_manifest
+    from ergon.scores.staging.scene import build_scene
+
+    piece, option = version.piece, "frozen" if folder is None else "resume"
+    if folder is None and options.frozen is None:
+        return None, ()
+    try:
+        if folder is None:
+            path = Path(options.frozen or "")
+            frozen = freeze.read(piece, path, None, report)
+            freeze.are_free(piece, frozen, real)
+            listening = build_scene(piece, frozenset(frozen.parts)).listening
+            folder = of_manifest(path, piece, listening)
+        parts = held(folder, version, real)
+    except NotFrozenError as error:
+        raise OptionError(option, str(error)) from None
+    names = [part.name for part in parts]
+    if names:
+        end = scores.where(piece, min(part.n_frames for part in parts) / piece.rate)
+        report.say(f"from {folder.folder}: {', '.join(names)}, up to {end} of the score")
+    others = [part.name for part in folder.parts if part.name not in names]
+    if others:
+        report.say(f"computed, for the session has changed them: {', '.join(others)}")
+    return folder.beside(Path(options.journal)), parts
 
 
 def _config(
@@ -143,11 +189,10 @@ def _config(
     options: SessionOptions,
     boards: Sequence[Board],
     heard: _Heard | None,
+    frozen: Sequence[HeldPart],
     report: Report,
 ) -> PlaybackConfig:
-    from ergon.exchange.plan_store import of_user
     from ergon.live.perform import PlaybackConfig
-    from ergon.scores.staging.stage import stage
 
     master = piece.mix.master
     scores.whole_rate(piece.rate)
@@ -156,11 +201,7 @@ def _config(
         audio = audio.replace("file:", "clock:", 1)
     gain, reference = heard or (None, piece.mix.reference())
     if gain is None or options.gain is not None:
-        from ergon.repl.session.running import rehearsal
-
-        played = piece if piece.parts or piece.strikes else rehearsal(piece)
-        staged = partial(stage, played, planned=True, store=of_user(), on_fault="mute")
-        gain = gain_of(played, staged, options.gain, report)
+        gain = gain_of(piece, partial(_preflight_stage, piece, frozen), options.gain, report)
     return PlaybackConfig(
         audio=audio,
         gain=gain,
@@ -173,11 +214,28 @@ def _config(
     )
 
 
+def _preflight_stage(piece: Piece, frozen: Sequence[HeldPart]) -> Stage:
+    """The piece from its beginning, or a rehearsal where nothing is played in it."""
+    from ergon.exchange.plan_store import of_user
+    from ergon.repl.session.clock import Clock
+    from ergon.repl.session.frozen_parts import placed
+    from ergon.repl.session.running import rehearsal
+    from ergon.scores.staging.stage import stage
+
+    if not (piece.parts or piece.strikes):
+        piece, frozen = rehearsal(piece), ()
+    silent = frozenset(part.name for part in frozen)
+    staged = stage(piece, planned=True, store=of_user(), silent=silent, on_fault="mute")
+    staged.placed = placed(frozen, staged.listening, Clock(0.0), staged.rate)
+    return staged
+
+
 def _engine(
     version: Version,
     clock: Clock,
     past: PastVersions | None,
     config: PlaybackConfig,
+    folder: FrozenFolder | None,
     report: Report,
 ) -> tuple[Callable[[Stage], Engine], Callable[[int, Path | None], SessionStart]]:
     from ergon import _core
@@ -219,6 +277,7 @@ def _engine(
             version.rules,
             config.reference,
             version.sounds_as,
+            folder,
         )
 
     return make, opening

@@ -134,11 +134,13 @@ class SessionOptions(PerformanceOptions):
     `socket` (a path; "" is the default path) the engine is a process of its own. With `trust` a
     score may name files outside its folder. `midi` lists MIDI inputs by name, or "virtual".
     `midi_clock_from` is an input whose clock is followed, `midi_clock_to` an output that gets one.
+    `frozen` is a folder of parts that were computed beforehand.
     OSC requests are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT).
     """
 
     journal: Path | str = Path("session.jsonl")
     resume: Path | str | None = None
+    frozen: Path | str | None = None
     watch: bool = False
     socket: str | None = None
     trust: bool = False

@@ -70,6 +70,7 @@ def render_journal(
         inputs=(
             path,
             *(() if opening.take is None else (opening.take.path,)),
+            *(() if opening.frozen is None else opening.frozen.files),
             *(one for texts in replay.all_texts() for one in texts.load().inputs),
         ),
         silences=replay.silences,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -20,6 +21,12 @@ dry_run = click.option(
 )
 trust = click.option(
     "--trust", is_flag=True, help="Allow the score to name files outside its folder."
+)
+frozen = click.option(
+    "--frozen",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Read these parts (from `ergon render --freeze`) instead of computing them.",
 )
 seed = click.option(
     "--seed", type=int, help="Seed of every chance operation, instead of the score's."

@@ -45,7 +45,7 @@ class Shown:
         self._console, self._stage, self._performance = console, stage, performance
         self._watcher = Watcher(stage)
         self._players = [hand.player for hand in stage.live]
-        self._boards = [board.url for board in boards]
+        self._boards = [board.shown for board in boards]
         self._strict = strict
         self._redraws = not (plain or console.json or console.quiet) and sys.stderr.isatty()
         self._drawn = 0

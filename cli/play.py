@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -19,12 +18,7 @@ _playing = options.several(
         help="Where to begin, such as '3|1' (in quotes), B+2 or 12.5s.",
     ),
     options.sound,
-    click.option(
-        "--frozen",
-        type=click.Path(path_type=Path, file_okay=False),
-        metavar="DIR",
-        help="Read these parts (from `ergon render --freeze`) instead of computing them.",
-    ),
+    options.frozen,
     click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
     options.osc,

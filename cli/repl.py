@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Continue the session of this journal, where it ends.",
 )
+@options.frozen
 @click.option(
     "--midi",
     multiple=True,

@@ -81,15 +81,20 @@ class VerifiedStem:
     n_frames: int
     taps: tuple[int, ...]
 
-    def join(self, frames: NDArray[np.float64], at: int) -> None:
-        """Put its frames from `at` on into frames (n_frames, n_out)."""
+    def samples(self, at: int = 0, n_frames: int | None = None) -> NDArray[np.float64]:
+        """Its samples (n_frames, n_taps) from frame `at` on, all of them if nothing is said."""
         import numpy as np
 
         width = len(self.taps)
+        n_frames = self.n_frames - at if n_frames is None else n_frames
         with self.path.open("rb") as file:
             file.seek(self.offset + at * width * 8)
-            samples = np.frombuffer(file.read(len(frames) * width * 8), "<f8")
-        frames[:, list(self.taps)] = samples.reshape(len(frames), width)
+            samples = np.frombuffer(file.read(n_frames * width * 8), "<f8")
+        return samples.reshape(n_frames, width)
+
+    def join(self, frames: NDArray[np.float64], at: int) -> None:
+        """Put its frames from `at` on into frames (n_frames, n_out)."""
+        frames[:, list(self.taps)] = self.samples(at, len(frames))
 
 
 def text(frozen: Frozen) -> str:

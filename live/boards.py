@@ -26,11 +26,20 @@ class BoardError(ErgonError):
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A device, its axes as (axis, player), and the calibrations of axes by their numbers."""
+    """A device, its axes as (axis, player), and the calibrations of axes by their numbers.
+
+    `name` is what the user's list calls it, if it was named so.
+    """
 
     url: str
     axes: tuple[tuple[int, str], ...]
     known: Mapping[int, Axis] = field(default_factory=dict)
+    name: str = ""
+
+    @property
+    def shown(self) -> str:
+        """Its name, or its address without options, for messages."""
+        return self.name or self.url.partition("?")[0]
 
     @property
     def kind(self) -> str:
@@ -82,13 +91,16 @@ def names() -> dict[str, str]:
 def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
     """Devices with their axes, for `asked` player → device; one for each URL. Raises BoardError."""
     found: dict[str, list[tuple[int, str]]] = {}
+    names: dict[str, str] = {}
     for player, text in asked.items():
         url, axis = resolve(text, known)
+        if ":" not in text and (named := _NAMED.match(text)):
+            names.setdefault(url, named["name"])
         axes = found.setdefault(url, [])
         if any(axis == taken for taken, _ in axes):
             raise BoardError(f"axis {axis} of {url} is given to two players")
         axes.append((axis, player))
-    return [Board(url, tuple(axes)) for url, axes in found.items()]
+    return [Board(url, tuple(axes), name=names.get(url, "")) for url, axes in found.items()]
 
 
 def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:

@@ -179,6 +179,7 @@ def _removable(scope: Scope) -> dict[str, str]:
         scope.marks,
         scope.blocks,
         scope.phrases,
+        scope.strikes,
     )
     return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
 

@@ -38,6 +38,7 @@ from ergon.scores.edits import merging
 if TYPE_CHECKING:
     from ergon.repl.language.scope import Scope
     from ergon.repl.session.engine import Engine, EngineEvent
+    from ergon.repl.session.frozen_parts import HeldPart
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
@@ -74,16 +75,18 @@ class SessionCore:
         disk: Disk | None = None,
         watches: bool = False,
         past: PastVersions | None = None,
+        frozen: tuple[HeldPart, ...] = (),
     ) -> None:
         """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
 
         `margin` [s] is the time a change takes to reach the engine; `hands` is the recording that
         the engine writes of real hands; `disk` holds known hashes where files on the disk differ
         from the version. A session that `watches` reloads the score when it is saved elsewhere.
-        `past` is the history of a session that goes on; its version 0 is `version`.
+        `past` is the history of a session that goes on; its version 0 is `version`. `frozen` parts
+        are heard as they were computed before, until the score says otherwise of them.
         """
         version = replace(version, base=version.base or version.texts)
-        running = begin(version, clock or Clock(), real or {}, store)
+        running = begin(version, clock or Clock(), real or {}, store, frozen)
         engine = make(running.stage)
         borne = engine.bearings(running.stage, running.start, (), ())
         running = replace(running, bearings=borne)
@@ -120,6 +123,7 @@ class SessionCore:
         self._messages: deque[str] = deque(maxlen=1000)
         # The share of the scene's force that each player was last told.
         self._scales: dict[str, float] = {}
+        self._frozen = {part.name for part in frozen}  # those that the last line left frozen
         # By kind of trouble: what was told last, and at which frame.
         self._troubled: dict[str, tuple[str, float]] = {}
         self._messages += self.force_messages(running)
@@ -248,6 +252,7 @@ class SessionCore:
         with self.computing.within(seconds):
             made = self.commits.take(waiting)
         where = made.version.piece.tempo_map.written(waiting.beat)
+        self._tell_thawed(made)
         self._tell(
             "line",
             number=number,
@@ -273,6 +278,22 @@ class SessionCore:
         self._tell_moved()
         self.pump()
         return where, made
+
+    def _tell_thawed(self, made: Running) -> None:
+        """A message where frozen parts are computed from a version on."""
+        frozen = {part.name for part in made.frozen}
+        thawed = [
+            made.version.sounds_as.shown(name, made.version.piece.instruments)
+            for name in sorted(self._frozen - frozen)
+            if name in made.version.sounding.instruments
+        ]
+        self._frozen = frozen
+        if thawed:
+            verb = "is" if len(thawed) == 1 else "are"
+            self._messages.append(
+                f"{', '.join(thawed)} {verb} computed again from this line on, from rest: the line "
+                "changes what was frozen"
+            )
 
     def _tell_moved(self) -> None:
         """Note in the journal which lines wait for another frame now."""

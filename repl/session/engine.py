@@ -37,6 +37,12 @@ class Change:
     damp: float | None = None
     bearings: Sequence[HandForceBounds] = ()
 
+    @property
+    def is_mixed_anew(self) -> bool:
+        """Whether it needs a mixer of its own."""
+        new, old = self.stage, self.before
+        return new.network is not old.network or new.placed != old.placed
+
 
 @dataclass(frozen=True, slots=True)
 class GuidedPath:
@@ -291,7 +297,7 @@ class SteppedEngine:
     def _do(self, change: Change) -> None:
         new = change.stage.simulation
         outputs = [] if change.resets else new.take_over(self._simulation)
-        if change.stage.network is not change.before.network:
+        if change.is_mixed_anew:
             mixer = change.stage.mixer(highpass=self._highpass, reference=self._reference)
             mixer.take_over(self._mixer, outputs)
             self._mixer = mixer

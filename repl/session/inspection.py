@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,17 +13,22 @@ from ergon.notation.text.spelling import nearest
 from ergon.repl.session.rehearsing import rehearse
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits import entries
+from ergon.scores.edits.matter import said
 from ergon.scores.edits.positions import END
+from ergon.scores.reading import leads
+from ergon.scores.staging.automating import value_on
+from ergon.scores.staging.leading import Led
 from ergon.scores.staging.live import leading
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ergon.instruments.model import Module
     from ergon.repl.session.running import Running
     from ergon.repl.session.version import Version
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.reading.piece import Play
+    from ergon.scores.reading.piece import Piece, Play
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters
@@ -43,14 +49,17 @@ _SECTIONS = (
 )
 
 
-def drawn(version: Version, name: str) -> list[str]:
-    """The written and the played curve of a gesture or take; for other names their definition."""
+def drawn(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
+    """The written and the played curve of a gesture or take; for other names what `defined` gives.
+
+    The piece that is `sounding` is at beat `now`.
+    """
     from ergon.view.braille import plot
     from ergon.view.motion import asked_and_done
 
     piece = version.piece
     if name not in piece.gestures and name not in piece.takes:
-        return defined(version, name)
+        return defined(version, name, sounding, now)
     if not piece.keys:
         raise NotTakenError("a gesture is drawn on a key, and this score has none")
     alone = rehearse(piece, name)
@@ -121,9 +130,40 @@ def _recorded(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
     return found.positions()[:, number]
 
 
-def defined(version: Version, name: str) -> list[str]:
-    """The lines of the score that define a name, with their numbers."""
-    return _defined(version.texts, name)
+def defined(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
+    """The lines of the score that define a name, with their numbers.
+
+    A parameter (`bell.m.f`) is shown with the value that it has at beat `now` in the piece that is
+    `sounding`, which lines that wait have not changed yet.
+    """
+    head, _, parameter = name.rpartition(".")
+    found = leads.found(head, sounding.keys, sounding.instruments) if head else None
+    if found is None:
+        return _defined(version.texts, name)
+    part, module, is_ca = found
+    value, is_led = _value(sounding, (part, module.name), module, parameter, now)
+    shown = []
+    if value is not None:
+        where = f" at {sounding.tempo_map.written(now)}, as its automation leads it"
+        amount = said(float(f"{value:.6g}"), parameter, is_ca=is_ca)
+        shown.append(f"{name}: {amount}{where if is_led else ''}")
+    with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses
+        shown += _defined(version.texts, part)
+    return shown or _defined(version.texts, name)
+
+
+def _value(
+    piece: Piece, where: tuple[str, str], module: Module, parameter: str, now: float
+) -> tuple[float | None, bool]:
+    """The value of a parameter at a beat, if it is one number, and whether automation leads it."""
+    for one in piece.automation:
+        if (one.target.part, one.target.module) == where and one.parameter == parameter:
+            return value_on(piece, where, parameter, now), True
+    value = {**module.fields.get("constants", {}), **module.fields}.get(parameter)
+    if not isinstance(value, float) and module.kind in ("CEL", "BANK"):  # f of K, K of f
+        led = Led.of(piece, where)
+        value = None if led is None else led.own.get(parameter)
+    return (value, False) if isinstance(value, float) else (None, False)
 
 
 def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
@@ -143,9 +183,9 @@ def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> li
         for what in dict.fromkeys(sounding):
             goes_on += [line for line in begun if what in line.play.names and what not in on][-1:]
         coming = sorted((line for line in lines if line.begin > now), key=lambda line: line.begin)
-        said = [_entry(line.play) for line in goes_on] or ["nothing"]
-        said += [f"then {_entry(line.play)}" for line in coming[:1]]
-        rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(said)}")
+        words = [_entry(line.play) for line in goes_on] or ["nothing"]
+        words += [f"then {_entry(line.play)}" for line in coming[:1]]
+        rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
     rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return rows
 

@@ -12,6 +12,7 @@ from ergon.notation.text.bounds import Bounds
 from ergon.rendering.silence import Silence
 from ergon.repl.session.block_rules import Rule, read_rules, rules_field
 from ergon.repl.session.disk import Disk
+from ergon.repl.session.frozen_parts import FrozenFolder, frozen_fields, frozen_of
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.history_content import (
     faders_fields,
@@ -41,7 +42,8 @@ _GLIDE_MAX = 86_400.0  # [s]
 @dataclass(frozen=True, slots=True)
 class SessionStart:
     """How a session began: its score, the beat where it stood, the faders, and how it was heard
-    (`gain`, `limit` and `reference` are ratios). `take` records real hands."""
+    (`gain`, `limit` and `reference` are ratios). `take` records real hands, `frozen` holds
+    parts that were computed before."""
 
     texts: Texts
     at: float
@@ -57,6 +59,7 @@ class SessionStart:
     rules: Mapping[str, Rule] = field(default_factory=dict)
     reference: float | None = None
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
+    frozen: FrozenFolder | None = None
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
@@ -80,6 +83,7 @@ class SessionStart:
             **({} if self.history is None else history_fields(self.history)),
             **({} if self.base is None else {"base": text_fields(self.base)}),
             **({} if self.take is None else self.take.fields()),
+            **({} if self.frozen is None else frozen_fields(self.frozen)),
         }
 
 
@@ -209,6 +213,7 @@ def read_journal(
         maps=read_maps(first),
         rules=read_rules(first),
         sounds_as=read_sounding(first),
+        frozen=frozen_of(first, path, trust=trust),
         reference=None
         if first.fields.get("reference") is None  # a journal that knows no reference level
         else first.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),

@@ -49,7 +49,7 @@ class LiveEngine:
         numbers = [hand.index for hand in stage.live if hand.player in self._real]
         reaches = [hand.reach for hand in stage.live]
         self.guard = Guard(self._performance.hand_limit, reaches, numbers)
-        self._boards = [board.url for board in config.boards]
+        self._boards = [board.shown for board in config.boards]
         self._on_board = [[player for _, player in board.axes] for board in config.boards]
         self._sound = 0
         self._n_silences = 0
@@ -83,13 +83,12 @@ class LiveEngine:
     def change(self, change: Change) -> int:
         """Send a change to the physics thread; its ticket."""
         stage, before = change.stage, change.before
-        is_new = stage.network is not before.network
         return self._performance.change(
             change.at,
             simulation=stage.simulation,
             old=None if change.resets else before.simulation,
             mixer=stage.mixer(highpass=self._highpass, reference=self._reference)
-            if is_new
+            if change.is_mixed_anew
             else None,
             gains=list(change.gains.items()),
             damp=change.damp or 0.0,

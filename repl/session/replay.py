@@ -8,10 +8,11 @@ from __future__ import annotations
 import contextlib
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ergon.exchange.frozen import NotFrozenError
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
@@ -19,8 +20,10 @@ from ergon.repl.session import version_edits
 from ergon.repl.session.clock import Clock, entered, started
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.engine import SteppedEngine
+from ergon.repl.session.frozen_parts import HeldPart
+from ergon.repl.session.frozen_parts import held as frozen_held
 from ergon.repl.session.history import PastVersions
-from ergon.repl.session.journal import Event
+from ergon.repl.session.journal import Event, JournalError
 from ergon.repl.session.journal_content import JournalContent, ReadVersion
 from ergon.repl.session.journal_hands import HeldHands, held
 from ergon.repl.session.midi_maps import number_of
@@ -63,7 +66,8 @@ class ReplayedSession:
             player = version.piece.players.get(hand.player)
             if player is None or player.key != hand.key:
                 replay.first.wrong(f"its score has no {hand.player} on {hand.key}")
-        running = begin(version, Clock(None, opening.at), real, None)
+        frozen = _frozen(replay, version, real)
+        running = begin(version, Clock(None, opening.at), real, None, frozen)
         hands = HeldHands((), 0, ())
         if take is not None:
             hands = held(take, running.stage, opening.tick_frames)
@@ -155,6 +159,22 @@ class ReplayedSession:
             self._engine.strike(number_of(place), impulse)
             if any(one.strike is not None and one.is_late for one in self._engine.events()):
                 event.wrong("what plays there has no point for this strike")
+
+
+def _frozen(
+    replay: JournalContent, version: Version, real: Collection[str]
+) -> tuple[HeldPart, ...]:
+    """The frozen parts with which a session began. Raises JournalError."""
+    folder = replay.opening.frozen
+    if folder is None:
+        return ()
+    try:
+        return frozen_held(folder, version, real)
+    except NotFrozenError as error:
+        names = ", ".join(part.name for part in folder.parts)
+        raise JournalError(
+            f"{error}; the session plays {names} from there, and cannot be computed without"
+        ) from None
 
 
 def _earlier(replay: JournalContent, version: Version) -> dict[int, PastVersion]:

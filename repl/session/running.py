@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.repl.session.frozen_parts import HeldPart, placed, still_frozen
 from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import UNSAID, Play
@@ -37,7 +38,8 @@ class Running:
     """A version that plays from frame `start` on, and stretches of earlier ones that go on.
 
     The timeline holds occurrences up to beat `until`; `bearings` are the forces on real hands;
-    links that are `leaving` were removed, and still let go.
+    links that are `leaving` were removed, and still let go. `frozen` parts are heard as they were
+    computed before.
     """
 
     version: Version
@@ -49,6 +51,7 @@ class Running:
     glides: tuple[Glide, ...] = ()
     bearings: Sequence[HandForceBounds] = ()
     leaving: tuple[LeavingLink, ...] = ()
+    frozen: tuple[HeldPart, ...] = ()
 
     def beat(self, frame: int) -> float:
         """The beat of the piece at a frame."""
@@ -91,10 +94,16 @@ def rehearsal(piece: Piece) -> Piece:
     return replace(piece, parts=tuple(plays), starts=tuple(starts))
 
 
-def begin(version: Version, clock: Clock, real: Real, store: Store | None) -> Running:
+def begin(
+    version: Version,
+    clock: Clock,
+    real: Real,
+    store: Store | None,
+    frozen: tuple[HeldPart, ...] = (),
+) -> Running:
     """Stage a version whose piece is stopped, at frame 0."""
-    staged = _staged(version, clock, (), None, 0, real, store)
-    return Running(version, clock, (), staged, 0, clock.at)
+    staged = _staged(version, clock, (), None, 0, real, store, frozen=frozen)
+    return Running(version, clock, (), staged, 0, clock.at, frozen=frozen)
 
 
 def follow(
@@ -119,14 +128,18 @@ def follow(
     until = horizon(version.piece.tempo_map, enter)[0]
     piece = replace(version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, after))
     new = (Span(piece, Window(enter, until, after)),) if clock.goes else ()
-    moving, links = before.glides, before.leaving
+    moving, links, frozen = before.glides, before.leaving, before.frozen
     if not extends:
+        frozen = still_frozen(frozen, before.version, version, real)
         pieces = before.version.sounding, version.sounding
         moving = glides(*pieces, before.glides, after, version.glide)
         links = leaving(*pieces, before.glides, before.leaving, after)
         moving = (*moving, *(one.glide for one in links))
-    staged = _staged(version, clock, (*old, *new), before.stage, start, real, None, moving, links)
-    return Running(version, clock, (*old, *new), staged, start, until, moving, (), links)
+    spans = (*old, *new)
+    staged = _staged(
+        version, clock, spans, before.stage, start, real, None, moving, links, frozen=frozen
+    )
+    return Running(version, clock, spans, staged, start, until, moving, (), links, frozen)
 
 
 def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
@@ -154,15 +167,20 @@ def _staged(
     store: Store | None,
     moving: tuple[Glide, ...] = (),
     links: tuple[LeavingLink, ...] = (),
+    *,
+    frozen: tuple[HeldPart, ...] = (),
 ) -> Stage:
     piece = with_leaving(version.sounding, links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
     piece = replace(piece, tempo_map=tempo)
-    return stage(
+    staged = stage(
         piece,
         planned=True,
         store=store,
         real=real,
+        silent=frozenset(part.name for part in frozen),
         on_fault="mute",
         going=Going(spans, like, start, moving, strike_points(version)),
     )
+    staged.placed = placed(frozen, staged.listening, clock, staged.rate)
+    return staged

@@ -21,7 +21,9 @@ from ergon.repl.session.version import NotTakenError, Version, in_short
 from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
+    from ergon.repl.session.commits import Commits
     from ergon.repl.session.core import SessionCore
+    from ergon.scores.reading.piece import Piece
 
 # Taps farther apart than this begin a new count [s]: slower than 20 bpm nobody taps.
 _TAPS_APART = 3.0
@@ -189,11 +191,16 @@ def _help(session: SessionCore, command: c.Help) -> Reply:
     return Reply(True, "", lines=overview() if command.verb is None else about(command.verb))
 
 
+def _looked_at(commits: Commits, name: str) -> tuple[Version, str, Piece, float]:
+    """A name, with the version that all lines make and what sounds now."""
+    return commits.head, name, commits.running.version.piece, commits.now()
+
+
 @_does(c.Show)
 def _show(session: SessionCore, command: c.Show) -> Reply:
     commits = session.commits
     if command.name is not None:
-        return Reply(True, "", lines=tuple(inspection.defined(commits.head, command.name)))
+        return Reply(True, "", lines=tuple(inspection.defined(*_looked_at(commits, command.name))))
     playing = commits.running.in_flight(commits.engine.frame)
     return Reply(True, "", lines=tuple(inspection.show(commits.head, playing, commits.now())))
 
@@ -205,7 +212,7 @@ def _look(session: SessionCore, command: c.Look) -> Reply:
         playing = commits.running.in_flight(commits.engine.frame)
         return Reply(True, "", lines=tuple(bars.drawn(commits.head.piece, playing, commits.now())))
     with session.computing.within(computing.LINE):
-        return Reply(True, "", lines=tuple(inspection.drawn(commits.head, command.name)))
+        return Reply(True, "", lines=tuple(inspection.drawn(*_looked_at(commits, command.name))))
 
 
 @_does(c.Trace)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ergon.notation.text.errors import quote
 from ergon.repl.language import commands as c
 from ergon.repl.session import midi_maps
 from ergon.repl.session.edit_table import makes, with_texts, writes
@@ -71,7 +72,18 @@ def _fade(command: c.Fade, version: Version, beat: float) -> Texts:
 
 @writes(c.Remove)
 def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
-    return structure.remove(version.texts, version.piece, command.name)
+    texts = structure.remove(version.texts, version.piece, command.name)
+    found = texts.load().diagnostics
+    needing = {one.message.partition(": ")[0]: None for one in found if one.severity == "error"}
+    if needing:
+        struck = (own.name for own in version.piece.strikes)
+        first = next((name for name in struck if f"strikes {quote(name)}" in needing), None)
+        raise NotTakenError(
+            f"{command.name} is not removed: {', '.join(needing)} would refer to nothing; change "
+            "or remove that first",
+            None if first is None else f"remove {first}",
+        )
+    return texts
 
 
 @makes(c.Rename)

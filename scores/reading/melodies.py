@@ -182,7 +182,7 @@ def _strong(rows: Sequence[Row], impulse: Any, values: Values) -> tuple[Row, ...
                 message += "hardest note, such as 1mNs..9mNs"
             values.context.error("E103", message, row.place)
             return None
-        found.append(replace(row, impulse=impulse))
+        found.append(row if row.impulse == impulse else replace(row, impulse=impulse))
     return tuple(found)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import floor
 from typing import Any
 
@@ -321,6 +321,7 @@ class Voices:
 
     scene: Scene
     to: tuple[Name, ...]
+    _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
 
     def mirrored(self, row: Row, first: Row) -> Row:
         """A row upside down about the first note of a phrase. Raises TextError."""
@@ -350,7 +351,17 @@ class Voices:
         """The MATs that a row strikes; reports what cannot be reached."""
         pairs = zip(row.what, row.before or row.what, strict=True)
         names = [name for word, before in pairs for name in self._names(word, before, who)]
-        return tuple(t for name in names for t in self.scene.targets(name, "mats", who))
+        return tuple(target for name in names for target in self._reached(name, who))
+
+    def _reached(self, name: Name, who: str) -> list[Target]:
+        """What a name reaches, which most rows of a table share but for its place."""
+        known = self._known.get(name)
+        if known is not None:
+            return [Target(t.part, t.module, t.first, t.count, t.text, name.place) for t in known]
+        found = self.scene.targets(name, "mats", who)
+        if len(found) == len(self.scene.members(name)):  # else each row tells what is not there
+            self._known[name] = found
+        return found
 
     def _names(self, word: Name, before: Name, who: str) -> list[Name]:
         note = notes.number(word)

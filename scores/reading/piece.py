@@ -405,7 +405,7 @@ class Piece:
 
         A file that is read while rendering counts by its content.
         """
-        return _sha(self)
+        return digest_of(self)
 
 
 def is_same_scene(one: Piece, other: Piece) -> bool:
@@ -413,29 +413,33 @@ def is_same_scene(one: Piece, other: Piece) -> bool:
 
     Text, comments and places do not count, as in `Piece.digest`; a hash takes ten times as long.
     """
-    return _is_same(_of_scene(one), _of_scene(other))
+    return is_same(_of_scene(one), _of_scene(other))
 
 
-def _is_same(one: Any, other: Any) -> bool:
-    """Whether two values have the same chunks; most parts of two versions are one object."""
+def is_same(one: Any, other: Any) -> bool:
+    """Whether two values of pieces have the same digest.
+
+    Most parts of two versions are one object.
+    """
     if one is other or one == other:
         return True
     if type(one) is not type(other):
         return False
     if isinstance(one, (tuple, list)):
-        return len(one) == len(other) and all(map(_is_same, one, other))
+        return len(one) == len(other) and all(map(is_same, one, other))
     if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(_is_same(one[key], other[key]) for key in one)
+        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
     if isinstance(one, (Key, Instrument)):
         names = [f.name for f in fields(one) if f.name not in _NOT_VALUES.get(type(one), ())]
-        return all(_is_same(getattr(one, name), getattr(other, name)) for name in names)
+        return all(is_same(getattr(one, name), getattr(other, name)) for name in names)
     return [*_chunks(one)] == [*_chunks(other)]
 
 
 _of_scene = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
 
 
-def _sha(value: Any) -> str:
+def digest_of(value: Any) -> str:
+    """SHA-256 of a value of a piece, as `Piece.digest`."""
     sha = hashlib.sha256()
     for chunk in _chunks(value):
         sha.update(chunk)

@@ -29,8 +29,13 @@ class Scene:
         """The network that the modules make."""
         return self.assembly.network
 
-    def of(self, piece: Piece) -> Scene | None:
-        """The same modules as another piece's, if they are the same and heard in the same way."""
+    def of(self, piece: Piece, silent: Container[str] = ()) -> Scene | None:
+        """The same modules as another piece's, if they are the same and heard in the same way.
+
+        `silent` are the instruments that are not listened to.
+        """
+        if silent != self.listening.silent:
+            return None
         if not is_same_scene(self.piece, piece) or fades(self.piece) != fades(piece):
             return None  # the tempo moves fades
         return replace(self, piece=piece)

@@ -73,6 +73,7 @@ class Stage:
     planned_for: Accuracy | None = None
     # After this frame a render ends where the sound has faded; None: at `n_frames`.
     fades_from: int | None = None
+    placed: Sequence[Placed] = ()  # heard beside what is computed
 
     @property
     def network(self) -> _core.Network:
@@ -113,9 +114,12 @@ class Stage:
         `highpass` [Hz] is for routes that say nothing of their own; `reference` is the ratio of
         full scale at which reference quantities are heard, None where samples are in SI units.
         """
-        return self.listening.mixer(
+        mixer = self.listening.mixer(
             self.rate, self.simulation.n_out, highpass=highpass, reference=reference, part=part
         )
+        for one in self.placed:
+            mixer.freeze(*one)
+        return mixer
 
     def stems(
         self, *, highpass: float | None = None, reference: float | None = None
@@ -147,6 +151,17 @@ class Stage:
 
 # MATs by part, module and member (-1: the middle one), and the engine's number of each.
 StrikePoints = Sequence[tuple[str, str, int, int]]
+
+
+class Placed(NamedTuple):
+    """Outputs that were computed before, and the taps that they are added to.
+
+    Their first frame is heard at frame `begins` of the engine.
+    """
+
+    frozen: _core.FrozenOutputs
+    taps: tuple[int, ...]
+    begins: int
 
 
 class Span(NamedTuple):
@@ -210,7 +225,7 @@ def prepare(
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     try:
-        scene = (like and like.scene.of(piece)) or build_scene(piece, silent)
+        scene = (like and like.scene.of(piece, silent)) or build_scene(piece, silent)
         assembly, couplings = scene.assembly, scene.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         takes = Takes(piece, collector, like.takes if like else {})

@@ -13,6 +13,7 @@ from ergon.cli import app
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path
 from ergon.live.calibration import Axis, certain, key, known, remember
+from ergon.live.display import event_sentence
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 Capture = pytest.CaptureFixture[str]
@@ -278,3 +279,12 @@ def test_an_entry_of_a_path_counts_only_until_it_is_tried(
     remember("frame:/dev/ttyACM0", 0, other)
     assert known("frame:/dev/ttyACM0") == {0: other}
     assert certain("frame:/dev/ttyACM0") == {0}
+
+
+def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:
+    url = "frame+udp://127.0.0.1:40123?lockstep&patience=300"
+    asked = {"remi": "tgr0.1", "ada": "tgr0.0", "zoe": "emul:?lockstep#1"}
+    shown = [one.shown for one in boards.boards(asked, {"tgr0": url})]
+    assert shown == ["tgr0", "emul:"]
+    said = event_sentence((0, "gone", 0.0), ["remi"], shown)
+    assert said == "tgr0 is gone: what stands in for it plays on"

@@ -21,6 +21,7 @@ ROUTED = SCORE + "mix: {channels: 4, route: [{from: bells, to: [1, 2]}]}\n"
         ["link bells.a bells.c BUT K=900N/m", "remove links.but-1", "undo", "redo"],
         ["route bells 3", "route bells 1 gain -12dB", "route bells 1 4"],
         ["route bells 2", "undo"],
+        ["fade bells out over 8bar", "route bells 3", "undo"],
     ],
     ids=lambda lines: lines[0],
 )
@@ -38,6 +39,20 @@ def test_nothing_clicks(tmp_path: Path, lines: list[str]) -> None:
     assert np.array_equal(own.again(), own.sound)
     loud = {line: worst(own.sound, at, own.rate) for line, at in found}
     assert max(loud.values()) < 1.5, loud
+
+
+def test_a_route_with_a_delay_does_not_click_when_it_goes(tmp_path: Path) -> None:
+    route = "{from: bells, to: [1], radiate: {distance: 3m, radius: 5cm}}"
+    text = SCORE.replace("SOX", "SOA") + f"mix: {{channels: 4, route: [{route}]}}\n"
+    own = Stepped(text, tmp_path)
+    own.ok("play")
+    own.run(0.3)
+    own.ok("route bells 3 now")
+    at = own.session.commits.running.start
+    own.run(0.25)
+    own.close()
+    assert np.array_equal(own.again(), own.sound)
+    assert worst(own.sound, at, own.rate) < 1.5
 
 
 def test_a_link_that_is_removed_lets_go_in_20_ms_and_is_gone_with_the_next_line(

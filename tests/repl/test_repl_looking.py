@@ -37,6 +37,25 @@ def test_two_taps_set_the_tempo(own: Stepped, monkeypatch: pytest.MonkeyPatch):
     assert own.session.commits.head.piece.tempo_map.bpm(100.0) == 120.0
 
 
+def test_a_parameter_is_shown_as_it_sounds(own: Stepped):
+    """Lines that wait for their bar do not count, and automation leads it."""
+    own.run(1.0)
+    definition = own.ok("show bell").lines
+    assert own.ok("show bell.m.f").lines == ("bell.m.f: 220.0Hz", *definition)
+    assert own.ok("? bell.m.K").lines[0] == "bell.m.K: 3821.89N/m"
+    assert own.ok("show bell.b.gap").lines[0] == "bell.b.gap: 0.001m"
+    assert own.ok("show k1.M").lines[0] == "k1.M: 0.4kg"
+    own.ok("set bell.m.f 300Hz")
+    assert own.ok("show bell.m.f").lines[0] == "bell.m.f: 220.0Hz"
+    own.run(3.0)
+    assert own.ok("show bell.m.f").lines[0] == "bell.m.f: 300.0Hz"
+    own.ok("lfo bell.m.f 200Hz..400Hz period 4bar shape sine now")
+    own.run(0.5)
+    value, _, rest = own.ok("show bell.m.f").lines[0].removeprefix("bell.m.f: ").partition("Hz at ")
+    assert 200.0 < float(value) < 400.0
+    assert rest.endswith(", as its automation leads it")
+
+
 def test_scope_draws_where_the_key_has_been(own: Stepped):
     own.ok("ada plays knock every 1 now")
     own.run(2.2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -223,7 +224,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("route bell 9", "channel 9 does not exist; the mix has 4"),
         ("route bell three", "is not a channel"),
         ("route drum 1", "is not an instrument"),
-        ("remove k1", "no key is called"),
+        ("remove k1", "BUT 'bell.b', key of player 'ada' would refer to nothing"),
         ("remove bell", "is the last instrument that is heard"),
         ("remove nothing", "is not a name of this score"),
         ("rename bell k1", "the name 'k1' is in use"),
@@ -246,3 +247,26 @@ def test_what_ships_keeps_its_own_text():
     texts, piece = opened(DUET)
     made = structure.build(texts, piece, "gong2", "gong", {})
     assert made.overlay == texts.overlay
+
+
+STRUCK = """
+strikes:
+  tick: {to: bell.m, at: 1|1, every: 1, times: 9, impulse: 1e-4Ns}
+  tab: |
+    1|1 bell.m 1e-4Ns
+"""
+
+
+def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path: Path) -> None:
+    with closing(Stepped(SCORE + STRUCK, tmp_path)) as own:
+        own.ok("play")
+        reply = own.type("remove bell.m now")
+        assert not reply.taken
+        assert reply.text.startswith("bell.m is not removed: ")
+        for name in ("strikes 'tick'", "strikes 'tab'"):
+            assert name in reply.text
+        assert reply.try_ == "remove tick"
+        own.ok("remove tick\nremove tab")
+        own.run(3.0)
+        assert own.session.commits.head.piece.strikes == ()
+    assert np.array_equal(own.again(), own.sound)

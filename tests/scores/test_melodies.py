@@ -7,6 +7,7 @@ from checked import check, found
 from ergon.scores.edits import parts
 from ergon.scores.edits.keeping import keep
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import stage
 
@@ -418,3 +419,22 @@ def test_the_notes_of_an_instrument_are_heard_from_the_same_channels():
     staged = stage(made)
     assert staged.n_channels == 3  # cell, string, lone
     assert {way.channel for way in staged.listening.ways if way.part.startswith("cell.")} == {0}
+
+
+def test_rows_that_name_one_module_have_a_place_each():
+    text = """\
+ergon: 1
+instruments:
+  bell: {modules: {m: {CEL: {M: 2g, f: A3, t60: 0.5s}}}, out: {SOX: m}}
+strikes:
+  tab: |
+    1|1 bell.m 1mNs
+    1|2 bell.m
+    1|3 bell.q
+    1|4 bell.q
+"""
+    good = load("s.yaml", text=text.partition("    1|3")[0]).piece
+    assert good is not None
+    assert [hit.to[0].place.line for hit in good.strikes[0].hits] == [6, 7]
+    wrong = [one.place.line for one in load("s.yaml", text=text).diagnostics]
+    assert [line for line in wrong if line > 7] == [8, 9]

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ergon.exchange import frozen as exchange
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.engine import SteppedEngine
+from ergon.repl.session.frozen_parts import held, of_manifest
 from ergon.repl.session.journal import Journal, free
 from ergon.repl.session.journal_content import SessionStart, read_journal
 from ergon.repl.session.replay import ReplayedSession, resumed
@@ -16,6 +18,7 @@ from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.repl.session_protocol import Reply
 from ergon.scores.edits.texts import Texts
+from ergon.scores.staging.scene import build_scene
 
 EVERY = 64
 _BLOCK = 1 << 16  # frames
@@ -33,12 +36,18 @@ class Stepped:
         name: str = "score.yaml",
         journal: bool = True,
         keeps: bool = True,
+        frozen: Path | None = None,
     ) -> None:
         path = folder / name
         path.write_text(text, encoding="utf-8")
         texts = Texts.read(path)
         version = Version(0, "", texts, piece_of(texts))
-        self._open(folder / "session.jsonl", version, Clock(), None, None, journal, keeps)
+        own = folder / "session.jsonl"
+        if frozen is not None:
+            silent = frozenset(exchange.read(frozen).parts)
+            listening = build_scene(version.piece, silent).listening
+            frozen = of_manifest(frozen, version.piece, listening)
+        self._open(own, version, Clock(), None, None, journal, keeps, frozen)
 
     @classmethod
     def resumed(cls, journal: Path) -> Stepped:
@@ -46,10 +55,11 @@ class Stepped:
         found = read_journal(journal, resumes=True)
         version, clock, past = resumed(found)
         own = cls.__new__(cls)
-        own._open(free(journal), version, clock, past, found.disk, True, True)
+        folder = found.opening.frozen
+        own._open(free(journal), version, clock, past, found.disk, True, True, folder)
         return own
 
-    def _open(self, path, version, clock, past, disk, journal, keeps) -> None:
+    def _open(self, path, version, clock, past, disk, journal, keeps, frozen) -> None:
         self.journal = path
         written = Journal(path) if journal else None
         self.session = Session(
@@ -60,11 +70,13 @@ class Stepped:
             clock=clock,
             past=past,
             disk=disk,
+            frozen=() if frozen is None else held(frozen, version, {}),
         )
         if written is not None:
             heard = 1.0, 1.0, None, past, version.base
             beside = {"maps": version.maps, "rules": version.rules}
             beside["sounds_as"] = version.sounds_as
+            beside["frozen"] = None if frozen is None else frozen.beside(path)
             opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard, **beside)
             known = self.session.disk.hashes_by_name(version.texts)
             written.tell("session", **opening.fields(), disk=known)

@@ -70,7 +70,7 @@ mod _core {
     #[pymodule_export]
     use super::meter::Meter;
     #[pymodule_export]
-    use super::mixer::Mixer;
+    use super::mixer::{FrozenOutputs, Mixer};
     #[pymodule_export]
     use super::network::{Certificate, Network, ReachableScene};
     #[pymodule_export]

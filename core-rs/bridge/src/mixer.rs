@@ -1,6 +1,9 @@
 //! Outputs to channels.
 
+use std::sync::Arc;
+
 use ergon_engine::mix::curve::{Curve, Point, Way};
+use ergon_engine::mix::frozen;
 use ergon_engine::mix::mixer;
 use ergon_engine::mix::room::RoomSpec;
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
@@ -8,6 +11,24 @@ use pyo3::prelude::*;
 
 use crate::error::said;
 use crate::frames::{rows, rows_mut};
+
+/// Samples of outputs that were computed before, which mixers share.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct FrozenOutputs(Arc<frozen::FrozenOutputs>);
+
+#[pymethods]
+impl FrozenOutputs {
+    /// The samples (n_frames, n_out) are copied.
+    #[new]
+    fn new(samples: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
+        let n_out = samples.shape()[1];
+        let rows = rows(&samples, "samples", n_out)?;
+        Ok(Self(Arc::new(frozen::FrozenOutputs::new(
+            rows.to_vec(),
+            n_out,
+        ))))
+    }
+}
 
 /// Routes of outputs to channels, with gains and second-order high-passes.
 #[pyclass(module = "ergon._core")]
@@ -70,6 +91,11 @@ impl Mixer {
         self.0.room(spec).map_err(said)
     }
 
+    /// Add frozen outputs to `outputs`, one each; their first frame is heard at frame `begins`.
+    fn freeze(&mut self, frozen: &FrozenOutputs, outputs: Vec<usize>, begins: i64) -> PyResult<()> {
+        self.0.freeze(&frozen.0, &outputs, begins).map_err(said)
+    }
+
     /// Set a gain of all channels over the frames of the piece: (frame, gain, whether smooth).
     fn fade(&mut self, curve: Vec<(i64, f64, bool)>) {
         self.0.fade(through(curve));
@@ -83,8 +109,8 @@ impl Mixer {
     /// Go on as `old` stands, with its gains and filters; `outputs`: which output here each of its outputs has become,
     /// where they are not the same.
     #[pyo3(signature = (old, outputs = None))]
-    fn take_over(&mut self, old: &Self, outputs: Option<Vec<Option<usize>>>) {
-        self.0.take_over(&old.0, outputs.as_deref());
+    fn take_over(&mut self, old: &mut Self, outputs: Option<Vec<Option<usize>>>) {
+        self.0.take_over(&mut old.0, outputs.as_deref());
     }
 
     /// (n_frames, n_out) -> (n_frames, n_channels).

@@ -2,6 +2,7 @@
 
 pub mod curve;
 mod delay;
+pub mod frozen;
 pub mod glide;
 pub mod limiter;
 pub mod meter;

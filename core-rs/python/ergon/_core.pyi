@@ -1016,6 +1016,13 @@ class Simulation:
 # --- from outputs to loudspeakers ---------------------------------------------------------------
 
 @final
+class FrozenOutputs:
+    """Samples of outputs that were computed before, which mixers share."""
+
+    def __new__(cls, samples: _Floats) -> Self:
+        """Copy samples (n_frames, n_out). Raises EngineError."""
+
+@final
 class Mixer:
     """Routes of outputs to channels, with gains and second-order high-passes. Raises EngineError."""
 
@@ -1052,6 +1059,11 @@ class Mixer:
         `size` [m] is the mean way of sound from wall to wall, `t60` are two pairs of frequency [Hz]
         and decay time [s], the lower frequency first. At gain 1 a click has as much energy in each
         channel as it had. Raises EngineError.
+        """
+    def freeze(self, frozen: FrozenOutputs, outputs: Sequence[int], begins: int) -> None:
+        """Add frozen outputs to `outputs` (from 0), one each; their first frame is heard at frame `begins`.
+
+        Raises EngineError.
         """
     def fade(self, curve: Sequence[tuple[int, float, bool]]) -> None:
         """Set a gain of all channels over the frames of the piece, as `curve` of a route."""

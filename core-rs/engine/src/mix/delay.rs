@@ -16,6 +16,11 @@ impl Delay {
         }
     }
 
+    /// Frames by which it delays.
+    pub(super) fn length(&self) -> usize {
+        self.past.len()
+    }
+
     /// The sample that leaves the line now; [`Delay::push`] follows.
     pub(super) fn oldest(&self) -> f64 {
         self.past[self.at]

@@ -22,8 +22,9 @@ pub struct Glide {
     to: f64,
     start: u64,
     length: u64,
-    /// The gain to which it glides from the next multiple of the grid on.
+    /// The gain to which it glides from the next multiple of the grid on, `lag` frames later.
     requested: Option<f64>,
+    lag: u64,
 }
 
 impl Glide {
@@ -37,13 +38,19 @@ impl Glide {
             start: 0,
             length,
             requested: None,
+            lag: 0,
         }
     }
 
     /// Glide to `gain` from the next multiple of the grid on; a gain that is not finite is ignored.
     pub fn set(&mut self, gain: f64) {
+        self.set_later(gain, 0);
+    }
+
+    /// [`Glide::set`], but `lag` frames later.
+    pub fn set_later(&mut self, gain: f64, lag: u64) {
         if gain.is_finite() {
-            self.requested = Some(gain);
+            (self.requested, self.lag) = (Some(gain), lag);
         }
     }
 
@@ -70,7 +77,7 @@ impl Glide {
         if n.is_multiple_of(GRID)
             && let Some(gain) = self.requested.take()
         {
-            (self.from, self.to, self.start) = (self.at(n), gain, n);
+            (self.from, self.to, self.start) = (self.at(n), gain, n + self.lag);
         }
     }
 

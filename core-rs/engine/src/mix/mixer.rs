@@ -2,10 +2,13 @@
 
 mod takeover;
 
+use std::sync::Arc;
+
 use thiserror::Error;
 
 use super::curve::Curve;
 use super::delay::Delay;
+use super::frozen::{FrozenOutputs, Placed};
 use super::glide::{Glide, until};
 use super::room::{Room, RoomError, RoomSpec};
 use crate::section::{BUTTERWORTH_2, Section};
@@ -54,6 +57,14 @@ pub enum RouteError {
     /// Too late to be heard.
     #[error("a route is delayed by {DELAY_MAX} frames at most; here {0}")]
     Delay(usize),
+    /// Frozen outputs that go to another number of outputs.
+    #[error("{frozen} frozen outputs cannot stand for {outputs} outputs")]
+    Frozen {
+        /// How many are frozen.
+        frozen: usize,
+        /// How many were named.
+        outputs: usize,
+    },
     /// A room that cannot be built.
     #[error(transparent)]
     Spec(#[from] RoomError),
@@ -86,6 +97,8 @@ const ROOM_FRAMES: usize = 256;
 
 /// Routes that fade out at once: more of them are cut.
 const LEAVING_MAX: usize = 32;
+/// Frozen outputs that fade out at once: more of them are cut.
+const FROZEN_LEAVING_MAX: usize = 128;
 /// Groups of routes that a mixer has at most.
 const GROUPS_MAX: usize = 1 << 16;
 
@@ -120,8 +133,12 @@ pub struct Mixer {
     fade: Option<Curve>,
     /// What is left of the gain of all channels before, beyond their own.
     rest: Option<Glide>,
-    /// Routes of a mixer before this one that fade out.
+    /// Routes of a mixer before this one that fade out. Those that have ended stay: to free them would take time.
     leaving: [Option<Route>; LEAVING_MAX],
+    /// Outputs that were computed before.
+    frozen: Vec<Placed>,
+    /// Frozen outputs of a mixer before this one that fade out   (FROZEN_LEAVING_MAX)
+    frozen_leaving: Vec<Option<Placed>>,
     /// Whether a route has a fade.
     is_fading: bool,
     frame: u64,
@@ -156,6 +173,8 @@ impl Mixer {
             fade: None,
             rest: None,
             leaving: [const { None }; LEAVING_MAX],
+            frozen: Vec::new(),
+            frozen_leaving: vec![None; FROZEN_LEAVING_MAX],
             is_fading: false,
             frame: 0,
         }
@@ -301,6 +320,46 @@ impl Mixer {
         Ok(self.rooms.len() - 1)
     }
 
+    /// Add outputs that were computed before to `outputs`, one each; their first frame is heard at frame `begins`.
+    ///
+    /// ```
+    /// use ergon_engine::mix::frozen::FrozenOutputs;
+    /// use ergon_engine::mix::mixer::Mixer;
+    ///
+    /// let mut mixer = Mixer::new(44_100.0, 1, 1);
+    /// mixer.route(0, 0, 0.5, None)?;
+    /// mixer.freeze(&FrozenOutputs::new(vec![1.0, 2.0], 1).into(), &[0], 1)?;
+    /// let mut mixed = [0.0; 4];
+    /// mixer.process(&[0.0, 0.0, 4.0, 4.0], &mut mixed);
+    /// assert_eq!(mixed, [0.0, 0.5, 3.0, 2.0]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`RouteError`] where an output does not exist, or their number differs.
+    pub fn freeze(
+        &mut self,
+        source: &Arc<FrozenOutputs>,
+        outputs: &[usize],
+        begins: i64,
+    ) -> Result<(), RouteError> {
+        let n_out = self.n_out;
+        if let Some(&out) = outputs.iter().find(|&&out| out >= n_out) {
+            return Err(RouteError::Out { out, n_out });
+        }
+        if outputs.len() != source.n_out() {
+            return Err(RouteError::Frozen {
+                frozen: source.n_out(),
+                outputs: outputs.len(),
+            });
+        }
+        for (column, &out) in outputs.iter().enumerate() {
+            let one = Placed::new(source.clone(), column, out, begins, self.rate);
+            self.frozen.push(one);
+        }
+        Ok(())
+    }
+
     /// Set a gain over the frames of the piece for all channels.
     pub fn fade(&mut self, curve: Curve) {
         self.fade = Some(curve);
@@ -328,10 +387,15 @@ impl Mixer {
                     route.fade = None;
                 }
             }
-            for place in &mut self.leaving {
-                place.take_if(|route| route.fade.is_some_and(|fade| fade.steady(n).is_some()));
-            }
             self.is_fading |= falls(&mut self.rest, n);
+            let leaving = self.frozen_leaving.iter_mut().flatten();
+            for one in self.frozen.iter_mut().chain(leaving) {
+                one.fade.begin_due(n);
+                self.is_fading |= one.fade.steady(n).is_none();
+            }
+            for place in &mut self.frozen_leaving {
+                place.take_if(|one| one.fade.steady(n).is_some());
+            }
         }
         !self.is_fading
     }
@@ -385,18 +449,25 @@ impl Mixer {
         let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
         self.sent.fill(0.0);
         let leaving = self.leaving.iter_mut().flatten();
+        let leaving = leaving.filter(|route| !route.is_gone(first));
         for route in self.routes.iter_mut().chain(leaving) {
             let own = &self.groups[route.group];
-            let from = frames.iter().skip(route.out).step_by(n_out);
-            match route.to {
-                To::Channel(channel) => {
-                    let to = mixed.iter_mut().skip(channel).step_by(n_channels);
-                    route.add(own, first, from, to);
-                }
-                To::Room(room) => {
-                    let to = self.sent[room * ROOM_FRAMES..].iter_mut();
-                    route.add(own, first, from, to);
-                }
+            let out = route.out;
+            let (to, step) = match route.to {
+                To::Channel(channel) => (&mut mixed[channel..], n_channels),
+                To::Room(room) => (&mut self.sent[room * ROOM_FRAMES..], 1),
+            };
+            let to = to.iter_mut().step_by(step);
+            let from = frames.iter().skip(out).step_by(n_out).copied();
+            let leaving = self.frozen_leaving.iter().flatten();
+            let frozen = self.frozen.iter().chain(leaving);
+            let frozen = frozen.filter(|one| one.out == out);
+            if frozen.clone().next().is_some() {
+                let frozen = |n| frozen.clone().map(|one| one.at(n)).sum::<f64>();
+                let from = from.zip(first..).map(|(x, n)| x + frozen(n));
+                route.add(own, first, from, to);
+            } else {
+                route.add(own, first, from, to);
             }
         }
         for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(ROOM_FRAMES)) {
@@ -427,6 +498,12 @@ impl Route {
             && before.delay.is_some() == self.delay.is_some()
     }
 
+    /// Whether it has faded out, where it is one that does.
+    fn is_gone(&self, frame: u64) -> bool {
+        self.fade
+            .is_some_and(|fade| fade.steady(frame) == Some(0.0))
+    }
+
     /// Its gain at a frame of the piece, by its curve.
     fn written(&self, frame: u64) -> f64 {
         self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
@@ -450,7 +527,7 @@ impl Route {
         &mut self,
         group: &Glide,
         first: u64,
-        from: impl Iterator<Item = &'a f64>,
+        from: impl Iterator<Item = f64>,
         to: impl Iterator<Item = &'a mut f64>,
     ) {
         let is_plain = self.delay.is_none() && self.curve.is_none() && self.fade.is_none();
@@ -463,10 +540,10 @@ impl Route {
             (Some(gain), Some(section)) if is_plain => {
                 let gain = self.gain * gain;
                 to.zip(from)
-                    .for_each(|(y, x)| *y += gain * high_passed(section, *x));
+                    .for_each(|(y, x)| *y += gain * high_passed(section, x));
             }
             (_, section) => {
-                for ((y, &x), n) in to.zip(from).zip(first..) {
+                for ((y, x), n) in to.zip(from).zip(first..) {
                     let x = section
                         .as_mut()
                         .map_or(x, |section| high_passed(section, x));

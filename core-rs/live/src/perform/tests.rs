@@ -202,7 +202,7 @@ fn changes_are_done_at_their_frames() {
                 assert!(next.take_over(&mut offline, &mut takeover));
                 offline = next;
                 let mut other = mixer(part);
-                other.take_over(&mix, None);
+                other.take_over(&mut mix, None);
                 mix = other;
                 gain.set(0.7);
             }

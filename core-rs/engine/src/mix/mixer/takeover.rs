@@ -1,14 +1,17 @@
 //! The mixer of a version takes over from that of the version before.
 
-use super::{Mixer, Route, To, falling};
+use super::{Mixer, Placed, Route, To, falling};
+use crate::mix::delay::Delay;
+use crate::mix::glide::Glide;
 
 impl Mixer {
     /// Take the state of `old` over: gains of groups, filters and delays of routes that both have, and rooms of the same
     /// name. Over 20 ms from the next multiple of 64 frames on, routes that are new fade in, those that are gone fade out,
-    /// and gains glide, that of all channels too. Routes with a delay or a curve end at once. Allocates nothing.
+    /// and gains glide, that of all channels too. So do frozen outputs that stand elsewhere. Allocates and frees nothing: what
+    /// a delay or a curve of a route that fades out holds is taken from `old`.
     ///
     /// `outputs`: for each output of `old` the output here, where they differ.
-    pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
+    pub fn take_over(&mut self, old: &mut Self, outputs: Option<&[Option<usize>]>) {
         self.frame = old.frame;
         let groups = self.groups.iter_mut().zip(&old.groups);
         groups.for_each(|(own, old)| *own = *old);
@@ -22,7 +25,11 @@ impl Mixer {
         for own in &mut self.routes {
             let is_same = |&at: &usize| own.is_as(&old.routes[at], out(&old.routes[at]));
             let Some(at) = in_turn(next, n).find(is_same) else {
-                own.fade(self.rate, 0.0, 1.0);
+                // A delay that is empty gives nothing yet.
+                let lag = own.delay.as_ref().map_or(0, Delay::length);
+                let mut fade = Glide::new(self.rate, 0.0);
+                fade.set_later(1.0, lag as u64);
+                own.fade = Some(fade);
                 continue;
             };
             next = at + 1;
@@ -57,15 +64,43 @@ impl Mixer {
             room.take_over(&old.rooms);
         }
         self.leave(old, out);
+        self.take_over_frozen(old, |before| match outputs {
+            Some(outputs) => outputs.get(before).copied().flatten(),
+            None => Some(before),
+        });
         self.is_fading = true;
     }
 
+    /// Let frozen outputs go on that stand where they stood, those that are new fade in, and those that are gone fade out.
+    fn take_over_frozen(&mut self, old: &Self, out: impl Fn(usize) -> Option<usize>) {
+        for own in &mut self.frozen {
+            let is_same = |one: &&Placed| out(one.out).is_some_and(|here| own.is_as(one, here));
+            own.fade = match old.frozen.iter().find(is_same) {
+                Some(before) => before.fade,
+                None => gliding(self.rate, 0.0, 1.0),
+            };
+        }
+        let gone = old.frozen.iter().filter_map(|before| {
+            let here = out(before.out)?;
+            let goes_on = self.frozen.iter().any(|own| own.is_as(before, here));
+            let fade = gliding(self.rate, before.fade.at(old.frame), 0.0);
+            (!goes_on).then(|| before.fading(here, fade))
+        });
+        let leaving = old.frozen_leaving.iter().flatten();
+        let leaving = leaving.filter_map(|one| Some(one.fading(out(one.out)?, one.fade)));
+        for (place, one) in self.frozen_leaving.iter_mut().zip(leaving.chain(gone)) {
+            *place = Some(one);
+        }
+    }
+
     /// Let routes of `old` fade out that have no successor here; their outputs here are `out`.
-    fn leave(&mut self, old: &Self, out: impl Fn(&Route) -> Option<usize>) {
+    fn leave(&mut self, old: &mut Self, out: impl Fn(&Route) -> Option<usize>) {
         let (mut next, n) = (0, self.routes.len());
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
         let mut places = self.leaving.iter_mut();
-        for before in old.leaving.iter().flatten().chain(&old.routes) {
+        let gone = |route: &&mut Route| !route.is_gone(old.frame);
+        let leaving = old.leaving.iter_mut().flatten().filter(gone);
+        for before in leaving.chain(&mut old.routes) {
             let here = out(before);
             let (Some(own), true) = (here, before.group < self.groups.len()) else {
                 continue;
@@ -77,19 +112,31 @@ impl Mixer {
                 next = at + 1;
                 continue;
             }
-            if before.delay.is_some() || before.curve.is_some() {
-                continue; // a copy of theirs would be allocated
-            }
-            let Some(place) = places.next() else { return };
-            let mut route = before.clone();
-            route.out = own;
-            let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
-            route.fade(self.rate, there, 0.0);
             let is_there = match before.to {
                 To::Channel(channel) => channel < n_channels,
                 To::Room(room) => room < n_rooms,
             };
-            *place = is_there.then_some(route);
+            if !is_there {
+                continue;
+            }
+            let Some(place) = places.next() else { return };
+            let (delay, curve) = (before.delay.take(), before.curve.take());
+            let mut route = Route {
+                out: own,
+                delay,
+                curve,
+                ..before.clone()
+            };
+            let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+            route.fade(self.rate, there, 0.0);
+            *place = Some(route);
         }
     }
+}
+
+/// A gain on its way from one value to another.
+fn gliding(rate: f64, from: f64, to: f64) -> Glide {
+    let mut fade = Glide::new(rate, from);
+    fade.set(to);
+    fade
 }

@@ -189,7 +189,7 @@ fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
             // Another version of the mix goes on as this one stands.
             if i == 7 {
                 let mut next = hall();
-                next.take_over(&mixer, None);
+                next.take_over(&mut mixer, None);
                 mixer = next;
             }
             mixer.process(x, y);
@@ -225,7 +225,7 @@ fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> 
     };
     let (mut old, mut new) = (mixer(before), mixer(after));
     old.process(&[1.0; 1000], &mut [0.0; 2000]);
-    new.take_over(&old, None);
+    new.take_over(&mut old, None);
     let mut mixed = vec![0.0; 4000];
     for part in mixed.chunks_mut(2 * block) {
         new.process(&vec![1.0; part.len() / 2], part);
@@ -282,7 +282,7 @@ fn turned(before: &[Point], after: &[Point], is_route: bool, block: usize) -> Ve
     let (mut old, mut new) = (mixer(before), mixer(after));
     let mut gains = vec![0.0; 3000];
     old.process(&[1.0; 1000], &mut gains[..1000]);
-    new.take_over(&old, None);
+    new.take_over(&mut old, None);
     for part in gains[1000..].chunks_mut(block) {
         new.process(&vec![1.0; part.len()], part);
     }
@@ -322,4 +322,125 @@ fn a_fade_that_is_taken_back_returns_in_20_ms_without_a_jump() {
 fn nothing_in_or_out() {
     Mixer::new(44_100.0, 0, 2).process(&[], &mut [1.0; 8]);
     Mixer::new(44_100.0, 0, 0).process(&[], &mut []);
+}
+
+/// A mixer of one output, silent but for a frozen ramp that begins at `begins`.
+fn ramp(source: &Arc<FrozenOutputs>, begins: Option<i64>) -> Mixer {
+    let mut mixer = Mixer::new(44_100.0, 1, 1);
+    mixer.route(0, 0, 1.0, None).unwrap();
+    if let Some(begins) = begins {
+        mixer.freeze(source, &[0], begins).unwrap();
+    }
+    mixer
+}
+
+#[test]
+fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
+    let samples: Vec<f64> = (0..6_000).map(|n| 1.0 + f64::from(n) * 1e-4).collect();
+    let source = Arc::new(FrozenOutputs::new(samples, 1));
+    let played = |block: usize| {
+        let mut mixer = ramp(&source, Some(0));
+        let mut heard = Vec::new();
+        // It stays at 1000, jumps at 2000, is on its way at 2100, and is gone from 4000 on.
+        let changes = [
+            (1000, Some(0)),
+            (2000, Some(500)),
+            (2100, Some(500)),
+            (4000, None),
+        ];
+        while heard.len() < 6_000 {
+            let at = heard.len();
+            if let Some((_, begins)) = changes.iter().find(|change| change.0 == at) {
+                let mut next = ramp(&source, *begins).clone();
+                next.take_over(&mut mixer, None);
+                mixer = next;
+            }
+            let next = changes
+                .iter()
+                .map(|change| change.0)
+                .find(|&next| next > at);
+            let n = block.min(next.unwrap_or(6_000) - at);
+            let mut mixed = vec![0.0; n];
+            mixer.process(&vec![0.0; n], &mut mixed);
+            heard.extend(mixed);
+        }
+        heard
+    };
+    let heard = played(4096);
+    let sample = |n: usize| 1.0 + n as f64 * 1e-4;
+    assert!((0..2000).all(|n| heard[n] == sample(n)));
+    assert!((2048 + 896..4000).all(|n| heard[n] == sample(n - 500)));
+    assert!(heard[4032 + 896..].iter().all(|&x| x == 0.0));
+    let steps = heard.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(steps.fold(0.0, f64::max) < 1.5 * 1.4 / 896.0 + 1e-4);
+    assert_eq!(heard, played(7));
+}
+
+#[test]
+fn frozen_outputs_follow_an_output_that_has_another_number() {
+    let source = Arc::new(FrozenOutputs::new(vec![1.0; 4_000], 1));
+    let mut before = ramp(&source, Some(0));
+    let mut after = Mixer::new(44_100.0, 2, 1);
+    after.route(1, 0, 1.0, None).unwrap();
+    after.freeze(&source, &[1], 0).unwrap();
+    let mut mixed = vec![0.0; 64];
+    before.process(&[0.0; 64], &mut mixed);
+    after.take_over(&mut before, Some(&[Some(1)]));
+    after.process(&[0.0; 128], &mut mixed);
+    assert_eq!(mixed, [1.0; 64]);
+}
+
+#[test]
+fn frozen_outputs_need_an_output_each() {
+    let source = Arc::new(FrozenOutputs::new(vec![0.0; 4], 2));
+    let mut mixer = Mixer::new(44_100.0, 2, 1);
+    let error = mixer.freeze(&source, &[0, 2], 0).unwrap_err();
+    assert_eq!(error, RouteError::Out { out: 2, n_out: 2 });
+    let error = mixer.freeze(&source, &[0], 0).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "2 frozen outputs cannot stand for 1 outputs"
+    );
+}
+
+#[test]
+fn routes_with_a_delay_or_a_curve_fade_out_like_others() {
+    let rise = Curve::new(vec![level(0, 0.5), level(4000, 1.0)]);
+    let late = Treatment {
+        delay: 300,
+        ..Treatment::default()
+    };
+    let curved = Treatment {
+        curve: Some(rise),
+        ..Treatment::default()
+    };
+    for treatment in [late, curved] {
+        let played = |block: usize| {
+            let mut old = Mixer::new(44_100.0, 1, 2);
+            old.treated(0, 0, To::Channel(0), 1.0, treatment.clone())
+                .unwrap();
+            old.process(&[1.0; 1000], &mut [0.0; 2000]);
+            let mut channels = vec![0.0; 8000];
+            let mut new = Mixer::new(44_100.0, 1, 2);
+            new.treated(0, 0, To::Channel(1), 1.0, treatment.clone())
+                .unwrap();
+            new.take_over(&mut old, None);
+            for part in channels.chunks_mut(2 * block) {
+                new.process(&vec![1.0; part.len() / 2], part);
+            }
+            let mut last = Mixer::new(44_100.0, 1, 2);
+            last.take_over(&mut new, None);
+            assert_eq!(last.leaving.iter().flatten().count(), 1, "that of `new`");
+            channels
+        };
+        let heard = played(4000);
+        assert!(heard[0] > 0.5, "it is heard on: {}", heard[0]);
+        for channel in 0..2 {
+            let own: Vec<f64> = heard.iter().skip(channel).step_by(2).copied().collect();
+            let steps = own.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            assert!(steps.fold(0.0, f64::max) < 1.5 / 896.0 + 1e-3, "{channel}");
+            assert_eq!(own[24 + 896..].iter().all(|&x| x == 0.0), channel == 0);
+        }
+        assert_eq!(heard, played(7));
+    }
 }

@@ -100,7 +100,7 @@ impl Player {
                 .simulation
                 .as_ref()
                 .map(|(_, takeover)| takeover.outputs());
-            mixer.take_over(&stage.mixer, outputs);
+            mixer.take_over(&mut stage.mixer, outputs);
             std::mem::swap(mixer, &mut stage.mixer);
         }
         for &(group, gain) in &change.gains {

@@ -1,0 +1,89 @@
+//! Outputs that were computed before, added to those that a simulation computes.
+
+use std::sync::Arc;
+
+use super::glide::Glide;
+
+/// Samples of outputs that were computed before, from their first frame on.
+#[derive(Debug)]
+pub struct FrozenOutputs {
+    /// (n_frames · n_out), frame by frame
+    samples: Vec<f64>,
+    n_out: usize,
+}
+
+impl FrozenOutputs {
+    /// The samples of `n_out` outputs, frame by frame; a frame that is cut is left out.
+    #[must_use]
+    pub fn new(samples: Vec<f64>, n_out: usize) -> Self {
+        Self { samples, n_out }
+    }
+
+    /// How many outputs there are.
+    #[must_use]
+    pub fn n_out(&self) -> usize {
+        self.n_out
+    }
+
+    /// The sample of a column in a frame; 0 before the first frame and behind the last one.
+    fn at(&self, frame: i64, column: usize) -> f64 {
+        usize::try_from(frame)
+            .ok()
+            .and_then(|frame| frame.checked_mul(self.n_out))
+            .and_then(|first| self.samples.get(first + column))
+            .map_or(0.0, |&x| x)
+    }
+}
+
+/// One frozen output in a mixer.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    source: Arc<FrozenOutputs>,
+    column: usize,
+    /// The output of the mixer to which it is added.
+    pub(super) out: usize,
+    /// The frame of the mixer at which its first frame is heard.
+    begins: i64,
+    pub(super) fade: Glide,
+}
+
+impl Placed {
+    pub(super) fn new(
+        source: Arc<FrozenOutputs>,
+        column: usize,
+        out: usize,
+        begins: i64,
+        rate: f64,
+    ) -> Self {
+        Self {
+            source,
+            column,
+            out,
+            begins,
+            fade: Glide::new(rate, 1.0),
+        }
+    }
+
+    /// Whether it goes on what another one was, whose output is `out` here.
+    pub(super) fn is_as(&self, before: &Self, out: usize) -> bool {
+        Arc::ptr_eq(&self.source, &before.source)
+            && (self.column, self.begins, self.out) == (before.column, before.begins, out)
+    }
+
+    /// It, at an output of another mixer, on its way out.
+    pub(super) fn fading(&self, out: usize, fade: Glide) -> Self {
+        Self {
+            out,
+            fade,
+            ..self.clone()
+        }
+    }
+
+    /// Its sample at a frame of the mixer.
+    pub(super) fn at(&self, n: u64) -> f64 {
+        let frame = i64::try_from(n).unwrap_or(i64::MAX);
+        self.source
+            .at(frame.saturating_sub(self.begins), self.column)
+            * self.fade.at(n)
+    }
+}

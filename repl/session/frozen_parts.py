@@ -1,0 +1,242 @@
+"""Frozen parts of a session: which of them still are what the score says, and where they stand."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon import _core
+from ergon.exchange.frozen import MANIFEST, NotFrozenError, check
+from ergon.exchange.frozen import read as read_manifest
+from ergon.notation.text.files import is_below
+from ergon.repl.session.journal import Event
+from ergon.repl.session.midi_maps import strike_points
+from ergon.scores.reading.piece import digest_of, is_same
+from ergon.scores.staging.frozen_content import content, joined
+from ergon.scores.staging.stage import Placed
+
+if TYPE_CHECKING:
+    from ergon.repl.session.clock import Clock
+    from ergon.repl.session.version import Version
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.listening import Listening
+
+# A session jumps, so that it holds all samples in (locked) memory.
+_BYTES_MAX = 2 << 30
+_ROWS_MAX = 10_000  # parts of a folder, or stems of a part, in a journal
+
+
+@dataclass(frozen=True, slots=True)
+class FrozenStem:
+    """A file of a part's outputs: its name, the hash of its samples, and the outputs' names."""
+
+    file: str
+    sha256: str
+    outputs: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FrozenPart:
+    """A frozen instrument: its stems, and the digest of what its sound is a function of."""
+
+    name: str
+    content: str
+    stems: tuple[FrozenStem, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FrozenFolder:
+    """The frozen parts of a session, by the folder that holds them, and its name in a journal."""
+
+    folder: Path
+    parts: tuple[FrozenPart, ...]
+    name: str = ""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that a session reads of it."""
+        stems = (stem.file for part in self.parts for stem in part.stems)
+        return tuple(self.folder / name for name in (MANIFEST, *stems))
+
+    def beside(self, journal: Path) -> FrozenFolder:
+        """The same folder, named as from a journal's own."""
+        return replace(self, name=Path(os.path.relpath(self.folder, journal.parent)).as_posix())
+
+
+@dataclass(frozen=True, slots=True)
+class HeldPart:
+    """A frozen instrument whose samples are in memory: (samples, names of their outputs)."""
+
+    name: str
+    n_frames: int
+    stems: tuple[tuple[_core.FrozenOutputs, tuple[str, ...]], ...]
+
+
+def of_manifest(folder: Path, piece: Piece, listening: Listening) -> FrozenFolder:
+    """The parts of a folder that was frozen from a piece. Raises NotFrozenError.
+
+    `listening` has the taps of the piece.
+    """
+    frozen = read_manifest(folder)
+    for part in frozen.parts:
+        own = [tap for stem in frozen.stems if stem.part == part for tap in stem.taps]
+        if own != listening.taps(part):
+            raise NotFrozenError(f"'{part}' has other outputs in the score")
+    parts = tuple(
+        FrozenPart(
+            name,
+            digest_of(content(piece, name)),
+            tuple(
+                FrozenStem(
+                    stem.path.name,
+                    stem.sha256,
+                    tuple(listening.outputs[tap] for tap in stem.taps),
+                )
+                for stem in frozen.stems
+                if stem.part == name
+            ),
+        )
+        for name in frozen.parts
+    )
+    return FrozenFolder(folder, parts)
+
+
+def held(frozen: FrozenFolder, version: Version, real: Collection[str]) -> tuple[HeldPart, ...]:
+    """The parts that a version plays as they were frozen, with their samples.
+
+    `real` are the players whose hands are real. Raises NotFrozenError.
+    """
+    manifest = read_manifest(frozen.folder)
+    by_file = {stem.path.name: stem for stem in manifest.stems}
+    for part in frozen.parts:
+        for stem in part.stems:
+            known = by_file.get(stem.file)
+            same = stem.sha256, part.name, len(stem.outputs)
+            if known is None or (known.sha256, known.part, len(known.taps)) != same:
+                raise NotFrozenError(
+                    f"{frozen.folder} holds other frozen parts than those of this session"
+                )
+    n_bytes = sum(8 * manifest.n_frames * len(stem.taps) for stem in manifest.stems)
+    if n_bytes > _BYTES_MAX:
+        raise NotFrozenError(
+            f"{frozen.folder} holds {n_bytes / 2**30:.1f} GiB, and a session, which holds them in "
+            f"memory, takes {_BYTES_MAX >> 30} GiB; `ergon play --frozen` reads them from the disk"
+        )
+    verified = {stem.path.name: stem for stem in check(manifest, {}, 0)}
+    found = []
+    for part in frozen.parts:
+        is_as_frozen = part.name in version.sounding.instruments and (
+            digest_of(content(version.sounding, part.name)) == part.content
+        )
+        if not is_as_frozen or _is_reached(version, part.name, real):
+            continue
+        stems = tuple(
+            (_core.FrozenOutputs(verified[stem.file].samples()), stem.outputs)
+            for stem in part.stems
+        )
+        found.append(HeldPart(part.name, manifest.n_frames, stems))
+    return tuple(found)
+
+
+def still_frozen(
+    parts: Sequence[HeldPart], before: Version, version: Version, real: Collection[str]
+) -> tuple[HeldPart, ...]:
+    """The parts whose sound a version leaves as it was in the version before."""
+    return tuple(
+        part
+        for part in parts
+        if part.name in version.sounding.instruments
+        and is_same(content(before.sounding, part.name), content(version.sounding, part.name))
+        and not _is_reached(version, part.name, real)
+    )
+
+
+def placed(
+    parts: Sequence[HeldPart], listening: Listening, clock: Clock, rate: float
+) -> tuple[Placed, ...]:
+    """The samples of parts where the piece stands; none while it is stopped."""
+    if clock.by is None:
+        return ()
+    begins = math.floor(clock.by * rate + 0.5)
+    taps: dict[str, list[int]] = {}
+    for part in parts:
+        for tap in listening.taps(part.name):
+            taps.setdefault(listening.outputs[tap], []).append(tap)
+    return tuple(
+        Placed(samples, tuple(taps[name].pop(0) for name in names), begins)
+        for part in parts
+        for samples, names in part.stems
+    )
+
+
+def _is_reached(version: Version, part: str, real: Collection[str]) -> bool:
+    """Whether a real hand or a MIDI note moves what a part hangs together with."""
+    piece = version.sounding
+    parts = joined(piece, part)
+    is_felt = any(piece.players[name].key in parts for name in real if name in piece.players)
+    return is_felt or any(own in parts for own, *_ in strike_points(version))
+
+
+# --- in a journal ---------------------------------------------------------------------------------
+
+
+def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
+    """The fields of the journal's first event."""
+    parts = [
+        {
+            "part": part.name,
+            "content": part.content,
+            "stems": [
+                {"file": stem.file, "sha256": stem.sha256, "outputs": list(stem.outputs)}
+                for stem in part.stems
+            ],
+        }
+        for part in frozen.parts
+    ]
+    return {"frozen": frozen.name, "frozen_parts": parts}
+
+
+def frozen_of(first: Event, journal: Path, *, trust: bool) -> FrozenFolder | None:
+    """The frozen parts that a journal's first event names; None without such parts.
+
+    Raises JournalError, also where they lie outside the journal's folder and the current one and
+    nobody `trust`s the journal.
+    """
+    if "frozen" not in first.fields:
+        return None
+    name = first.get("frozen", str)
+    if not name or "\0" in name:
+        first.wrong("the field 'frozen' is no name of a folder")
+    folder = journal.parent / name
+    if not trust and not any(is_below(folder, own) for own in (Path(), journal.parent)):
+        first.wrong(
+            f"its frozen parts are in {name!a}, outside this folder and the journal's; "
+            "--trust reads them"
+        )
+    return FrozenFolder(folder, tuple(_part(row) for row in _rows(first, "frozen_parts")), name)
+
+
+def _part(row: Event) -> FrozenPart:
+    stems = tuple(
+        FrozenStem(stem.get("file", str), stem.get("sha256", str), _names(stem))
+        for stem in _rows(row, "stems")
+    )
+    return FrozenPart(row.get("part", str), row.get("content", str), stems)
+
+
+def _names(stem: Event) -> tuple[str, ...]:
+    names = stem.get("outputs", list)
+    if not all(isinstance(name, str) for name in names):
+        stem.wrong("the field 'outputs' has the wrong type or value")
+    return tuple(names)
+
+
+def _rows(event: Event, name: str) -> list[Event]:
+    listed = event.get(name, list)
+    if len(listed) > _ROWS_MAX or not all(isinstance(one, dict) for one in listed):
+        event.wrong(f"the field '{name}' has the wrong type or value")
+    return [Event(event.file, event.number, event.name, one) for one in listed]

@@ -1,0 +1,87 @@
+"""What the sound of an instrument is a function of: what a frozen part must agree with."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from typing import Any
+
+from ergon.instruments.model import Instrument, Module, Target
+from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.staging.listening import heard
+
+
+def joined(piece: Piece, part: str) -> set[str]:
+    """The keys and instruments that hang together with an instrument by links, itself included.
+
+    Links to fixed points count too: what is said here of more than is needed is never wrong.
+    """
+    near: dict[str, set[str]] = {}
+    for one, other in _pairs(piece):
+        near.setdefault(one, set()).add(other)
+        near.setdefault(other, set()).add(one)
+    found, left = {part}, [part]
+    while left:
+        further = near.get(left.pop(), set()) - found
+        found |= further
+        left += further
+    return found
+
+
+def content(piece: Piece, part: str) -> tuple[Any, ...]:
+    """The values that the outputs of an instrument are a function of, as values of a piece.
+
+    What happens between its outputs and the loudspeakers is not among them.
+    """
+    parts = joined(piece, part)
+    players = {name: one for name, one in piece.players.items() if one.key in parts}
+    plays = tuple(play for play in piece.parts if play.player in players)
+    strikes = tuple(one for one in piece.strikes if _hits(one, parts))
+    modules = [module for own, module in piece.modules() if own in parts]
+    named = {name for play in plays for name in play.names}
+    named |= {player.standin for player in players.values() if player.standin}
+    named |= {str(module.fields["from"]) for module in modules if "from" in module.fields}
+    routes = {(output.name, route.to == "nearest") for route, output in _heard(piece, part)}
+    return (
+        (piece.seed, piece.rate, piece.tempo, piece.marks, piece.mix.layout),
+        {name: key for name, key in piece.keys.items() if name in parts},
+        {name: one for name, one in piece.instruments.items() if name in parts},
+        players,
+        plays,
+        strikes,
+        {name: gesture for name, gesture in piece.gestures.items() if name in named},
+        {name: take for name, take in piece.takes.items() if name in named},
+        tuple(one for one in piece.duet if {one.a.part, one.b.part} & parts),
+        tuple(one for one in piece.automation if one.target.part in parts),
+        tuple(sorted(routes)),
+    )
+
+
+def _heard(piece: Piece, part: str) -> Iterator[tuple[Any, Any]]:
+    return ((route, output) for route, one, output in heard(piece) if one.name == part)
+
+
+def _hits(strikes: Strikes, parts: Collection[str]) -> bool:
+    voices = [target for voice in strikes.voices.values() for target in voice]
+    hits = [target for hit in strikes.hits for target in hit.to]
+    return any(target.part in parts for target in (*strikes.to, *voices, *hits))
+
+
+def _pairs(piece: Piece) -> Iterator[tuple[str, str]]:
+    """Parts that touch each other, or of which one listens to the other."""
+    for part, module in piece.modules():
+        yield from ((part, target.part) for target in _targets(module))
+    for coupling in piece.duet:
+        yield coupling.a.part, coupling.b.part
+    for instrument in piece.instruments.values():
+        yield from ((instrument.name, target.part) for target in _listened(instrument))
+
+
+def _targets(module: Module) -> Iterator[Target]:
+    for value in module.fields.values():
+        values: Iterable[Any] = value if isinstance(value, (tuple, list)) else (value,)
+        yield from (one for one in values if isinstance(one, Target))
+
+
+def _listened(instrument: Instrument) -> Iterator[Target]:
+    for output in instrument.outputs:
+        yield from output.targets

@@ -1,0 +1,303 @@
+"""Frozen parts in a session: they stand where the score stands, and the journal renders them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from commands import ERGON
+from patience import PATIENCE
+from sessions import Stepped
+from tests.rendering.test_frozen import SCORE as SCORE_WITH_HAND
+from tests.repl.test_repl_session import onset
+
+from ergon.cli import app
+from ergon.repl.session.journal import JournalError
+from ergon.repl.session.journal_content import read_journal
+
+Capture = pytest.CaptureFixture[str]
+# Nothing is live, the gong is struck in bars 1 to 3, and the bell can be played.
+SCORE = SCORE_WITH_HAND.replace("{hand: live, key: k, standin: knock}", "{key: k}").replace(
+    "every: 1, times: 3", "every: 1bar, times: 3"
+)
+SCORE = SCORE.replace("from: bell, to: [1, 2]", "from: bell, to: [1]")
+RATE = 44_100
+BAR = 4 * RATE  # frames at 60 bpm in 4/4
+FADE = 960  # frames until a fade that begins on the grid has ended
+
+
+@pytest.fixture
+def folder(own_folder: Path) -> Path:
+    (own_folder / "score.yaml").write_text(SCORE)
+    freeze("gong,sky")
+    return own_folder
+
+
+def freeze(parts: str) -> None:
+    assert app.run(["render", "score.yaml", "--freeze", parts, "-q", "-f"]) == 0
+
+
+def opened(folder: Path, **more) -> Stepped:
+    return Stepped(SCORE, folder, frozen=folder / "score.frozen", **more)
+
+
+def gong(n_frames: int, begins: int = 0) -> np.ndarray:
+    """What channel 2 hears of the gong from a frame of its file on."""
+    right = soundfile.read("score.frozen/01_gong.wav", dtype="float64", always_2d=True)[0][:, 1]
+    padded = np.concatenate([np.zeros(max(0, -begins)), right[max(0, begins) :]])
+    padded = padded[:n_frames]
+    return np.pad(padded, (0, n_frames - len(padded)))
+
+
+def is_gong(sound: np.ndarray, since: int, until: int, begins: int) -> bool:
+    """Whether channel 2 is the frozen gong, whose first frame stands at frame `begins`."""
+    return np.array_equal(sound[since:until, 1], gong(until - since, since - begins))
+
+
+def begins(stepped: Stepped) -> int:
+    """The frame at which the piece that goes on has its first frame."""
+    by = stepped.session.commits.running.clock.by
+    assert by is not None
+    return int(np.floor(by * RATE + 0.5))
+
+
+def frozen_now(stepped: Stepped) -> list[str]:
+    return [part.name for part in stepped.session.commits.running.frozen]
+
+
+# --- where it stands ------------------------------------------------------------------------------
+
+
+def test_a_frozen_part_stands_where_the_score_stands(folder: Path):
+    """After `play`, a stop, a jump forward and one back, to the last bit; and in the journal."""
+    with closing(opened(folder)) as stepped:
+        stepped.run(0.3)
+        stepped.ok("play")
+        stepped.run(3.0)
+        first = begins(stepped)
+        stepped.ok("stop")
+        stepped.run(0.5)
+        stopped = stepped.engine.frame
+        stepped.run(0.5)
+        stepped.ok("play from 2|3")
+        stepped.run(1.5)
+        second = begins(stepped)
+        stepped.ok("play from 1|1 now")
+        stepped.run(2.0)
+        third = begins(stepped)
+    sound = stepped.sound
+    assert is_gong(sound, 0, first, BAR * 100)  # silence
+    assert np.any(sound[:, 1])
+    assert is_gong(sound, first, first + 2 * RATE, first)
+    assert not np.any(sound[stopped : stopped + 20_000, 1])
+    second_heard = second + 6 * RATE
+    assert is_gong(sound, second_heard, second_heard + RATE, second)
+    assert is_gong(sound, third + FADE, third + RATE, third)
+    assert np.array_equal(sound, stepped.again())
+    assert frozen_now(stepped) == ["gong", "sky"]
+
+
+def test_a_session_with_frozen_parts_sounds_as_one_that_computes_them(folder: Path):
+    heard = []
+    for frozen in (None, folder / "score.frozen"):
+        with closing(Stepped(SCORE, folder, frozen=frozen, journal=False)) as stepped:
+            stepped.ok("play")
+            stepped.run(1.0)
+            stepped.ok("remi plays knock every 1")
+            stepped.ok("gain sky -6dB")
+            stepped.run(5.0)
+            heard.append(stepped.sound)
+    peak = np.max(np.abs(heard[0]))
+    assert np.max(np.abs(heard[0] - heard[1])) < 1e-12 * peak
+    assert np.any(heard[0][:, 0])
+
+
+def test_lines_about_others_leave_it_frozen(folder: Path):
+    """The taps get other numbers, names change, the timeline is extended: it sounds on."""
+    with closing(opened(folder)) as stepped:
+        stepped.ok("play")
+        stepped.run(0.2)
+        first = begins(stepped)
+        for line in (
+            "remi plays knock every 1 now",
+            "set bell.m.f 230Hz now",
+            "new = bell/bell now",
+            "route new 1 now",
+            "rename sky drizzle now",
+            "mute drizzle now",
+        ):
+            stepped.ok(line)
+            stepped.run(0.4)
+        stepped.run(4.0)
+        sound = stepped.sound
+        assert is_gong(sound, first, len(sound), first)
+        assert frozen_now(stepped) == ["gong", "sky"]
+    assert np.array_equal(sound, stepped.again())
+
+
+# --- what thaws it --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "left"),
+    [
+        ("set gong.c.f 300Hz", ["sky"]),
+        ("ada plays knock every 1", ["sky"]),
+        ("link k gong.s.centre BUT K=900N/m gap=1mm", ["sky"]),
+        ("map note 60 gong.c 1e-4Ns", ["sky"]),
+        ("tempo 90", []),
+        ("seed 7", []),
+    ],
+)
+def test_a_line_that_changes_its_sound_computes_it_again(folder: Path, line: str, left: list[str]):
+    with closing(opened(folder)) as stepped:
+        stepped.ok("play")
+        stepped.run(0.5)
+        stepped.ok(line)
+        stepped.run(6.0)
+        assert frozen_now(stepped) == left
+        said = [message for message in stepped.session.messages() if "computed again" in message]
+        names = "gong is" if left else "gong, sky are"
+        assert said == [
+            f"{names} computed again from this line on, from rest: the line changes what was frozen"
+        ]
+        assert np.any(stepped.sound[-RATE:, 1])  # it sounds, computed
+        steps = np.abs(np.diff(stepped.sound[:, 1]))
+        assert np.max(steps) < 0.2 * np.max(np.abs(stepped.sound[:, 1]))
+        stepped.ok("undo")
+        stepped.run(4.5)
+        assert frozen_now(stepped) == left  # it sounds on as it was computed
+    assert np.array_equal(stepped.sound, stepped.again())
+
+
+def test_a_part_that_is_removed_is_no_more(folder: Path):
+    with closing(opened(folder)) as stepped:
+        stepped.ok("play")
+        stepped.run(1.0)
+        text = SCORE.replace("    - {from: sky, to: [3], gain: -20dB}\n", "")
+        begin, end = text.index("  sky:\n"), text.index("gestures:")
+        (folder / "score.yaml").write_text(text[:begin] + text[end:])
+        stepped.ok("reload")
+        stepped.run(4.5)
+        assert frozen_now(stepped) == ["gong"]
+        assert not any("computed" in message for message in stepped.session.messages())
+    assert np.array_equal(stepped.sound, stepped.again())
+
+
+# --- resume, reload, journal ----------------------------------------------------------------------
+
+
+def test_a_session_that_is_resumed_finds_its_frozen_parts(folder: Path):
+    """What the lines before the end left frozen is frozen still, at the bar where it stands."""
+    with closing(opened(folder)) as stepped:
+        stepped.ok("play")
+        stepped.run(4.5)
+        stepped.ok("set sky.cells.M x1.5 now")
+        stepped.run(0.2)
+        assert frozen_now(stepped) == ["gong"]
+    with closing(Stepped.resumed(folder / "session.jsonl")) as again:
+        assert frozen_now(again) == ["gong"]
+        assert again.where == "2|1"
+        again.ok("play")
+        again.run(2.0)
+        assert is_gong(again.sound, begins(again) + BAR, len(again.sound), begins(again))
+    assert np.array_equal(again.sound, again.again())
+
+
+def test_a_reload_computes_what_the_file_changes(folder: Path):
+    with closing(opened(folder)) as stepped:
+        stepped.ok("play")
+        stepped.run(0.5)
+        path = folder / "score.yaml"
+        path.write_text(SCORE.replace("f: 220Hz", "f: 221Hz"))
+        stepped.ok("reload")
+        stepped.run(4.5)
+        assert frozen_now(stepped) == ["gong", "sky"]
+        path.write_text(SCORE.replace("f: 331Hz", "f: 332Hz"))
+        stepped.ok("reload")
+        stepped.run(4.5)
+        assert frozen_now(stepped) == ["sky"]
+    assert np.array_equal(stepped.sound, stepped.again())
+
+
+def test_a_journal_refuses_frozen_parts_that_are_missing_or_others(
+    folder: Path, capsys: Capture
+) -> None:
+    with closing(opened(folder)) as stepped:
+        stepped.ok("play")
+        stepped.run(1.0)
+    own = folder / "score.frozen"
+    own.rename(folder / "away")
+    capsys.readouterr()
+    assert app.run(["render", "session.jsonl", "-q"]) != 0
+    said = capsys.readouterr().err
+    assert "score.frozen" in said
+    assert "the session plays gong, sky from there" in said
+    (folder / "away").rename(own)
+    manifest = json.loads((own / "frozen.json").read_text())
+    manifest["stems"][0]["sha256"] = "0" * 64
+    (own / "frozen.json").write_text(json.dumps(manifest))
+    assert app.run(["render", "session.jsonl", "-q"]) != 0
+    assert "holds other frozen parts than those of this session" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "why"),
+    [
+        ("frozen", "../../../../tmp", "outside this folder and the journal's"),
+        ("frozen", "", "no name of a folder"),
+        ("frozen", 7, "wrong type"),
+        ("frozen_parts", "gong", "wrong type"),
+        ("frozen_parts", [7], "wrong type"),
+        ("frozen_parts", [{"part": "gong"}], "missing"),
+    ],
+)
+def test_a_forged_journal_is_refused(folder: Path, field: str, value: object, why: str) -> None:
+    with closing(opened(folder)) as stepped:
+        stepped.run(0.1)
+    path = folder / "session.jsonl"
+    first, *rest = path.read_text().splitlines()
+    path.write_text("\n".join([json.dumps(json.loads(first) | {field: value}), *rest]))
+    with pytest.raises(JournalError, match=why):
+        read_journal(path)
+
+
+# --- on an engine in real time --------------------------------------------------------------------
+
+
+def test_what_was_heard_is_what_its_journal_renders(folder: Path, capsys: Capture) -> None:
+    """The command itself: a jump, a stop, a line that computes a part again."""
+    command = [*ERGON, "repl", "score.yaml", "--frozen", "score.frozen", "--plain"]
+    command += ["--audio", "clock:heard.wav", "--gain", "50dB"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, text=True, bufsize=1, **pipes) as repl:
+        assert repl.stdin is not None
+        for line in (
+            "play",
+            "remi plays knock every 1 now",
+            "play from 2|1 now",
+            "set bell.m.f 230Hz now",
+            "stop now",
+            "play from 1|2",
+            "set gong.c.f 300Hz now",
+            "play from 2|1 now",
+        ):
+            repl.stdin.write(f"{line}\n")
+            time.sleep(0.5)
+        said = repl.communicate("quit\n", timeout=PATIENCE)[0]
+    assert "from score.frozen: gong, sky, up to " in said
+    assert "gong is computed again from this line on" in said
+    assert app.run(["render", "session.jsonl", "-o", "again.wav", "--bits", "float", "-q"]) == 0
+    played, _ = soundfile.read("heard.wav", dtype="float32", always_2d=True)
+    again, _ = soundfile.read("again.wav", dtype="float32", always_2d=True)
+    start = onset(played) - onset(again)
+    assert start >= 0
+    n = len(played) - start - 4 * 1024  # what is in the ring at the end is not heard
+    assert n > 2 * RATE
+    assert np.array_equal(played[start : start + n], again[:n])
