@@ -64,6 +64,7 @@ impl Island {
         std::mem::swap(&mut body.d, &mut other.d);
         std::mem::swap(&mut body.inner, &mut other.inner);
         std::mem::swap(&mut body.link, &mut other.link);
+        std::mem::swap(&mut body.bristles, &mut other.bristles);
         for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
             own.continue_from(their);
         }

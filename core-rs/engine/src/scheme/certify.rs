@@ -62,6 +62,7 @@ fn weight(run: &Run, c: f64) -> f64 {
         Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
+        Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
         Kind::Lnl { law, rate, .. } => {
             law.slope(0.0).max(0.0) + c * (law.damping_slope(0.0) * rate).max(0.0)
         }
