@@ -68,6 +68,16 @@ def test_single_laws_cost_what_the_page_says(name: str):
     assert asked.cost <= 5.0 * plain.cost
 
 
+@pytest.mark.parametrize("slope", ["F: 11.025, s: 0.01", "F: 0.11, s: 0.001"])
+def test_friction_too_steep_for_a_step_is_solved_between_frames(slope: str):
+    """It was refused; the first holds its string, the second slips."""
+    text = named("stability-fric-5").replace("F: 11.025, s: 0.01", slope)
+    for plan in audit.look("stability-fric-5", text, (audit.BY_EAR, -60.0), plain=False).plans:
+        assert not plan.refused
+        assert plan.whole <= -40.0
+    assert plan.whole <= -60.0
+
+
 @pytest.mark.parametrize("name", ["stability-fric-10", "stability-fric-12", "stability-fric-13"])
 def test_a_steep_bow_keeps_its_stick_and_slip(name: str):
     """Newton's steps do not end on such slopes; the motion was 100 times as large."""
