@@ -182,3 +182,25 @@ def test_bristles_too_stiff_for_a_step_are_refused_with_a_rate_that_helps():
     with pytest.raises(_core.UnstableError) as caught:
         _core.Plan(stage.network, stage.timeline, method="ca")
     assert caught.value.args
+
+
+@pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -60.0}])
+def test_bristles_stay_bent_where_another_version_takes_over(wishes: dict):
+    """Of another viscosity its island is another one; the block stays where it sticks."""
+    before = SCENES["stick-slip"].text
+    after = before.replace("Z: 0.05Ns/m", "Z: 0.0501Ns/m")
+    n_frames = 700
+
+    def version(text: str, start: int) -> _core.Simulation:
+        stage = ready(text)
+        plan = _core.Plan(stage.network, stage.timeline, **wishes)
+        return _core.Simulation(stage.network, stage.timeline, plan=plan, start=start)
+
+    whole, old, new = version(before, 0), version(before, 0), version(after, n_frames)
+    exact = np.empty((n_frames + 441, whole.n_out))
+    whole.process(exact)
+    old.process(np.empty((n_frames, old.n_out)))
+    new.take_over(old)
+    rest = np.empty((441, new.n_out))
+    new.process(rest)
+    assert np.abs(rest - exact[n_frames:]).max() < 1e-2 * np.abs(exact).max()

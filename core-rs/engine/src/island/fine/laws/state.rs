@@ -124,6 +124,15 @@ impl LawState {
         (self.inverse, self.known) = (old.inverse, old.known);
     }
 
+    /// How far its bristles are bent at the start of a frame [m].
+    pub(in crate::island::fine) fn bend_at_start(&self) -> f64 {
+        self.bend
+    }
+
+    pub(in crate::island::fine) fn set_bend(&mut self, bend: f64) {
+        self.bend = bend;
+    }
+
     /// Keep what a step changes that may be taken again.
     pub(in crate::island::fine) fn save(&mut self) {
         self.saved_bend = self.bend;
