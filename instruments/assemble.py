@@ -116,8 +116,9 @@ def _range(assembly: Assembly, first: int, count: int, start: Start) -> range:
 
 # --- a lever ------------------------------------------------------------------------------------
 
-_LENGTHS = ("X0", "V0", "rest", "gap")
-_PER_LENGTH_SQUARED = ("M", "K", "Z")
+_LENGTHS = ("X0", "V0", "rest", "gap", "vs")
+_PER_LENGTH = ("Fc", "Fs")
+_PER_LENGTH_SQUARED = ("M", "K", "Z", "sigma0", "sigma1", "sigma2")
 
 
 def _seen(fields: _Fields, reach: float) -> _Fields:
@@ -128,6 +129,9 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
     for name in _LENGTHS:
         if name in seen:
             seen[name] = _stretched(seen[name], reach)
+    for name in _PER_LENGTH:
+        if seen.get(name) is not None:
+            seen[name] /= reach
     for name in _PER_LENGTH_SQUARED:
         if seen.get(name) is not None:
             seen[name] /= reach * reach
@@ -205,6 +209,11 @@ def _lnl(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float
     return assembly.network.lnl(name, a, b, law, rest=f["rest"])
 
 
+def _bristle(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
+    options = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
+    return assembly.network.bristle(name, a, b, **_pick(f, *options))
+
+
 _MATS: dict[str, Callable[[Assembly, str, _Fields], int]] = {
     "MAS": _mas,
     "SOL": _sol,
@@ -219,4 +228,5 @@ _LINKS: dict[str, Callable[[Assembly, str, int, int, _Fields, float], int]] = {
     "REF": _ref,
     "BUT": _but,
     "LNL": _lnl,
+    "BRISTLE": _bristle,
 }

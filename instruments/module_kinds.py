@@ -106,6 +106,7 @@ def _mats(ca: bool) -> dict[str, Record]:
         "REF": ("a spring and damper", link),
         "BUT": ("a one-sided contact: the first of `between` strikes the second", _but(ca)),
         "LNL": ("a non-linear link", _lnl()),
+        "BRISTLE": ("friction with memory: bristles that bend, then slip", _bristle(ca)),
     }
     constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
     return {
@@ -146,6 +147,23 @@ def _lnl() -> tuple[Field, ...]:
             "elongations and forces, joined by straight lines",
         ),
         Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
+    )
+
+
+def _bristle(ca: bool) -> tuple[Field, ...]:
+    stiffness, damping, force, speed = (
+        (k.POSITIVE, k.NUMBER, k.POSITIVE, k.POSITIVE)
+        if ca
+        else (k.STIFFNESS, k.DAMPING, k.FORCE, k.SPEED)
+    )
+    return (
+        BETWEEN,
+        Field("sigma0", stiffness, "stiffness of the bristles", required=True),
+        Field("sigma1", damping, "damping of the bristles", 0.0),
+        Field("sigma2", damping, "viscosity between the two MATs", 0.0),
+        Field("Fc", force, "friction of a fast slide", required=True),
+        Field("Fs", force, "friction of the slowest slide", shown="Fc"),
+        Field("vs", speed, "speed at which friction has fallen most of the way to Fc", 0.001),
     )
 
 

@@ -316,6 +316,13 @@ def _lnl(kind: str, values: Values) -> None:
         values.error("E111", message, "points")
 
 
+def _bristle(kind: str, values: Values) -> None:
+    level, static = values["Fc"], values["Fs"]
+    if isinstance(level, float) and isinstance(static, float) and static < level:
+        message = f"{values.context.of('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
+        values.error("E111", message, "Fs")
+
+
 def _string(kind: str, values: Values) -> None:
     if values.written("inharmonicity") and values.written("stiffness"):
         message = (
@@ -344,6 +351,7 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "CEL": (_cel,),
     "BUT": (_but,),
     "LNL": (_lnl,),
+    "BRISTLE": (_bristle,),
     "STRING": (_string,),
     "PLATE": (_plate,),
 }

@@ -10,7 +10,7 @@ from typing import Any
 from ergon.instruments.model import Module
 from ergon.scores.reading.piece import Piece
 
-_CONTACTS = ("BUT", "LNL")
+_CONTACTS = ("BUT", "LNL", "BRISTLE")
 
 
 def stiffer(piece: Piece, factor: float, *, contacts_only: bool = False) -> Piece:
@@ -42,7 +42,7 @@ def has_contacts(piece: Piece) -> bool:
 def _stiffer(module: Module, factor: float) -> Module:
     given: Mapping[str, Any] = module.fields
     fields = dict(given)
-    for name in ("K", "hardening", "stretching"):
+    for name in ("K", "sigma0", "hardening", "stretching"):
         if fields.get(name):
             fields[name] = fields[name] * factor
     pitch = fields.get("f")

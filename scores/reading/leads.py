@@ -19,12 +19,13 @@ PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "FRO": ("Z",),
     "REF": ("K", "Z"),
     "BUT": ("K", "Z"),
+    "BRISTLE": ("sigma0", "Fc"),
     "STRING": ("f", "t60"),
     "PLATE": ("f", "t60"),
     "BANK": ("f", "t60"),
     "INSTRUMENT": ("f",),
 }
-ALL = ("f", "t60", "K", "Z", "M")
+ALL = ("f", "t60", "K", "Z", "M", "sigma0", "Fc")
 # What a factor of the pitch of an instrument leaves as it is, so that such an instrument stays.
 _STIFFENING = ("hardening", "stretching")
 

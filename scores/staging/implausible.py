@@ -13,7 +13,10 @@ from ergon.scores.reading.piece import Key, Piece
 
 
 def implausible(piece: Piece) -> list[Diagnostic]:
-    """W326 to W329, each where it is written. Instruments under `units: ca` say nothing in SI."""
+    """W326 to W329 and W333, where each is written.
+
+    Instruments under `units: ca` say nothing in SI.
+    """
     scene = _Scene.of(piece)
     found: list[Diagnostic] = []
     for instrument in piece.instruments.values():
@@ -24,8 +27,10 @@ def implausible(piece: Piece) -> list[Diagnostic]:
             found += _pitches(piece, name, module)
             if module.kind == "BUT":
                 found += scene.gaps(name, module)
-            if module.kind in ("BUT", "RES", "REF"):
+            if module.kind in ("BUT", "RES", "REF", "BRISTLE"):
                 found += scene.stiffness(piece, name, module)
+            if module.kind == "BRISTLE":
+                found += _gains(name, module)
     return found
 
 
@@ -39,6 +44,22 @@ def _pitches(piece: Piece, name: str, module: Module) -> Iterator[Diagnostic]:
         )
         place = module.places.get("f", module.place)
         yield Diagnostic("W326", message, place, None, "choose a lower pitch or a higher rate")
+
+
+def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
+    """W333 where friction with memory may give energy (Barabanov and Ortega, 2000)."""
+    f = bristle.fields
+    level, static = f["Fc"], f["Fs"]
+    if not isinstance(level, float) or not isinstance(static, float) or level <= 0.0:
+        return
+    least = f["sigma1"] * (static - level) / level
+    if f["sigma2"] < least:
+        message = f"friction {quote(name)} can give energy: its sigma2 is below "
+        message += f"sigma1*(Fs - Fc)/Fc, {least:.3g} Ns/m"
+        most = f["sigma2"] * level / (static - level)
+        help = f"make sigma2 {least:.3g} Ns/m or more, or sigma1 at most {most:.3g} Ns/m"
+        place = bristle.places.get("sigma1", bristle.place)
+        yield Diagnostic("W333", message, place, None, help)
 
 
 @dataclass
@@ -87,7 +108,8 @@ class _Scene:
 
     def stiffness(self, piece: Piece, name: str, link: Module) -> Iterator[Diagnostic]:
         """W328 where the two ends swing against each other, or touch, in less than a frame."""
-        stiffness = link.fields.get("K")
+        field = "sigma0" if link.kind == "BRISTLE" else "K"
+        stiffness = link.fields.get(field)
         if not isinstance(stiffness, float) or stiffness <= 0.0:
             return
         is_contact = link.kind == "BUT"
@@ -104,7 +126,7 @@ class _Scene:
         message += f"a frame {1e6 / piece.rate:.3g} us"
         most = pi * pi * piece.rate * piece.rate / inverse
         help = f"stay below {most:.3g} N/m, or make the masses heavier"
-        yield Diagnostic("W328", message, link.places.get("K", link.place), None, help)
+        yield Diagnostic("W328", message, link.places.get(field, link.place), None, help)
 
     def _key(self, end: Target) -> Key | None:
         key = self.keys.get(end.part)

@@ -26,6 +26,9 @@ Points = Sequence[Point]
 
 _FOR_EVER = 1e9  # the t60 of what does not fade [s]
 _BODIES = ("STRING", "PLATE")
+# What the engine's factors of K and of Z are factors of.
+_FACTORS = {"BRISTLE": ("sigma0", "Fc")}
+_OF_LINKS = ("K", "Z")
 
 
 class Led:
@@ -72,7 +75,8 @@ class Led:
             k, sigma = _square_and_sigma(self.own)
             new_k, new_sigma = _square_and_sigma({**self.own, **said})
             return new_k / k, new_sigma / sigma if sigma else 1.0
-        return tuple(said[name] / self.own[name] if name in said else 1.0 for name in ("K", "Z"))
+        names = _FACTORS.get(kind, _OF_LINKS)
+        return tuple(said[name] / self.own[name] if name in said else 1.0 for name in names)
 
     def higher(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
         """Its numbers where all times are divided by a ratio, as `transpose` does."""
@@ -106,7 +110,8 @@ def _own(module: Module) -> dict[str, float]:
         t60 = fields.get("t60")
         return {"f": float(fields["f"]), "t60": t60 if isinstance(t60, float) else _FOR_EVER}
     if module.kind != "CEL":
-        return {name: float(fields.get(name) or 0.0) for name in ("K", "Z")}
+        names = _FACTORS.get(module.kind, _OF_LINKS)
+        return {name: float(fields.get(name) or 0.0) for name in names}
     k, z, m = ties(fields)
     sigma = z / (2.0 * m)
     f, t60 = fields.get("f"), fields.get("t60")

@@ -111,7 +111,10 @@ class _Planner:
         return _core.Plan(*self._of, **how, store=self._store, like=self._like, share=share)
 
     def finish(self) -> bool:
-        """Forget trials of earlier plans that these did not use; whether no trial had to be played anew."""
+        """Forget trials of earlier plans that these did not use.
+
+        Whether no trial had to be played anew.
+        """
         if self._store is None:
             return False
         self._store.forget()

@@ -68,6 +68,16 @@ def test_single_laws_cost_what_the_page_says(name: str):
     assert asked.cost <= 5.0 * plain.cost
 
 
+@pytest.mark.parametrize("slope", ["F: 11.025, s: 0.01", "F: 0.11, s: 0.001"])
+def test_friction_too_steep_for_a_step_is_solved_between_frames(slope: str):
+    """It was refused; the first holds its string, the second slips."""
+    text = named("stability-fric-5").replace("F: 11.025, s: 0.01", slope)
+    for plan in audit.look("stability-fric-5", text, (audit.BY_EAR, -60.0), plain=False).plans:
+        assert not plan.refused
+        assert plan.whole <= -40.0
+    assert plan.whole <= -60.0
+
+
 @pytest.mark.parametrize("name", ["stability-fric-10", "stability-fric-12", "stability-fric-13"])
 def test_a_steep_bow_keeps_its_stick_and_slip(name: str):
     """Newton's steps do not end on such slopes; the motion was 100 times as large."""
@@ -116,3 +126,23 @@ def test_a_method_by_name_is_obeyed_or_refused(name: str):
         plan(text)
     silent = re.sub(r", o1: {SOF: {LNL: l}}", "", text).replace(", {from: s.o1, to: [2]}", "")
     assert [row.what for row in plan(silent).rows()] == ["bm4"]
+
+
+@pytest.mark.parametrize(("stiffness", "viscosity"), [(2e5, 0.0), (2e4, 0.05)])
+def test_an_obstacle_of_twelve_contacts_under_a_string_is_exact(stiffness: float, viscosity: float):
+    """A curved bridge that a quarter of the string's masses meet: one contact of many points."""
+    modules = ["b: {STRING: {masses: 48, M: 0.004kg, f: 110.0Hz, t60: 3.0s, ends: fixed}}"]
+    for i in range(12):
+        height = -1e-5 - 2e-6 * (i - 4) ** 2
+        contact = f"K: {stiffness}N/m, Z: {viscosity}Ns/m, side: above"
+        modules.append(f"g{i}: {{SOL: {{X0: {height}m}}}}")
+        modules.append(f"c{i}: {{BUT: {{between: [b.{i}, g{i}], {contact}}}}}")
+    text = (
+        "ergon: 1\nrates: {audio: 44100Hz}\ninstruments:\n  s:\n    modules:\n"
+        + "".join(f"      {module}\n" for module in modules)
+        + "    out: {SOX: b.5}\n"
+        "strikes: {k: {to: s.b.20, at: 0.001s, impulse: -0.0012}}\n"
+        "render: {bits: float, tail: 0.1s}\n"
+    )
+    (plan,) = audit.look("bridge", text, (-80.0,), plain=False).plans
+    assert plan.whole <= -80.0

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use ergon_engine::generator::{self, BankCell, BankForm, Decay, GeneratorError, Shape, Topology};
-use ergon_engine::network::{self, But, Term, Tie};
+use ergon_engine::network::{self, Bristle, But, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use numpy::{IntoPyArray, PyArray1};
@@ -330,6 +330,32 @@ impl Network {
             clamp,
         };
         self.0.but(name, a, b, but).map_err(from_engine)
+    }
+
+    /// A friction with memory.
+    #[pyo3(signature = (name, a, b, *, sigma0, Fc, sigma1=0.0, sigma2=0.0, Fs=None, vs=1e-3))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn bristle(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        sigma0: f64,
+        Fc: f64,
+        sigma1: f64,
+        sigma2: f64,
+        Fs: Option<f64>,
+        vs: f64,
+    ) -> PyResult<usize> {
+        let bristle = Bristle {
+            stiffness: sigma0,
+            damping: sigma1,
+            viscosity: sigma2,
+            level: Fc,
+            static_level: Fs.unwrap_or(Fc),
+            speed: vs,
+        };
+        self.0.bristle(name, a, b, bristle).map_err(from_engine)
     }
 
     /// A non-linear link.

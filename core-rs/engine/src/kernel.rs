@@ -15,7 +15,7 @@ pub(crate) mod thread_team;
 pub(crate) use exact::{Contact, contacts};
 pub(crate) use laws::Laws;
 pub(crate) use mats::{advance, centred, fine_steps, needed, predict, sound};
-pub(crate) use runs::{links, potential, push, side, tension, tension_energy};
+pub(crate) use runs::{bend, links, potential, push, side, tension, tension_energy};
 pub(crate) use taps::tap;
 
 #[cfg(test)]

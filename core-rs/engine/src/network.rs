@@ -3,6 +3,7 @@
 //! Sizes: `n_mat` MATs, `n_lia` LIAs, `n_out` outputs. Arrays are contiguous, one entry a module;
 //! links are stored as runs of equal offset, so that a mesh is a handful of loops.
 
+mod bristle;
 mod builder;
 mod checks;
 mod error;
@@ -16,6 +17,7 @@ mod reachable;
 mod same;
 mod subset;
 
+pub use bristle::Bristle;
 pub use error::Error;
 pub use links::LawUse;
 pub use modes::Tone;
@@ -82,6 +84,8 @@ pub enum LinkKind {
     But(But),
     /// Non-linear law.
     Lnl(Arc<Law>),
+    /// Friction with memory; the K of its run is σ0, its Z is Fc.
+    Bristle(Bristle),
 }
 
 /// Links of one kind whose ends advance together: link i joins MATs `a + i` and `b + i`.

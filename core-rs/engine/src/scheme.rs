@@ -18,7 +18,7 @@ use std::sync::Arc;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
-use crate::network::{But, Contact, Error, Network, Output};
+use crate::network::{Bristle, But, Contact, Error, Network, Output};
 use crate::units::Rate;
 
 /// The law of a planned run, with algorithmic numbers.
@@ -34,6 +34,12 @@ pub(crate) enum Kind {
         rate: f64,
         /// Index of the law's room.
         room: usize,
+    },
+    /// Friction with memory; K of the run is σ0, Z is Fc [N].
+    Bristle {
+        by: Bristle,
+        /// As of a law.
+        rate: f64,
     },
 }
 
@@ -63,13 +69,26 @@ impl Run {
         }
     }
 
+    /// Whether it is a law, with or without memory.
+    fn is_law(&self) -> bool {
+        matches!(self.kind, Kind::Lnl { .. } | Kind::Bristle { .. })
+    }
+
+    /// The bristles of the run as they are with its K and Z, and seconds a frame; `None` for other links.
+    pub(crate) fn bristle(&self) -> Option<(Bristle, f64)> {
+        match &self.kind {
+            Kind::Bristle { by, rate } => Some((by.with(self.k, self.z), 1.0 / rate)),
+            _ => None,
+        }
+    }
+
     /// Whether the run can be computed in substeps of a frame: a single law, or a contact, plain or exact, which are one
     /// equation.
     pub(crate) fn can_substep(&self) -> bool {
         let is_one = match &self.kind {
             Kind::Ref => false,
             Kind::But(but) => but.contact != Contact::Magic,
-            Kind::Lnl { .. } | Kind::Hardening(_) => true,
+            Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
         };
         is_one && self.len == 1
     }
@@ -79,7 +98,7 @@ impl Run {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::Hardening(q) => (self.k, *q, self.z),
-            Kind::But(_) => return None,
+            Kind::But(_) | Kind::Bristle { .. } => return None,
             Kind::Lnl { law, rate, .. } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;
                 (k, q, z.unwrap_or(0.0) * rate)
@@ -189,10 +208,16 @@ impl Scheme {
                 .chain(&self.exact)
                 .filter(|run| run.can_substep())
         };
-        let is_law = |run: &&Run| matches!(run.kind, Kind::Lnl { .. });
+        let is_law = |run: &&Run| run.is_law();
         let n_laws = runs().filter(is_law).count();
         let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
         (runs().any(|run| !is_law(&run)), has_laws)
+    }
+
+    /// Bristles of all LIAs, none of them bent; none where no link has any.
+    pub(crate) fn bends(&self) -> Vec<f64> {
+        let has_bristles = self.runs.iter().any(|run| run.bristle().is_some());
+        vec![0.0; if has_bristles { self.n_lia } else { 0 }]
     }
 
     /// Pass over springs all at once, but for links that `is_told` alone.
@@ -208,7 +233,7 @@ impl Scheme {
 
     /// Take out the contacts and laws that are computed in substeps; laws only where there are few.
     pub(crate) fn take_fine(&mut self) -> Vec<Run> {
-        let is_law = |run: &Run| matches!(run.kind, Kind::Lnl { .. }) && run.can_substep();
+        let is_law = |run: &Run| run.is_law() && run.can_substep();
         let are_few = self.runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
         let is_fine = |run: &Run| run.can_substep() && (are_few || !is_law(run));
         let all = std::mem::take(&mut self.runs);

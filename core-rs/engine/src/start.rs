@@ -85,6 +85,7 @@ pub(crate) fn forces(
                 LinkKind::Ref => run.k * e + run.z * v,
                 LinkKind::Lnl(law) if law.is_shared() => tension * e,
                 LinkKind::Lnl(law) => law.force(e, v),
+                LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
                 LinkKind::But(but) => {
                     let s = kernel::side(but);
                     kernel::push(but, run.k, run.z, s * e, s * v) * s

@@ -13,6 +13,8 @@ pub(crate) struct Body {
     pub(crate) force: Vec<f64>,
     /// Force of each LIA now [N]: it pulls a towards b    (n_lia)
     pub(crate) link: Vec<f64>,
+    /// How far the bristles of each LIA are bent [m]; empty: there are none   (n_lia)
+    pub(crate) bristles: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
     pub(crate) inner: Vec<f64>,
     /// Part of `force` by strikes, hands and weights [N]; empty without a ledger   (n_mat)
@@ -26,6 +28,7 @@ crate::archive::state!(Body {
     d,
     force,
     link,
+    bristles,
     inner,
     outside,
     previous
@@ -61,6 +64,7 @@ impl Body {
         Self {
             force: vec![0.0; x.len()],
             link: vec![0.0; scheme.n_lia],
+            bristles: scheme.bends(),
             inner: Vec::new(),
             outside: Vec::new(),
             previous: None,
@@ -81,6 +85,7 @@ impl Body {
     pub(crate) fn copy_motion(&mut self, other: &Self) {
         self.x.copy_from_slice(&other.x);
         self.d.copy_from_slice(&other.d);
+        self.bristles.copy_from_slice(&other.bristles);
         self.inner.copy_from_slice(&other.inner);
     }
 }

@@ -399,6 +399,25 @@ class Network:
         K [N/m^exponent] and Z [N·s/m] act once a is less than `gap` [m] away from its `side`.
         `magic` takes K and Z from `restitution` and the number of `steps` that a contact lasts.
         """
+    def bristle(
+        self,
+        name: str,
+        a: int,
+        b: int,
+        *,
+        sigma0: float,
+        Fc: float,
+        sigma1: float = 0.0,
+        sigma2: float = 0.0,
+        Fs: float | None = None,
+        vs: float = 0.001,
+    ) -> int:
+        """A friction with memory between MATs a and b; the LIA's index.
+
+        Bristles of stiffness sigma0 [N/m] and damping sigma1 [N·s/m] slip at Fc [N], at Fs [N]
+        where they slide more slowly than `vs` [m/s]; sigma2 [N·s/m] is viscosity. `Fs` is Fc
+        where it is None.
+        """
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
     def laws(self) -> list[LawUse]:

@@ -56,6 +56,7 @@ enum Part {
 impl Mesh {
     /// Fails with the name of a module that the method cannot step.
     pub(super) fn new(network: &Network, rate: Rate, way: MeshMethod) -> Result<Self, Error> {
+        has_no_memory(network)?;
         let scheme = if way == MeshMethod::Ca {
             Scheme::new(network, rate)?
         } else {
@@ -277,10 +278,23 @@ pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
         Kind::Ref => run.k * e + run.z * de,
         Kind::Hardening(q) => run.k * e + q * (e * e * e) + run.z * de,
         Kind::Lnl { law, rate, .. } => law.force(e, de * rate),
+        Kind::Bristle { .. } => 0.0, // refused
         Kind::But(but) => {
             let s = kernel::side(but);
             s * kernel::push(but, run.k, run.z, s * e, s * de)
         }
+    }
+}
+
+/// A mesh keeps positions and velocities alone.
+fn has_no_memory(network: &Network) -> Result<(), Error> {
+    let mut runs = network.runs().iter();
+    match runs.find(|run| matches!(run.kind, LinkKind::Bristle(_))) {
+        Some(run) => Err(Error::Refused {
+            module: network.link_name(run.first),
+            message: "a friction with memory is no part of a mesh that a method steps".to_owned(),
+        }),
+        None => Ok(()),
     }
 }
 

@@ -145,6 +145,26 @@ impl Fine {
         self.has_touched = old.has_touched;
     }
 
+    /// How far the bristles of a link are bent [m]; `None` where it is not computed here.
+    pub(super) fn bend_of(&self, link: usize) -> Option<f64> {
+        let at = self.law_of(link)?;
+        Some(self.laws[at].bend_at_start())
+    }
+
+    /// Bend the bristles of a link, if it is computed here [m].
+    pub(super) fn set_bend(&mut self, link: usize, bend: f64) {
+        if let Some(at) = self.law_of(link) {
+            self.laws[at].set_bend(bend);
+        }
+    }
+
+    /// Which of its laws a link is.
+    fn law_of(&self, link: usize) -> Option<usize> {
+        let links = &self.script.links;
+        let mut laws = self.law_script.links.iter();
+        laws.position(|&own| links[own].first == link)
+    }
+
     /// Let go of the links on some MATs (n_mat), whose links are returned, and of the bodies that leave: `places` are
     /// where the others are from now on (n_bodies).
     pub(super) fn release(&mut self, mats: &[bool], places: &[Option<usize>]) -> Vec<usize> {

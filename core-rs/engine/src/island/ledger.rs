@@ -122,6 +122,7 @@ fn elastic(run: &Run, e: f64) -> f64 {
             )
         }
         Kind::Lnl { law, .. } => law.spring(e),
+        Kind::Bristle { .. } => 0.0,
     }
 }
 
@@ -130,7 +131,7 @@ fn drag(run: &Run, e: f64, step: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
         Kind::Hardening(_) => run.z * step,
-        Kind::Ref | Kind::But(_) => 0.0,
+        Kind::Ref | Kind::But(_) | Kind::Bristle { .. } => 0.0,
     }
 }
 
@@ -214,6 +215,18 @@ impl Ledger {
             let spring = is_spring(run);
             let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             let [tension_next, tension] = tensions(run, body);
+            if let Some((by, _)) = run.bristle() {
+                // What it takes and does not store is lost: between frames its bristles bend exactly.
+                for i in 0..run.len {
+                    let stored = next * by.energy(body.bristles[run.first + i]);
+                    let risen = stored - self.potential[run.first + i];
+                    self.potential[run.first + i] = stored;
+                    let stretch = s(run.b + i) - s(run.a + i);
+                    self.lost
+                        .add(0.5 * stretch * body.link[run.first + i] - risen);
+                }
+                continue;
+            }
             for i in 0..run.len {
                 let stretch = s(run.b + i) - s(run.a + i);
                 if spring {

@@ -187,6 +187,7 @@ impl Island {
         if finer.is_some() || state.damped < 1.0 {
             state.gains.iter_mut().for_each(|gains| gains.restart());
         }
+        kernel::bend(scheme, &mut state.body);
         if let Some(ledger) = &mut state.ledger {
             let gates = script.gates.iter().zip(&state.gate_continuations);
             for (next, (gate, continuation)) in state.gates_next.iter_mut().zip(gates) {

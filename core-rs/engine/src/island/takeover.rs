@@ -1,6 +1,6 @@
 //! An island that begins in the middle, and that goes on where one of another version stands.
 
-use super::Island;
+use super::{Island, State};
 use crate::kernel;
 use crate::timeline::{DriveKind, GateContinuation};
 
@@ -17,8 +17,28 @@ pub(crate) enum ItemTakeover {
     Report(usize, usize, bool),
     /// From a body to an equal one.
     Body(usize, usize),
+    /// Bristles of a link, there and here.
+    Bristles(usize, usize),
     /// A part that may be mute: what it is called there and here.
     Part(usize, usize),
+}
+
+impl State {
+    /// How far the bristles of a link are bent [m].
+    fn bend(&self, link: usize) -> f64 {
+        let fine = self.fine.as_ref().and_then(|fine| fine.bend_of(link));
+        let stepped = self.body.bristles.get(link).copied();
+        fine.or(stepped).unwrap_or(0.0)
+    }
+
+    fn set_bend(&mut self, link: usize, bend: f64) {
+        if let Some(own) = self.body.bristles.get_mut(link) {
+            *own = bend;
+        }
+        if let Some(fine) = &mut self.fine {
+            fine.set_bend(link, bend);
+        }
+    }
 }
 
 impl Island {
@@ -64,6 +84,7 @@ impl Island {
         std::mem::swap(&mut body.d, &mut other.d);
         std::mem::swap(&mut body.inner, &mut other.inner);
         std::mem::swap(&mut body.link, &mut other.link);
+        std::mem::swap(&mut body.bristles, &mut other.bristles);
         for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
             own.continue_from(their);
         }
@@ -130,6 +151,10 @@ impl Island {
             }
             ItemTakeover::Body(from, to) if is_whole => {
                 self.state.bodies[to].continue_from(&mut old.state.bodies[from]);
+            }
+            ItemTakeover::Bristles(from, to) => {
+                let bend = old.state.bend(from);
+                self.state.set_bend(to, bend);
             }
             ItemTakeover::Part(from, to) => {
                 let is_mute =

@@ -48,6 +48,15 @@ pub(crate) fn links(
                     f[i] = contact(but, run, xb[i] - xa[i] - run.rest, db[i] - da[i]);
                 }
             }
+            Kind::Bristle { .. } => {
+                if let Some((by, step)) = run.bristle() {
+                    let bends = &body.bristles[run.first..run.first + run.len];
+                    let Ends { da, db, .. } = ends;
+                    for i in 0..run.len {
+                        f[i] = by.force(bends[i], (db[i] - da[i]) / step);
+                    }
+                }
+            }
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
                 Some(by) => hardening(by, *rate, run.rest, &ends, f),
                 None => {
@@ -66,6 +75,23 @@ pub(crate) fn links(
             f.iter_mut().for_each(|f| *f *= open);
         }
         scatter(run, body);
+    }
+}
+
+/// Bend the bristles of a frame that has ended by what their ends moved in it.
+pub(crate) fn bend(scheme: &Scheme, body: &mut Body) {
+    if body.bristles.is_empty() {
+        return;
+    }
+    for run in &scheme.runs {
+        let Some((by, step)) = run.bristle() else {
+            continue;
+        };
+        for i in 0..run.len {
+            let moved = body.d[run.b + i] - body.d[run.a + i];
+            let bend = &mut body.bristles[run.first + i];
+            *bend = by.slide(*bend, moved / step, step);
+        }
     }
 }
 
@@ -182,6 +208,7 @@ pub(crate) fn potential(run: &Run, e: f64) -> f64 {
             }
         }
         Kind::Lnl { law, .. } => law.potential(e),
+        Kind::Bristle { .. } => 0.0, // no function of the elongation
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::checks::Rule;
 use super::error::Error;
 use super::parameters::{But, Contact, Side};
-use super::{LinkKind, Network};
+use super::{Bristle, LinkKind, Network};
 use crate::law::{Entry, Law, Row};
 
 /// How many links of a network have laws of the same operations, whatever the numbers in them.
@@ -145,6 +145,58 @@ impl Network {
     ) -> Result<usize, Error> {
         self.check(name, &[("rest", rest, Rule::Finite)])?;
         self.link(name, LinkKind::Lnl(law), a, b, [0.0, 0.0, rest])
+    }
+
+    /// Add a friction with memory (BRISTLE) between MATs `a` and `b`; returns its index.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::network::Bristle;
+    ///
+    /// let mut network = Network::new();
+    /// let (bow, string) = (network.sol("bow", 0.0)?, network.mas("string", 1e-3, 0.0, 0.0)?);
+    /// let hair = Bristle {
+    ///     stiffness: 1e5, damping: 0.2, viscosity: 0.1, level: 1.0, static_level: 1.5, speed: 0.05,
+    /// };
+    /// network.bristle("hair", bow, string, hair)?;
+    /// assert_eq!(network.n_lia(), 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range, Fs is below Fc, or the ends cannot
+    /// be joined.
+    pub fn bristle(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        bristle: Bristle,
+    ) -> Result<usize, Error> {
+        let Bristle {
+            stiffness,
+            damping,
+            viscosity,
+            level,
+            static_level,
+            speed,
+        } = bristle;
+        self.check(
+            name,
+            &[
+                ("sigma0", stiffness, Rule::Positive),
+                ("sigma1", damping, Rule::NotNegative),
+                ("sigma2", viscosity, Rule::NotNegative),
+                ("Fc", level, Rule::Positive),
+                ("Fs", static_level, Rule::Positive),
+                ("vs", speed, Rule::Positive),
+            ],
+        )?;
+        if static_level < level {
+            return Err(self.refused(name, "Fs must be Fc or more"));
+        }
+        let kind = LinkKind::Bristle(bristle);
+        self.link(name, kind, a, b, [stiffness, level, 0.0])
     }
 
     fn link(

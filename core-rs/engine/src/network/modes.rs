@@ -96,6 +96,8 @@ impl Network {
                     (LinkKind::Lnl(law), false) => law.slope(0.0),
                     (LinkKind::Lnl(law), true) => law.damping_slope(0.0),
                     (LinkKind::But(_), _) => 0.0,
+                    (LinkKind::Bristle(_), false) => run.k,
+                    (LinkKind::Bristle(bristle), true) => bristle.damping_at_rest(),
                 };
                 for i in 0..run.len {
                     let pull = a * (full[run.b + i] - full[run.a + i]);
@@ -156,7 +158,7 @@ impl Network {
             };
             for run in self.runs() {
                 let stiffness = match &run.kind {
-                    LinkKind::Ref => run.k,
+                    LinkKind::Ref | LinkKind::Bristle(_) => run.k,
                     LinkKind::Lnl(law) => law.slope(0.0),
                     LinkKind::But(_) => continue,
                 };

@@ -43,6 +43,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
                 Costs::of("expression")
             }
+            LinkKind::Bristle(_) => Costs::of("bristle"),
             LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
             LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
             _ => Costs::of("single"),
@@ -60,12 +61,14 @@ pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps
     if contact_substeps < Budget::STEPS_MIN {
         return 0.0;
     }
-    let is_fine = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_)) && run.len == 1;
+    let is_fine =
+        |run: &&Run| matches!(run.kind, LinkKind::Lnl(_) | LinkKind::Bristle(_)) && run.len == 1;
     let laws: Vec<&Run> = network.runs().iter().filter(is_fine).collect();
     if laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
     let each = |run: &&Run| match &run.kind {
+        LinkKind::Bristle(_) => Costs::of("collocated_bristle"),
         LinkKind::Lnl(law) => law.n_functions() as f64 * Costs::of("collocated_function"),
         _ => 0.0,
     };

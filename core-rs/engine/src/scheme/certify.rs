@@ -6,11 +6,14 @@
 //!
 //! Other methods ask for other multiples of Z and other bounds: `top` finds λmax(M⁻¹(K + c·Z)).
 
+use std::collections::HashSet;
+
 use nalgebra::DMatrix;
 
 use super::{Kind, Run, Scheme};
 use crate::network::{Error, Network};
 use crate::spectrum;
+use crate::units::Rate;
 
 /// What a certificate guarantees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +65,7 @@ fn weight(run: &Run, c: f64) -> f64 {
         Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
+        Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
         Kind::Lnl { law, rate, .. } => {
             law.slope(0.0).max(0.0) + c * (law.damping_slope(0.0) * rate).max(0.0)
         }
@@ -202,6 +206,44 @@ pub(crate) enum Refusal {
     Bare,
 }
 
+/// How many times the rate is stable: springs ask for the root of λmax/4, dampers for λmax/4 itself, and cells for what
+/// their poles are there.
+fn helping(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
+    const MOST: u32 = 1 << 20;
+    let own: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
+    let is_stable = |times: u32| {
+        let Ok(rate) = Rate::new(scheme.rate * f64::from(times)) else {
+            return false;
+        };
+        Scheme::new(network, rate).is_ok_and(|mut finer| {
+            finer.runs.retain(|run| own.contains(&run.first));
+            let top = top_up_to(&finer, network, 2.0, BORDER, BORDER);
+            top.is_ok_and(|top| top.lambda < BORDER)
+        })
+    };
+    let mut high = oversampling(lambda);
+    if is_stable(high) {
+        return high;
+    }
+    let mut low = high;
+    while high < MOST {
+        high *= 2;
+        if is_stable(high) {
+            break;
+        }
+        low = high;
+    }
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        if is_stable(middle) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    high
+}
+
 pub(super) fn certify(
     scheme: &Scheme,
     network: &Network,
@@ -227,6 +269,9 @@ pub(super) fn certify(
     Err(Error::Unstable {
         module: network.mat_name(top.worst),
         lambda: top.lambda,
-        oversampling: oversampling(top.lambda),
+        oversampling: match refusal {
+            Refusal::Explained => helping(scheme, network, top.lambda),
+            Refusal::Bare => oversampling(top.lambda),
+        },
     })
 }

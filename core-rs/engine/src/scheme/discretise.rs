@@ -104,6 +104,15 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 };
                 scheme.runs.push(planned);
             }
+            LinkKind::Bristle(bristle) => {
+                scheme.linear = false;
+                planned.z = run.z;
+                planned.kind = Kind::Bristle {
+                    by: *bristle,
+                    rate: per_step,
+                };
+                scheme.runs.push(planned);
+            }
             LinkKind::But(but) => {
                 scheme.linear = false;
                 planned.kind = Kind::But(*but);

@@ -310,3 +310,26 @@ fn a_cell_above_half_the_rate_is_refused() {
     };
     assert!(scheme(None, creeping, 1_000.0).is_ok());
 }
+
+#[test]
+fn the_rate_that_a_refusal_names_is_the_lowest_that_helps() {
+    // Of a damper λ falls with the rate, of a spring with its square.
+    for (k, z) in [(0.0, 1000.0), (1e7, 0.0), (1e6, 30.0)] {
+        let mut network = Network::new();
+        let m = network.mas("m", 2.5e-4, 0.0, 0.0).unwrap();
+        let wall = network.sol("wall", 0.0).unwrap();
+        network.spring("r", wall, m, k, z, 0.0).unwrap();
+        let certify = |times: u32| {
+            let rate = Rate::new(44_100.0 * f64::from(times)).unwrap();
+            Scheme::new(&network, rate).unwrap().certify(&network)
+        };
+        let Err(Error::Unstable { oversampling, .. }) = certify(1) else {
+            panic!("{k} {z}: stable");
+        };
+        assert!(certify(oversampling).is_ok(), "{k} {z}: {oversampling}");
+        assert!(
+            certify(oversampling - 1).is_err(),
+            "{k} {z}: {oversampling}"
+        );
+    }
+}

@@ -167,12 +167,22 @@ impl Fine {
                         v += v_by * state.force[MIDDLE];
                     }
                 }
-                let now = self.law(script, gates, (laws.links[law], s));
-                let unmet = |f: f64| f - now.at(e + give[0] * f, (v + give[1] * f) * now.rate());
+                let now = self.law(script, laws, gates, (law, s));
+                let taken = 1.0 / division.parts as f64;
+                let halfway = |f: f64| (e + give[0] * f, (v + give[1] * f) * now.rate());
+                let unmet = |f: f64| {
+                    let (e, v) = halfway(f);
+                    f - now.halfway(e, v, taken)
+                };
                 let old = state.force[MIDDLE];
                 let (force, evaluations) = root(&unmet, old);
                 self.work.instants += evaluations / STAGES as u64;
                 change = change.max((force - old).abs() - AGREE * force.abs());
+                if let Some(by) = now.bristle() {
+                    let (_, v) = halfway(force);
+                    let bend = by.halfway(now.bend, v, taken / now.rate());
+                    self.laws[law].bend_at_end = 2.0 * bend - now.bend;
+                }
                 self.laws[law].force = [force; STAGES];
             }
             if change <= 0.0 {
@@ -201,6 +211,7 @@ impl Fine {
                 .force
                 .iter()
                 .fold(0.0_f64, |most, force| most.max(force.abs()));
+            state.bend = state.bend_at_end;
             state.largest = most.max(if part == 0 { FADE } else { 1.0 } * state.largest);
         }
     }
@@ -230,14 +241,17 @@ impl Fine {
     fn missed(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
         let n_laws = laws.links.len();
         let mut missed = 0.0_f64;
-        for (own, &link) in laws.links.iter().enumerate() {
+        for own in 0..n_laws {
             let state = &self.laws[own];
             let [mut e, mut v] = [0, 1].map(|which| dot(&laws.ends[1][which], &state.path));
             for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[own * n_laws..]) {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);
             }
-            let law = self.law(script, gates, (link, 1.0));
+            let law = LawNow {
+                bend: state.bend_at_end,
+                ..self.law(script, laws, gates, (own, 1.0))
+            };
             let at_ends = [state.begin, law.at(e, v * law.rate())];
             let largest = (state.force.iter().chain(&at_ends))
                 .fold(state.largest, |most, force| most.max(force.abs()));
@@ -258,7 +272,7 @@ impl Fine {
         (gates, own, part): (&[f64], usize, usize),
         (law, round): (usize, usize),
     ) -> f64 {
-        let (link, n_laws) = (laws.links[law], laws.links.len());
+        let n_laws = laws.links.len();
         let division = &laws.divisions[own];
         let (mut e, mut v) = (self.laws[law].elongation, self.laws[law].rate);
         for (other, [by_x, by_v]) in self.laws.iter().zip(&division.moves[law * n_laws..]) {
@@ -267,26 +281,18 @@ impl Fine {
                 v[stage] += dot(&by_v[stage], &other.force);
             }
         }
-        let now =
-            [0, 1, 2].map(|stage| self.law(script, gates, (link, division.s[3 * part + stage])));
+        let now = [0, 1, 2]
+            .map(|stage| self.law(script, laws, gates, (law, division.s[3 * part + stage])));
+        let h = 1.0 / division.parts as f64;
         self.work.instants += 1;
         let rate = now[0].rate();
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];
-        let force = state.forces(&now, &e, &v);
+        let force = state.forces(&now, (&e, &v), h);
         let largest = (force.iter()).fold(f64::MIN_POSITIVE, |most, force| most.max(force.abs()));
         if state.known != Some(own) || round % LOOK_AGAIN == LOOK_AGAIN - 1 {
-            let (k, z) = state.slopes(&now, (&e, &v), &force);
-            let [by_x, by_v] = &division.moves[law * n_laws + law];
-            let mut left = [[0.0; STAGES]; STAGES];
-            for stage in 0..STAGES {
-                for column in 0..STAGES {
-                    let one = if column == stage { 1.0 } else { 0.0 };
-                    left[stage][column] = one
-                        - k[stage] * by_x[stage][column]
-                        - z[stage] * rate * by_v[stage][column];
-                }
-            }
+            let moves = &division.moves[law * n_laws + law];
+            let left = state.left(&now, (&e, &v), (&force, h), moves);
             state.inverse = inverse(&left);
             state.known = Some(own);
             self.work.instants += 1;
@@ -318,7 +324,7 @@ impl Fine {
                 let row = &laws.ends[0][which];
                 dot(row, b) - dot(row, a)
             });
-            let law = self.law(script, gates, (link, 0.0));
+            let law = self.law(script, laws, gates, (own, 0.0));
             let force = law.at(e - run.rest, v * law.rate());
             body.link[run.first] = force;
             self.laws[own].begin = force;
@@ -326,7 +332,14 @@ impl Fine {
     }
 
     /// A law as it is at an instant of this frame.
-    fn law<'a>(&self, script: &'a Script, gates: &[f64], (link, s): (usize, f64)) -> LawNow<'a> {
+    fn law<'a>(
+        &self,
+        script: &'a Script,
+        laws: &LawScript,
+        gates: &[f64],
+        (own, s): (usize, f64),
+    ) -> LawNow<'a> {
+        let link = laws.links[own];
         let run = &script.links[link];
         let [k, z] = self.numbers(link, s);
         LawNow {
@@ -334,6 +347,23 @@ impl Fine {
             open: run.gate.map_or(1.0, |gate| gates[gate]),
             k,
             z,
+            bend: self.laws[own].bend,
+        }
+    }
+
+    /// Bend the bristles of laws by `h` frames at what their ends do at an instant of a frame of contacts.
+    pub(super) fn bend(
+        &mut self,
+        script: &Script,
+        (laws, gates): (&LawScript, &[f64]),
+        (at, h): (&At, f64),
+    ) {
+        for own in 0..laws.links.len() {
+            let now = self.law(script, laws, gates, (own, at.s));
+            if let Some(by) = now.bristle() {
+                let [_, v] = self.elongation(script, laws.links[own], at);
+                self.laws[own].bend = by.slide(now.bend, v * now.rate(), h / now.rate());
+            }
         }
     }
 
@@ -350,15 +380,19 @@ impl Fine {
     pub(super) fn kick_law(
         &mut self,
         script: &Script,
-        gates: &[f64],
-        link: usize,
+        (laws, gates): (&LawScript, &[f64]),
+        law: usize,
         (at, b): (&At, f64),
     ) {
+        let link = laws.links[law];
         const AGAIN: usize = 4;
         let [e, v] = self.elongation(script, link, at);
         let (a, b_end) = script.ends[link];
         let jump = script.jump(a, b_end);
-        let (own, step) = (self.law(script, gates, (link, at.s)), script.rate.step());
+        let (own, step) = (
+            self.law(script, laws, gates, (law, at.s)),
+            script.rate.step(),
+        );
         let mut impulse = 0.0;
         for _ in 0..AGAIN {
             // Halfway through the kick.

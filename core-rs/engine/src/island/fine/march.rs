@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 
 use super::basis::{At, dot};
-use super::laws::LawScript;
+use super::laws::{LawScript, LawState};
 use super::{Fine, Script};
 use crate::integrate::STAGES;
 use crate::kernel::{Contact, side};
@@ -217,6 +217,9 @@ impl Fine {
         let [way, given] = &mut self.saved;
         way.copy_from_slice(&self.way);
         given.copy_from_slice(&self.given);
+        for law in &mut self.laws {
+            law.save();
+        }
         *left -= 1;
         self.leap(script, forces, s, h);
         let (mut taken, mut last) = (h, None);
@@ -294,6 +297,7 @@ impl Fine {
     fn restore(&mut self) {
         self.way.copy_from_slice(&self.saved[0]);
         self.given.copy_from_slice(&self.saved[1]);
+        self.laws.iter_mut().for_each(LawState::restore);
     }
 
     /// The step from `s`.
@@ -312,12 +316,15 @@ impl Fine {
 
     /// One step of the contacts that push, and of all laws.
     fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
+        // Half of what the bristles do before all else, and half after it.
+        self.bend(script, forces, (&At::new(script.basis.n(), s), 0.5 * h));
         let mut at_stage = 0.0;
         for (stage, [kick, drift]) in STAGES.iter().enumerate() {
             self.kick(script, forces, (s + at_stage * h, kick * h), stage > 3);
             at_stage += drift;
         }
         self.kick(script, forces, (s + h, STAGES[0][0] * h), true);
+        self.bend(script, forces, (&At::new(script.basis.n(), s + h), 0.5 * h));
     }
 
     /// Kicks of all contacts that push; in turn, as the losses of each need it, and back again in a step's second half.
@@ -342,8 +349,8 @@ impl Fine {
             let impulse = own.kick(self.look(script, &own, &at), b, script.rate.step());
             self.push(script, &own, impulse, &at);
         }
-        for &law in &laws.links {
-            self.kick_law(script, gates, law, (&at, b));
+        for law in 0..laws.links.len() {
+            self.kick_law(script, (laws, gates), law, (&at, b));
         }
     }
 
@@ -410,8 +417,9 @@ impl Fine {
             let s = from + part as f64 * h;
             let [start, middle, end] = [s, s + 0.5 * h, s + h].map(|s| At::new(n, s));
             self.saved[0].copy_from_slice(&self.way);
-            for &law in &laws.links {
-                self.kick_law(script, gates, law, (&middle, h));
+            self.bend(script, (laws, gates), (&start, 0.5 * h));
+            for law in 0..laws.links.len() {
+                self.kick_law(script, (laws, gates), law, (&middle, h));
             }
             self.forces.fill(0.0);
             for _ in 0..ROUNDS {
@@ -443,6 +451,7 @@ impl Fine {
                     break;
                 }
             }
+            self.bend(script, (laws, gates), (&end, 0.5 * h));
             for (rests, force) in self.rests.iter_mut().zip(&self.forces) {
                 *rests &= *force != 0.0;
             }

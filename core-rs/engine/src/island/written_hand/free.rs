@@ -238,6 +238,7 @@ impl FreeKey {
         kernel::contacts(&self.scheme, &[], targets, body);
         slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
         kernel::advance(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
+        kernel::bend(&self.scheme, body);
         slow.iter().for_each(|slow| slow.place(body));
     }
 

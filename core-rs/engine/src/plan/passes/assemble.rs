@@ -198,7 +198,7 @@ pub(in crate::plan) fn hub(
     // Where the discrete network is the truth, so are its contacts.
     let is_discrete = truths.any(|truth| truth.is_some());
     let (has_contacts, has_laws) = scheme.has_fine();
-    let contact_substeps = if has_contacts && !is_discrete {
+    let mut contact_substeps = if has_contacts && !is_discrete {
         budget.contact_substeps().min(most)
     } else {
         1
@@ -207,7 +207,17 @@ pub(in crate::plan) fn hub(
         scheme.take_fine();
     }
     let may_collocate = has_laws && !is_discrete && most > 1;
-    let certificate = scheme.certify_or(network, refusal)?;
+    let may_collocate_alone =
+        may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
+    let certificate = match scheme.certify_or(network, refusal) {
+        // Between frames a law is solved for, and none is too steep.
+        Err(_) if may_collocate_alone => {
+            contact_substeps = Budget::STEPS_MIN.min(most);
+            scheme.take_fine();
+            scheme.certify_or(network, refusal)?
+        }
+        certificate => certificate?,
+    };
     Ok((contact_substeps, may_collocate, certificate))
 }
 

@@ -33,9 +33,7 @@ type Played<'a> = (&'a IslandPlan, usize);
 /// ended, or parts are slow.
 pub(in crate::plan) fn may_grow(island_plan: &IslandPlan) -> bool {
     let runs = island_plan.network.runs().iter();
-    let has_contacts = runs
-        .clone()
-        .any(|run| matches!(run.kind, LinkKind::But(_) | LinkKind::Lnl(_)));
+    let has_contacts = runs.clone().any(|run| !matches!(run.kind, LinkKind::Ref));
     let mut bodies = island_plan.bodies.iter();
     let is_slow = bodies.any(|body| matches!(body, BodyPlan::Slow(_)));
     is_slow || (has_contacts && !island_plan.timeline.gestures.is_empty())

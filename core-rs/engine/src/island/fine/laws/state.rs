@@ -1,11 +1,32 @@
 //! One law: its forces and slopes at the Gauss points, and what it keeps from frame to frame.
 
-use super::{STAGES, Square, Stages};
+use super::{STAGES, Square, Stages, WEIGHTS, inverse};
+use crate::island::fine::basis::dot;
 use crate::law::Scratch;
+use crate::network::Bristle;
 use crate::scheme::Kind;
 
 /// Steps of the differences that tell a law's slopes, relative to what is looked at and at least [m, m/s].
 const NEAR: (f64, f64) = (1e-6, 1e-9);
+
+/// What rates at the Gauss points make of a value there, in parts (Gauss's method of order 6).
+const MEANS: Square = [
+    [
+        5.0 / 36.0,
+        -0.035_976_667_524_938_9,
+        0.009_789_444_015_308_324,
+    ],
+    [
+        0.300_263_194_980_864_6,
+        2.0 / 9.0,
+        -0.022_485_417_203_086_813,
+    ],
+    [
+        0.267_988_333_762_469_43,
+        0.480_421_111_969_383_3,
+        5.0 / 36.0,
+    ],
+];
 
 /// A law that plays.
 #[derive(Clone, Debug, Default)]
@@ -14,6 +35,10 @@ pub(in crate::island::fine) struct LawState {
     pub(super) force: [f64; STAGES],
     pub(super) elongation: [f64; STAGES],
     pub(super) rate: [f64; STAGES],
+    /// How far its bristles are bent at the start of a part, by its end, and before a step that may be taken again [m].
+    pub(super) bend: f64,
+    pub(super) bend_at_end: f64,
+    pub(super) saved_bend: f64,
     /// At the start of the frame [N].
     pub(super) begin: f64,
     /// The largest of the last frames [N].
@@ -31,6 +56,7 @@ crate::archive::state!(LawState {
     force,
     elongation,
     rate,
+    bend,
     begin,
     largest,
     inverse,
@@ -46,13 +72,15 @@ pub(super) struct LawNow<'a> {
     /// Of a law whose K and Z are led: [N/m, N·frame/m].
     pub(super) k: f64,
     pub(super) z: f64,
+    /// How far its bristles are bent [m].
+    pub(super) bend: f64,
 }
 
 impl LawNow<'_> {
     /// A rate of elongation [m/frame] times this is what the law takes.
     pub(super) fn rate(&self) -> f64 {
         match self.kind {
-            Kind::Lnl { rate, .. } => *rate,
+            Kind::Lnl { rate, .. } | Kind::Bristle { rate, .. } => *rate,
             _ => 1.0,
         }
     }
@@ -61,10 +89,30 @@ impl LawNow<'_> {
     pub(super) fn at(&self, e: f64, v: f64) -> f64 {
         let force = match self.kind {
             Kind::Lnl { law, .. } => law.force(e, v),
+            Kind::Bristle { by, .. } => by.with(self.k, self.z).force(self.bend, v),
             Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
         self.open * force
+    }
+
+    /// Its bristles as they are at this instant; `None` for other laws.
+    pub(super) fn bristle(&self) -> Option<Bristle> {
+        match self.kind {
+            Kind::Bristle { by, .. } => Some(by.with(self.k, self.z)),
+            _ => None,
+        }
+    }
+
+    /// The same halfway through `h` frames over which it does not change.
+    pub(super) fn halfway(&self, e: f64, v: f64, h: f64) -> f64 {
+        match self.bristle() {
+            Some(by) => {
+                let bend = by.halfway(self.bend, v, h / self.rate());
+                Self { bend, ..*self }.at(e, v)
+            }
+            None => self.at(e, v),
+        }
     }
 }
 
@@ -72,12 +120,40 @@ impl LawState {
     /// Go on as the same law of another version stands.
     pub(in crate::island::fine) fn continue_from(&mut self, old: &Self) {
         (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
-        (self.begin, self.largest) = (old.begin, old.largest);
+        (self.begin, self.largest, self.bend) = (old.begin, old.largest, old.bend);
         (self.inverse, self.known) = (old.inverse, old.known);
     }
 
-    /// Forces of the law at three instants, at their elongations and rates [N].
-    pub(super) fn forces(&mut self, now: &[LawNow<'_>; STAGES], e: &Stages, v: &Stages) -> Stages {
+    /// How far its bristles are bent at the start of a frame [m].
+    pub(in crate::island::fine) fn bend_at_start(&self) -> f64 {
+        self.bend
+    }
+
+    pub(in crate::island::fine) fn set_bend(&mut self, bend: f64) {
+        self.bend = bend;
+    }
+
+    /// Keep what a step changes that may be taken again.
+    pub(in crate::island::fine) fn save(&mut self) {
+        self.saved_bend = self.bend;
+    }
+
+    /// Take the last step back.
+    pub(in crate::island::fine) fn restore(&mut self) {
+        self.bend = self.saved_bend;
+    }
+
+    /// Forces of the law at three instants of a part of `h` frames, at their elongations and rates [N].
+    pub(super) fn forces(
+        &mut self,
+        now: &[LawNow<'_>; STAGES],
+        (e, v): (&Stages, &Stages),
+        h: f64,
+    ) -> Stages {
+        if let Some((forces, end)) = bent(now, v, h) {
+            self.bend_at_end = end;
+            return forces;
+        }
         match now[0].kind {
             Kind::Lnl { law, .. } if law.is_native() => {
                 let mut forces = [0.0; STAGES];
@@ -88,8 +164,41 @@ impl LawState {
         }
     }
 
+    /// What a change of its forces leaves unmet, by what they make of its elongation and rate.
+    pub(super) fn left(
+        &mut self,
+        now: &[LawNow<'_>; STAGES],
+        (e, v): (&Stages, &Stages),
+        (force, h): (&Stages, f64),
+        [by_x, by_v]: &[Square; 2],
+    ) -> Square {
+        let rate = now[0].rate();
+        let mut left = [[0.0; STAGES]; STAGES];
+        if now[0].bristle().is_some() {
+            // A rate at one instant bends the bristles at all later ones.
+            let slopes = bent_slopes(now, v, (force, h));
+            for stage in 0..STAGES {
+                for column in 0..STAGES {
+                    let of = |from: usize| slopes[stage][from] * by_v[from][column];
+                    let one = if column == stage { 1.0 } else { 0.0 };
+                    left[stage][column] = one - rate * (0..STAGES).map(of).sum::<f64>();
+                }
+            }
+            return left;
+        }
+        let (k, z) = self.slopes(now, (e, v), force);
+        for stage in 0..STAGES {
+            for column in 0..STAGES {
+                let one = if column == stage { 1.0 } else { 0.0 };
+                left[stage][column] =
+                    one - k[stage] * by_x[stage][column] - z[stage] * rate * by_v[stage][column];
+            }
+        }
+        left
+    }
+
     /// Slopes of the law at three instants, in the elongation and in its rate [N/m, N·s/m].
-    pub(super) fn slopes(
+    fn slopes(
         &mut self,
         now: &[LawNow<'_>; STAGES],
         (e, v): (&Stages, &Stages),
@@ -116,9 +225,66 @@ impl LawState {
             for stage in 0..STAGES {
                 places[which][stage] += by[stage];
             }
-            let ahead = self.forces(now, &places[0], &places[1]);
+            let ahead = self.forces(now, (&places[0], &places[1]), 0.0);
             found[which] = std::array::from_fn(|stage| (ahead[stage] - force[stage]) / by[stage]);
         }
         (found[0], found[1])
+    }
+}
+
+/// Forces [N] of bristles at three instants of a part of `h` frames, by the rates of their ends there [m/s], and how far
+/// they are bent at the end of the part [m]; `None` for other laws.
+fn bent(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<(Stages, f64)> {
+    let by = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
+    let (start, h) = (now[0].bend, h / now[0].rate());
+    let wear: Stages = std::array::from_fn(|stage| by[stage].wear(v[stage]));
+    let mut left = [[0.0; STAGES]; STAGES];
+    for stage in 0..STAGES {
+        for column in 0..STAGES {
+            let one = if column == stage { 1.0 } else { 0.0 };
+            left[stage][column] = one + h * MEANS[stage][column] * wear[column];
+        }
+    }
+    let moved = MEANS.map(|row| start + h * dot(&row, v));
+    let bends = inverse(&left).map(|row| dot(&row, &moved));
+    let forces = std::array::from_fn(|stage| {
+        let own = LawNow {
+            bend: bends[stage],
+            ..now[stage]
+        };
+        own.at(0.0, v[stage])
+    });
+    let rates: Stages = std::array::from_fn(|stage| v[stage] - wear[stage] * bends[stage]);
+    Some((forces, start + h * dot(&WEIGHTS, &rates)))
+}
+
+/// How the forces of bristles at three instants change with the rate of their ends at each [N·s/m].
+fn bent_slopes(now: &[LawNow<'_>; STAGES], v: &Stages, (force, h): (&Stages, f64)) -> Square {
+    let mut slopes = [[0.0; STAGES]; STAGES];
+    for from in 0..STAGES {
+        let by = NEAR.0 * v[from].abs() + NEAR.1;
+        let mut near = *v;
+        near[from] += by;
+        if let Some((ahead, _)) = bent(now, &near, h) {
+            for stage in 0..STAGES {
+                slopes[stage][from] = (ahead[stage] - force[stage]) / by;
+            }
+        }
+    }
+    slopes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::island::fine::laws::POINTS;
+
+    #[test]
+    fn means_are_exact_for_parabolas() {
+        for (row, c) in MEANS.iter().zip(POINTS) {
+            assert!((dot(row, &[1.0; STAGES]) - c).abs() < 1e-15);
+            assert!((dot(row, &POINTS) - c * c / 2.0).abs() < 1e-15);
+            assert!((dot(row, &POINTS.map(|at| at * at)) - c * c * c / 3.0).abs() < 1e-15);
+        }
     }
 }

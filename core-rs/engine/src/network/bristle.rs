@@ -1,0 +1,171 @@
+//! Friction with memory by bristles that bend (Canudas de Wit, Olsson, Åström & Lischinsky 1995; Dahl 1968 where nothing
+//! but σ0 and a level is given).
+
+use crate::maths::{exp, expm1};
+
+/// No level of friction is taken to be below this [N]: bristles without one bend by nothing.
+const LEVEL_MIN: f64 = 1e-12;
+/// The greatest 2·u·exp(−u), 2/e: by how much of Fs − Fc the level may fall with the logarithm of the speed.
+const FALL: f64 = 0.735_758_882_342_884_7;
+
+/// A friction of bristles bent by z: f = σ0·z + σ1·ż + σ2·v, ż = v − σ0·|v|·z/g(v), g(v) = Fc + (Fs − Fc)·exp(−(v/vs)²).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bristle {
+    /// σ0: stiffness of the bristles [N/m].
+    pub stiffness: f64,
+    /// σ1: damping of the bristles [N·s/m].
+    pub damping: f64,
+    /// σ2: viscosity of what lies between them [N·s/m].
+    pub viscosity: f64,
+    /// Fc: friction of a fast slide [N].
+    pub level: f64,
+    /// Fs: friction of the slowest slide [N].
+    pub static_level: f64,
+    /// vs: speed at which friction has fallen from Fs by 63 % of Fs − Fc [m/s].
+    pub speed: f64,
+}
+
+impl Bristle {
+    /// The same with another stiffness and another level; Fs keeps its ratio to Fc.
+    pub(crate) fn with(&self, stiffness: f64, level: f64) -> Self {
+        Self {
+            stiffness,
+            level,
+            static_level: self.static_level * (level / self.level),
+            ..*self
+        }
+    }
+
+    /// The friction of a steady slide at `v`, but for its viscosity [N].
+    fn steady(&self, v: f64) -> f64 {
+        let u = v / self.speed;
+        let level = self.level + (self.static_level - self.level) * exp(-u * u);
+        level.max(LEVEL_MIN)
+    }
+
+    /// What of the bend a slide at `v` takes away a second [1/s].
+    pub(crate) fn wear(&self, v: f64) -> f64 {
+        self.stiffness * v.abs() / self.steady(v)
+    }
+
+    /// Force [N] of bristles bent by `z` [m] whose ends part by `v` [m/s].
+    pub(crate) fn force(&self, z: f64, v: f64) -> f64 {
+        let bends = v - self.wear(v) * z;
+        self.stiffness * z + self.damping * bends + self.viscosity * v
+    }
+
+    /// The bend after `h` seconds at `v`, exactly.
+    pub(crate) fn slide(&self, z: f64, v: f64, h: f64) -> f64 {
+        let worn = self.wear(v) * h;
+        let lost = -expm1(-worn);
+        let share = if worn > 0.0 { lost / worn } else { 1.0 };
+        z - z * lost + v * h * share
+    }
+
+    /// The bend halfway through `h` seconds at `v` [m], by the implicit midpoint rule.
+    pub(crate) fn halfway(&self, z: f64, v: f64, h: f64) -> f64 {
+        (z + 0.5 * h * v) / (1.0 + 0.5 * h * self.wear(v))
+    }
+
+    /// Energy of the bend [J].
+    pub(crate) fn energy(&self, z: f64) -> f64 {
+        0.5 * self.stiffness * z * z
+    }
+
+    /// Damping of bristles at rest [N·s/m].
+    pub(crate) fn damping_at_rest(&self) -> f64 {
+        self.damping + self.viscosity
+    }
+
+    /// The steepest that the force may rise with the speed [N·s/m]: where bristles that are bent one way are drawn the
+    /// other way.
+    pub(crate) fn steepest_damping(&self) -> f64 {
+        let ratio = self.static_level / self.level.max(LEVEL_MIN);
+        self.damping * (1.0 + ratio * (1.0 + FALL * (ratio - 1.0).max(0.0))) + self.viscosity
+    }
+
+    /// σ2 from which on the link gives no energy whatever is done to it: σ1·(Fs − Fc)/Fc (Barabanov & Ortega 2000).
+    ///
+    /// ```
+    /// use ergon_engine::network::Bristle;
+    ///
+    /// let dahl = Bristle {
+    ///     stiffness: 1e5, damping: 0.0, viscosity: 0.0, level: 1.0, static_level: 1.0, speed: 1e-3,
+    /// };
+    /// assert_eq!(dahl.passive_viscosity(), 0.0);
+    /// let lugre = Bristle { damping: 2.0, static_level: 1.5, ..dahl };
+    /// assert_eq!(lugre.passive_viscosity(), 1.0);
+    /// ```
+    pub fn passive_viscosity(&self) -> f64 {
+        self.damping * (self.static_level - self.level) / self.level
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOW: Bristle = Bristle {
+        stiffness: 1e5,
+        damping: 0.5,
+        viscosity: 0.3,
+        level: 1.0,
+        static_level: 1.5,
+        speed: 0.02,
+    };
+
+    #[test]
+    fn a_steady_slide_meets_its_level() {
+        for v in [-1.0, -0.01, 1e-4, 0.3] {
+            let z = BOW.slide(0.0, v, 10.0);
+            let level = BOW.steady(v).copysign(v);
+            assert!(
+                (BOW.stiffness * z - level).abs() < 1e-9 * level.abs(),
+                "{v}"
+            );
+            assert!(
+                (BOW.force(z, v) - level - BOW.viscosity * v).abs() < 1e-9,
+                "{v}"
+            );
+        }
+        assert_eq!(BOW.slide(1e-6, 0.0, 1.0), 1e-6); // at rest it stays bent
+    }
+
+    #[test]
+    fn no_slope_is_steeper_than_the_certificate_takes() {
+        let most = BOW.steepest_damping();
+        let bent = BOW.static_level / BOW.stiffness;
+        for i in -4000..4000 {
+            let (v, z) = (f64::from(i) * 2e-5, if i % 2 == 0 { bent } else { -bent });
+            let slope = (BOW.force(z, v + 1e-9) - BOW.force(z, v - 1e-9)) / 2e-9;
+            assert!(slope <= most * (1.0 + 1e-6), "{v}: {slope} above {most}");
+        }
+    }
+
+    /// Bristles that a slow draw bent to Fs, drawn on at a speed at which Fc alone holds, spring back.
+    #[test]
+    fn with_enough_viscosity_nothing_is_gained() {
+        let least_loss = |bristle: &Bristle| {
+            let (v, h) = (0.2, 1e-8);
+            let begin = bristle.static_level / bristle.stiffness;
+            let (mut z, mut work, mut least) = (begin, 0.0, 0.0_f64);
+            for _ in 0..20_000 {
+                work += bristle.force(bristle.halfway(z, v, h), v) * v * h;
+                z = bristle.slide(z, v, h);
+                least = least.min(work - (bristle.energy(z) - bristle.energy(begin)));
+            }
+            least
+        };
+        let damped = Bristle {
+            damping: 50.0,
+            viscosity: 0.0,
+            ..BOW
+        };
+        let passive = Bristle {
+            viscosity: damped.passive_viscosity(),
+            ..damped
+        };
+        assert!(least_loss(&passive) > -1e-12);
+        assert!(least_loss(&damped) < -1e-6);
+    }
+}

@@ -1,0 +1,206 @@
+"""BRISTLE, friction with memory: against DOP853 and its own formula, and from frame to frame."""
+
+import numpy as np
+import pytest
+from bristles import RATE, SCENES, Bristles
+from checked import check, codes
+
+from ergon import _core
+from ergon.scores.reading.load import load
+from ergon.scores.staging.implausible import implausible
+from ergon.scores.staging.stage import Ready, prepare
+
+N = 4410  # frames that are judged: 0.1 s
+
+
+def ready(text: str) -> Ready:
+    loaded = load("scene.yaml", text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    return prepare(loaded.piece)
+
+
+def played(text: str, **wishes: object) -> tuple[np.ndarray, _core.Plan]:
+    stage = ready(text)
+    plan = _core.Plan(stage.network, stage.timeline, **wishes)
+    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
+    sound = np.empty((stage.n_frames, simulation.n_out))
+    simulation.process(sound)
+    return sound, plan
+
+
+def off_db(sound: np.ndarray, exact: np.ndarray) -> float:
+    sizes = np.abs(exact).max(axis=0)
+    return float(20.0 * np.log10((np.abs(sound - exact).max(axis=0) / sizes).max() + 1e-30))
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def solved(request):
+    scene = SCENES[request.param]
+    return scene, scene.exact(N)
+
+
+def test_plans_reach_what_is_asked(solved):
+    scene, exact = solved
+    for asked in (-60.0, -80.0):
+        sound, _ = played(scene.text, error_db=asked)
+        assert off_db(sound[:N], exact) < asked, (scene.name, asked)
+
+
+def test_finer_steps_are_more_exact(solved):
+    scene, exact = solved
+    stage = ready(scene.text)
+    base = _core.Plan(stage.network, stage.timeline, error_db=-80.0).choices()
+    for parts, order in ((1, 0.8), (2, 0.9)):
+        errors = []
+        for steps in (1, 4):
+            pins = [own._replace(oversampling=steps, contact_substeps=parts) for own in base]
+            errors.append(off_db(played(scene.text, error_db=-80.0, pins=pins)[0][:N], exact))
+        # Below -110 dB an error is next to that of the reference.
+        fall = 20.0 * np.log10(4.0) * order
+        assert errors[1] < max(errors[0] - fall, -110.0), (scene.name, parts, errors)
+
+
+def test_the_ca_scheme_steps_its_own_formula():
+    own = Bristles(-1, 0, 2e4, 0.2, 0.3, 0.2, 0.3, 0.05)
+    m, k, step = 0.01, 3000.0, 1.0 / RATE
+    text = (
+        "ergon: 1\nrates: {audio: 44100Hz}\ninstruments:\n  s:\n    modules:\n"
+        "      floor: {SOL: {}}\n"
+        f"      m: {{MAS: {{M: {m}kg, X0: 1mm}}}}\n"
+        f"      k: {{RES: {{between: [floor, m], K: {k}N/m}}}}\n"
+        f"      rub: {own.text('floor, m')}\n    out: {{SOX: m}}\n"
+        "accuracy: {method: ca}\nrender: {tail: 0.05s, bits: float}\n"
+    )
+    sound, _ = played(text, method="ca")
+    x, z = 1e-3, 0.0
+    # The first step leads into frame 0 as the continuous motion does, to second order.
+    d = 0.5 * step * step * k * x / m
+    static = own.Fs or own.Fc
+    for frame in range(len(sound)):
+        assert abs(sound[frame, 0] - x) < 1e-9, frame
+        pull, _ = own.pull(z, d / step)
+        d += step * step / m * (-k * x - pull)
+        x += d
+        v = d / step
+        level = own.Fc + (static - own.Fc) * np.exp(-((v / own.vs) ** 2))
+        end = level / own.sigma0 * np.sign(v)
+        z = end + (z - end) * np.exp(-own.sigma0 * abs(v) / level * step) if v else z
+
+
+@pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
+@pytest.mark.parametrize("name", ["bow", "key", "stick-slip"])
+def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
+    stage = ready(SCENES[name].text)
+    plan = _core.Plan(stage.network, stage.timeline, **wishes)
+    whole = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
+    sound = np.empty((stage.n_frames, whole.n_out))
+    whole.process(sound)
+    half = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
+    head = np.empty((stage.n_frames // 2, half.n_out))
+    half.process(head)
+    kept = half.snapshot()
+    for _ in range(2):
+        tail = np.empty((stage.n_frames - len(head), half.n_out))
+        half.process(tail)
+        assert tail.tobytes() == sound[len(head) :].tobytes()
+        half.restore(kept)
+
+
+def test_the_ledger_closes_and_passive_bristles_only_lose():
+    stage = ready(SCENES["pair"].text)
+    simulation = _core.Simulation(stage.network, stage.timeline, ledger=True)
+    lost = 0.0
+    for _ in range(20):
+        simulation.process(np.empty((441, simulation.n_out)))
+        energy = simulation.energy()
+        assert abs(energy.residual) <= 1e-12 * energy.flow
+        assert energy.lost >= lost * (1.0 - 1e-3)
+        lost = energy.lost
+    assert lost > 0.0
+
+
+def test_bristles_of_a_key_are_in_its_free_copy():
+    text = (
+        "ergon: 1\nrates: {audio: 44100Hz}\n"
+        "keys:\n  k1:\n    struck: m\n    modules:\n      g: {SOL: {}}\n"
+        "      m: {CEL: {M: 0.2kg, K: 50N/m, Z: 1Ns/m}}\n"
+        "      rub: {BRISTLE: {between: [g, m], sigma0: 5kN/m, sigma1: 1Ns/m, Fc: 0.3N}}\n"
+        "instruments: {i: {modules: {p: {CEL: {M: 1kg, f: 20Hz}}, "
+        "r: {RES: {between: [k1, p], K: 1mN/m}}}, out: {SOX: k1}}}\n"
+        "gestures: {press: 0mm@0 5mm@1/8 5mm@1/4 0mm@3/8}\n"
+        "players: {ada: {key: k1}}\nparts: {ada: [{at: 1|1, play: press}]}\n"
+        "render: {tail: 0.1s, bits: float}\n"
+    )
+    sound, _ = played(text, method="ca")
+    at = [0.125 * RATE, 0.25 * RATE]  # where the gesture has its points at 5 mm
+    assert sound[[int(frame + 0.5) for frame in at], 0] == pytest.approx(5e-3, rel=1e-3)
+
+
+def test_a_glide_of_the_level_is_heard_and_nothing_jumps():
+    scene = SCENES["stick-slip"]
+    led = "automation: [{at: 1|1, set: s.rub.Fc, to: 0.5N@0 line 0.1N@1/16}]\n"
+    text = scene.text.replace("render:", led + "render:")
+    still, moved = (played(one, error_db=-60.0)[0] for one in (scene.text, text))
+    assert np.abs(moved).max() < 0.8 * np.abs(still).max()
+    assert np.abs(np.diff(moved[:, 0], n=2)).max() < 3.0 * np.abs(np.diff(still[:, 0], n=2)).max()
+
+
+BLOCK = (
+    "ergon: 1\ninstruments: {{i: {{modules: {{g: {{SOL: {{}}}}, "
+    "m: {{CEL: {{M: 100g, f: 20Hz, X0: 5mm}}}}, "
+    "rub: {{BRISTLE: {{between: [g, m], {}}}}}}}, out: {{SOX: m}}}}}}\nrender: {{tail: 100ms}}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("fields", "found"),
+    [
+        ("sigma0: 10kN/m, Fc: 0.2N", []),
+        ("sigma0: 10kN/m", ["E103"]),
+        ("sigma0: 10kN/m, Fc: 0.2N, Fs: 0.1N", ["E111"]),
+        ("sigma0: 10kN/m, Fc: 0.2kg", ["E203"]),
+        ("sigma0: 10kN/m, Fc: 0.2N, Fs: 0.3N, sigma1: 10Ns/m", ["W333"]),
+        ("sigma0: 10kN/m, Fc: 0.2N, Fs: 0.3N, sigma1: 1Ns/m, sigma2: 0.5Ns/m", []),
+    ],
+)
+def test_what_is_said_of_its_fields(fields: str, found: list[str]):
+    text = BLOCK.format(fields)
+    piece = check(text).piece
+    told = [] if piece is None else [one.code for one in implausible(piece)]
+    assert codes(text) + told == found
+
+
+def test_defaults_are_dahls_friction():
+    piece = check(BLOCK.format("sigma0: 10kN/m, Fc: 0.2N")).piece
+    assert piece is not None
+    fields = piece.instruments["i"].modules[2].fields
+    assert (fields["sigma1"], fields["sigma2"], fields["Fs"]) == (0.0, 0.0, None)
+
+
+def test_bristles_too_stiff_for_a_step_are_refused_with_a_rate_that_helps():
+    stage = ready(BLOCK.format("sigma0: 1e9N/m, Fc: 1N"))
+    with pytest.raises(_core.UnstableError) as caught:
+        _core.Plan(stage.network, stage.timeline, method="ca")
+    assert caught.value.args
+
+
+@pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -60.0}])
+def test_bristles_stay_bent_where_another_version_takes_over(wishes: dict):
+    """Of another viscosity its island is another one; the block stays where it sticks."""
+    before = SCENES["stick-slip"].text
+    after = before.replace("Z: 0.05Ns/m", "Z: 0.0501Ns/m")
+    n_frames = 700
+
+    def version(text: str, start: int) -> _core.Simulation:
+        stage = ready(text)
+        plan = _core.Plan(stage.network, stage.timeline, **wishes)
+        return _core.Simulation(stage.network, stage.timeline, plan=plan, start=start)
+
+    whole, old, new = version(before, 0), version(before, 0), version(after, n_frames)
+    exact = np.empty((n_frames + 441, whole.n_out))
+    whole.process(exact)
+    old.process(np.empty((n_frames, old.n_out)))
+    new.take_over(old)
+    rest = np.empty((441, new.n_out))
+    new.process(rest)
+    assert np.abs(rest - exact[n_frames:]).max() < 1e-2 * np.abs(exact).max()
