@@ -5,20 +5,23 @@
 
 mod builder;
 mod checks;
+mod damped;
 mod error;
 pub(crate) mod forest;
+mod highest;
 mod links;
 mod modes;
 mod names;
 mod output;
 mod parameters;
+mod part_body;
 mod reachable;
 mod same;
 mod subset;
 
 pub use error::Error;
 pub use links::LawUse;
-pub use modes::Tone;
+pub use modes::{ModeRange, PartModes, Tone};
 pub use output::{Output, Term};
 pub use parameters::{But, Contact, Side, Tie};
 pub use reachable::{PRESS_DEPTH, ReachableScene, SceneMoment};
