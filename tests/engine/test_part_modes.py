@@ -174,7 +174,7 @@ def test_laws_and_contacts_are_taken_at_rest_and_counted():
 
 
 def test_modes_of_a_discrete_network_are_those_of_its_scheme():
-    """Under `units: ca` the recurrence x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1]) counts."""
+    """Under `units: ca`: x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1])."""
     network = _core.Network()
     network.part("b", ca_rate=1000.0)
     network.cel("m", M=1.0, K=0.4, Z=0.01)

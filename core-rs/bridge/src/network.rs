@@ -414,6 +414,7 @@ impl Network {
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<Mode>> {
         let index = self.part_index(part)?;
         let tones = computing(py, || self.0.tones(index, n_modes))?;
+        let tones = tones.map_err(|error| refused(part, error))?;
         let mode = |tone: &network::Tone| Mode {
             f: tone.f,
             t60: tone.t60,
@@ -448,6 +449,7 @@ impl Network {
             }
         };
         let found = computing(py, || self.0.part_modes(index, range))?;
+        let found = found.map_err(|error| refused(part, error))?;
         let (n_modes, n_masses) = (found.poles.len(), found.mats.len());
         Ok(PartModes {
             poles: Complexes {

@@ -21,7 +21,7 @@ mod subset;
 
 pub use error::Error;
 pub use links::LawUse;
-pub use modes::{ModeRange, PartModes, Tone};
+pub use modes::{ModeRange, PartModes, Tone, TooManyModes};
 pub use output::{Output, Term};
 pub use parameters::{But, Contact, Side, Tie};
 pub use reachable::{PRESS_DEPTH, ReachableScene, SceneMoment};

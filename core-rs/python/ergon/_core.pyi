@@ -460,7 +460,7 @@ class Network:
         """Modes of a part: the lowest `count`, all up to `to` [Hz], or `count` next to `around` [Hz].
 
         The part is taken without its links to other parts, its contacts open, its laws at their
-        slope at rest. Raises EngineError where no part has this name.
+        slope at rest. Raises EngineError where no part has this name, or memory holds no so many.
         """
 
 @final

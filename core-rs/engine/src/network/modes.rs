@@ -7,6 +7,9 @@ use super::damped::{self, Swing};
 use crate::spectrum::{self, Found};
 use crate::units::LN_1000;
 
+/// Numbers of all shapes together: 0.8 GB.
+const KEPT: usize = 100_000_000;
+
 /// A mode of the network.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tone {
@@ -25,6 +28,20 @@ pub enum ModeRange {
     Below(f64),
     /// So many next to a frequency [Hz].
     Around(f64, usize),
+}
+
+/// More modes are asked for than can be kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{count} modes of {n_masses} masses are more than memory holds; at most {most} are computed at once"
+)]
+pub struct TooManyModes {
+    /// How many modes.
+    pub count: usize,
+    /// Of how many masses.
+    pub n_masses: usize,
+    /// How many would do.
+    pub most: usize,
 }
 
 /// Modes of a part.
@@ -56,12 +73,13 @@ impl Network {
     /// let mut network = Network::new();
     /// network.part("string", None);
     /// network.mesh("s", &string(40, Ends::Fixed, 0.0)?, 0.01, 220.0, Some(3.0), 0.0)?;
-    /// let tones = network.tones(0, 2);
+    /// let tones = network.tones(0, 2)?;
     /// assert!((tones[0].f - 220.0).abs() < 1e-6 && (tones[1].f / 440.0 - 1.0).abs() < 0.01);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn tones(&self, part: usize, n_tones: usize) -> Vec<Tone> {
-        self.part_modes(part, ModeRange::Lowest(n_tones)).tones
+    pub fn tones(&self, part: usize, n_tones: usize) -> Result<Vec<Tone>, TooManyModes> {
+        let found = self.part_modes(part, ModeRange::Lowest(n_tones))?;
+        Ok(found.tones)
     }
 
     /// Modes of a part with their shapes, without its links to other parts, contacts open and laws at their slope at
@@ -69,15 +87,27 @@ impl Network {
     ///
     /// They are complex modes, the eigenvectors of the state, whatever the damping. Those of a part under `units: ca`
     /// are the modes of its discrete network.
-    pub fn part_modes(&self, part: usize, range: ModeRange) -> PartModes {
+    pub fn part_modes(&self, part: usize, range: ModeRange) -> Result<PartModes, TooManyModes> {
         let body = self.part_body(part);
         let n = body.mats.len();
         let swings = |found: &Found, count| damped::swings(&body, &found.modes, count);
         // Damping couples each mode with others, of which some more are needed than are asked for.
         let more = |count: usize| (2 * count + 20).min(n);
+        let kept = |count: usize| -> Result<usize, TooManyModes> {
+            let (count, most) = (count.min(n), KEPT / n);
+            if count <= most {
+                return Ok(count);
+            }
+            Err(TooManyModes {
+                count,
+                n_masses: n,
+                most,
+            })
+        };
         let (mut poles, is_certified) = match range {
             _ if n == 0 => (Vec::new(), true),
             ModeRange::Lowest(count) => {
+                let count = kept(count)?;
                 let mut found = spectrum::lowest_modes(&body.springs, count);
                 if damped::is_coupled(&body, &found.modes) {
                     found = spectrum::lowest_modes(&body.springs, more(count));
@@ -85,7 +115,7 @@ impl Network {
                 (swings(&found, count), found.is_certified)
             }
             ModeRange::Below(f) => {
-                let count = spectrum::n_below(&body.springs, body.lambda(f));
+                let count = kept(spectrum::n_below(&body.springs, body.lambda(f)))?;
                 let mut found = spectrum::lowest_modes(&body.springs, count);
                 if damped::is_coupled(&body, &found.modes) {
                     found = spectrum::lowest_modes(&body.springs, more(count));
@@ -95,6 +125,7 @@ impl Network {
                 (all, found.is_certified)
             }
             ModeRange::Around(f, count) => {
+                let count = kept(count)?;
                 let centre = body.lambda(f);
                 let mut found = spectrum::modes_around(&body.springs, centre, count);
                 if damped::is_coupled(&body, &found.modes) {
@@ -120,7 +151,7 @@ impl Network {
             let each = swing.shape.iter().zip(&body.root);
             each.map(|(x, root)| x * (sign / root)).collect()
         };
-        PartModes {
+        Ok(PartModes {
             tones: poles
                 .iter()
                 .map(|swing| Tone::of(body.continuous(swing.pole)))
@@ -134,7 +165,7 @@ impl Network {
             is_certified,
             n_laws: body.n_laws,
             n_contacts: body.n_contacts,
-        }
+        })
     }
 }
 
