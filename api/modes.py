@@ -69,7 +69,8 @@ class PartModes:
     point excites moves another point by the product of both over 2π·frequency [m].
 
     `is_certified` says that no mode is missing, by the inertia of the stiffness matrix. `n_laws`
-    links with a law were taken at their slope at rest, `n_contacts` contacts as open.
+    links with a law were taken at their slope at rest, `n_contacts` contacts as open. `inputs` are
+    the files that the modes were computed from.
     """
 
     part: str
@@ -83,6 +84,7 @@ class PartModes:
     is_certified: bool
     n_laws: int
     n_contacts: int
+    inputs: tuple[Path, ...]
 
     def levels(self, point: str) -> NDArray[np.float64]:
         """How much each mode moves at a point, below the one that moves most [dB] (n_modes,)."""
@@ -108,7 +110,7 @@ def modes(
     names = _parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         scene = prepare(piece).scene
-        return tuple(_modes(piece, scene, name, asked) for name in names)
+        return tuple(_modes(piece, scene, name, asked, loaded.inputs) for name in names)
 
 
 def _hertz(option: str, value: float | str) -> float:
@@ -136,7 +138,13 @@ def _parts(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(asked)) or known
 
 
-def _modes(piece: Piece, scene: Scene, name: str, asked: Mapping[str, float | int]) -> PartModes:
+def _modes(
+    piece: Piece,
+    scene: Scene,
+    name: str,
+    asked: Mapping[str, float | int],
+    inputs: Sequence[Path],
+) -> PartModes:
     network = scene.network
     found = _asked(network, name, asked)
     decay = -found.poles.real
@@ -163,6 +171,7 @@ def _modes(piece: Piece, scene: Scene, name: str, asked: Mapping[str, float | in
         found.is_certified,
         found.n_laws,
         found.n_contacts,
+        tuple(inputs),
     )
 
 

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -21,6 +22,9 @@ from .units import seconds
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+
+_LOWEST = 8.0  # [Hz] a free body moves as a whole at next to nothing, which is no note
 
 
 @click.command()
@@ -68,7 +72,8 @@ def modes(
             raise
         raise Refused(f"PART: {error.reason}") from None
     if table is not None:
-        write_text(table, _csv(found, shapes), force=force)
+        inputs = found[0].inputs if found else (Path(score_path),)
+        write_text(table, _csv(found, shapes), force=force, inputs=inputs)
     for part in found:
         if console.json:
             _records(console, part, shapes)
@@ -81,10 +86,10 @@ def modes(
 
 
 def _note(f: float) -> tuple[str, float]:
-    """The nearest note of equal temperament and the distance from it [cents]."""
+    """The nearest note of equal temperament and the distance from it [cents]; none below C-1."""
     from ergon.notation.tables.notes import name
 
-    if f <= 0:
+    if f < _LOWEST:
         return "", 0.0
     semitones = 69 + 12 * math.log2(f / 440)
     nearest = round(semitones)

@@ -87,3 +87,12 @@ def test_a_file_of_somebody_else_stays(capsys: Capture):
     assert app.run(["modes", "wires.yaml", "--csv", "notes.csv"]) == 2
     assert Path("notes.csv").read_text() == "mine"
     assert "notes.csv" in capsys.readouterr().err
+    assert app.run(["modes", "wires.yaml", "--csv", "wires.yaml", "-f"]) == 2
+    assert Path("wires.yaml").read_text() == SCORE
+
+
+def test_what_is_slower_than_any_note_has_none(capsys: Capture):
+    assert app.run(["modes", "wires.yaml", "k1", "--json"]) == 0
+    key, _ = records(capsys)
+    assert (key["note"], key["cents"]) == (None, None)
+    assert key["frequency_hz"] == pytest.approx(1.9346, rel=1e-3)

@@ -82,7 +82,7 @@ fn alone(mode: &Mode, image: &[f64]) -> Swing {
     let half = 0.5 * dot(&mode.vector, image);
     let squared = mode.lambda - half * half;
     let pole = if squared >= 0.0 {
-        Complex::new(-half, sqrt(squared))
+        Complex::new(-half, sqrt(squared.abs())) // of −0 as well
     } else {
         // Not the difference of two near numbers.
         Complex::new(-mode.lambda / (half + sqrt(-squared)), 0.0)
