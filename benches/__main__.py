@@ -25,6 +25,7 @@ from benches.measure import Row
 from benches.mesh import mesh
 from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
+from benches.part_modes import part_modes
 from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
@@ -51,6 +52,7 @@ def main(arguments: list[str]) -> int:
         "gesture": hands.gesture,
         "check": reading.check,
         "planning": planning,
+        "part_modes": part_modes,
         "start": reading.start,
         "repl": repl,
         "edits": edits,

@@ -47,6 +47,11 @@ COMMANDS: Table = {
         "plan",
         "Say how each part is computed, at what cost and error, and what is left out.",
     ),
+    "modes": (
+        "modes",
+        "modes",
+        "Say at which pitches instruments vibrate, how long, and how much where.",
+    ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),
     "stability": (

@@ -14,6 +14,7 @@ COMMANDS = {
     "plan": ["plan", "s.yaml"],
     "render": ["render", "s.yaml", "-o", "x.wav", "-f"],
     "info": ["info", "s.yaml"],
+    "modes": ["modes", "s.yaml"],
     "compile": ["compile", "s.yaml", "-o", "ergons.csv", "-f"],
     "plot": ["plot", "s.yaml", "go"],
     "export": ["export", "s.yaml", "-o", "exported", "-f"],

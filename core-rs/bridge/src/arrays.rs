@@ -1,9 +1,9 @@
-//! numpy, loaded before the core is given its first array.
+//! numpy, loaded before the core is given its first array; arrays of complex numbers.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{Complex64, IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 
 /// Load numpy and its interface for C, once, in a thread of its own.
@@ -27,4 +27,21 @@ pub(crate) fn load_numpy(py: Python<'_>) {
             .spawn(load)
             .map(thread::JoinHandle::join)
     });
+}
+
+/// An array of complex numbers.
+#[derive(Clone)]
+pub(crate) struct Complexes {
+    pub(crate) values: Vec<Complex64>,
+    pub(crate) shape: Vec<usize>,
+}
+
+impl<'py> IntoPyObject<'py> for Complexes {
+    type Target = PyArrayDyn<Complex64>;
+    type Output = Bound<'py, Self::Target>;
+    type Error = PyErr;
+
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Self::Output> {
+        self.values.into_pyarray(py).reshape(self.shape)
+    }
 }

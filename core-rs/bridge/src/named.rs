@@ -4,6 +4,8 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::IntoPyDict;
 
+use crate::arrays::Complexes;
+
 /// The class of a named tuple.
 struct Class {
     name: &'static str,
@@ -76,6 +78,15 @@ results! {
     LawUse { rows: Vec<LawRow>, alone: usize, in_runs: usize }
     /// A mode of a part: damped frequency [Hz] and decay [s].
     Mode { f: f64, t60: f64 }
+    /// Modes of a part, from low to high, with the motion of each mass.
+    PartModes {
+        poles: Complexes,
+        shapes: Complexes,
+        mats: Vec<usize>,
+        is_certified: bool,
+        n_laws: usize,
+        n_contacts: usize,
+    }
     /// Position [m], velocity [m/s] and acceleration [m/s²] of a path at one instant.
     PathPoint { x: f64, v: f64, a: f64 }
     /// A place on the bench [m].

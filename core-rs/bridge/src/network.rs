@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use ergon_engine::generator::{self, BankCell, BankForm, Decay, GeneratorError, Shape, Topology};
-use ergon_engine::network::{self, Bristle, But, Term, Tie};
+use ergon_engine::network::{self, Bristle, But, ModeRange, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use numpy::{IntoPyArray, PyArray1};
@@ -12,10 +12,10 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::arrays::load_numpy;
+use crate::arrays::{Complexes, load_numpy};
 use crate::error::{from_engine, hertz, refused, word};
 use crate::law::{Law, entry, named_row};
-use crate::named::{LawUse, Mode, Place};
+use crate::named::{LawUse, Mode, PartModes, Place};
 use crate::words;
 use crate::work::computing;
 
@@ -436,16 +436,61 @@ impl Network {
         self.0.mat_name(index)
     }
 
-    /// Lowest modes of a part, of the continuous network.
+    /// Lowest modes of a part.
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<Mode>> {
-        let index = self.0.parts().iter().position(|known| known.name == part);
-        let index = index.ok_or_else(|| refused(part, "no part has this name"))?;
+        let index = self.part_index(part)?;
         let tones = computing(py, || self.0.tones(index, n_modes))?;
+        let tones = tones.map_err(|error| refused(part, error))?;
         let mode = |tone: &network::Tone| Mode {
             f: tone.f,
             t60: tone.t60,
         };
         Ok(tones.iter().map(mode).collect())
+    }
+
+    /// Modes of a part with their shapes: the lowest `count`, those up to `to` [Hz], or `count` around a frequency [Hz].
+    #[pyo3(signature = (part, *, count=None, to=None, around=None))]
+    fn part_modes(
+        &self,
+        py: Python<'_>,
+        part: &str,
+        count: Option<usize>,
+        to: Option<f64>,
+        around: Option<f64>,
+    ) -> PyResult<PartModes> {
+        load_numpy(py);
+        let index = self.part_index(part)?;
+        let frequency = |f: f64| {
+            let is_one = f > 0.0 && f.is_finite();
+            let refusal = || refused(part, "modes are asked for at frequencies above 0 Hz");
+            if is_one { Ok(f) } else { Err(refusal()) }
+        };
+        let range = match (count, to, around) {
+            (Some(count), None, None) => ModeRange::Lowest(count),
+            (None, Some(to), None) => ModeRange::Below(frequency(to)?),
+            (Some(count), None, Some(f)) => ModeRange::Around(frequency(f)?, count),
+            _ => {
+                let why = "modes are asked for by `count`, by `to`, or by `count` and `around`";
+                return Err(refused(part, why));
+            }
+        };
+        let found = computing(py, || self.0.part_modes(index, range))?;
+        let found = found.map_err(|error| refused(part, error))?;
+        let (n_modes, n_masses) = (found.poles.len(), found.mats.len());
+        Ok(PartModes {
+            poles: Complexes {
+                values: found.poles,
+                shape: vec![n_modes],
+            },
+            shapes: Complexes {
+                values: found.shapes.concat(),
+                shape: vec![n_modes, n_masses],
+            },
+            mats: found.mats,
+            is_certified: found.is_certified,
+            n_laws: found.n_laws,
+            n_contacts: found.n_contacts,
+        })
     }
 
     /// Whether the CA scheme is stable at `rate`.
@@ -471,6 +516,11 @@ impl Network {
 }
 
 impl Network {
+    fn part_index(&self, part: &str) -> PyResult<usize> {
+        let index = self.0.parts().iter().position(|known| known.name == part);
+        index.ok_or_else(|| refused(part, "no part has this name"))
+    }
+
     fn mesh(
         &mut self,
         py: Python<'_>,

@@ -1,24 +1,27 @@
-//! Eigenvalues: the ends of the spectrum of a symmetric operator that is only known by what it does to a vector, all of a
-//! dense symmetric matrix, all of one that is not symmetric.
+//! Eigenvalues: the ends of the spectrum of a symmetric operator that is only known by what it does to a vector, those of a
+//! sparse symmetric matrix near a number, all of a dense symmetric matrix, all of one that is not symmetric.
 //!
 //! Deterministic to the bit: start vectors are fixed, sums are taken in a fixed order.
 
-mod filter;
 mod general;
 mod jacobi;
 mod lanczos;
 mod lowest;
+mod ordering;
+mod shift_invert;
+pub(crate) mod sparse;
+pub(crate) mod springs;
 #[cfg(test)]
 mod tests;
 mod vector;
 mod whole;
 
-pub(crate) use filter::lowest_modes;
 pub(crate) use general::{General, general, inverse};
 #[cfg(test)]
 pub(crate) use lanczos::Largest;
 pub(crate) use lanczos::{largest, largest_up_to};
 pub(crate) use lowest::lowest;
+pub(crate) use shift_invert::{Found, lowest_modes, modes_around, n_below};
 pub(crate) use whole::whole;
 
 /// `apply(x, y)`: y = A x, both (n,); y comes with old values.

@@ -1,6 +1,6 @@
 """Ergon: write the gesture, hear the matter.
 
-`check`, `plan`, `render`, `render_to_file` and `freeze` take the path of a score, and options;
+`check`, `plan`, `modes`, `render`, `render_to_file` and `freeze` take the path of a score, and options;
 `open_session` plays one while it is changed. Whatever is refused is an `ErgonError`. The page
 docs/library.md shows each.
 """
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     )
     from ergon.api.files import render_to_file
     from ergon.api.freeze import FreezeOptions, freeze
+    from ergon.api.modes import ModesOptions, PartModes, modes
     from ergon.api.options import AccuracyOptions, ReadOptions, SessionOptions
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
@@ -42,8 +43,10 @@ __all__ = [
     "FileOptions",
     "FreezeOptions",
     "Frozen",
+    "ModesOptions",
     "NotTaken",
     "OptionError",
+    "PartModes",
     "Plan",
     "PlanRow",
     "PrintedReport",
@@ -62,6 +65,7 @@ __all__ = [
     "State",
     "check",
     "freeze",
+    "modes",
     "open_session",
     "plan",
     "render",
@@ -80,8 +84,10 @@ _PLACES = {
     "FileOptions": "api.render",
     "FreezeOptions": "api.freeze",
     "Frozen": "exchange.frozen",
+    "ModesOptions": "api.modes",
     "NotTaken": "repl.session.api",
     "OptionError": "api.errors",
+    "PartModes": "api.modes",
     "Plan": "api.plan",
     "PlanRow": "_core",
     "PrintedReport": "common.report",
@@ -100,6 +106,7 @@ _PLACES = {
     "State": "repl.session_protocol",
     "check": "api.check",
     "freeze": "api.freeze",
+    "modes": "api.modes",
     "open_session": "api.open_session",
     "plan": "api.plan",
     "render": "api.render",

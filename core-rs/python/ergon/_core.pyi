@@ -214,6 +214,22 @@ class Mode(NamedTuple):
     f: float
     t60: float
 
+class PartModes(NamedTuple):
+    """Modes of a part, from low to high.
+
+    `poles` (n_modes,) are s of e^(st) [1/s]; `shapes` (n_modes, n_masses) say how each mass moves,
+    of xᵀ(2sM + Z)x = 2i·Im s [kg^-1/2]; `mats` (n_masses,) are the indices of the masses.
+    `is_certified`: the inertia of the stiffness matrix says that none is missing, damping apart.
+    `n_laws` links were taken at their slope at rest, `n_contacts` as open.
+    """
+
+    poles: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+    mats: list[int]
+    is_certified: bool
+    n_laws: int
+    n_contacts: int
+
 @final
 class ReachableScene:
     """The part of a scene that a hand can move, made linear and at rest, with all contacts closed."""
@@ -447,11 +463,23 @@ class Network:
     def certify(self, rate: float) -> Certificate:
         """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
     def modes(self, part: str, n_modes: int) -> list[Mode]:
-        """The lowest modes of a linear part, of the continuous network, whatever its damping.
+        """The lowest modes of a part, whatever its damping, as `part_modes` finds them.
 
-        A mode beyond critical damping has f 0 and the T60 of its slower pole. Where damping couples
-        the modes of more than 120 masses, the 120 lowest undamped ones alone are taken. Raises
-        EngineError where no part has this name.
+        A mode beyond critical damping has f 0 and the T60 of its slower pole. Raises EngineError
+        where no part has this name.
+        """
+    def part_modes(
+        self,
+        part: str,
+        *,
+        count: int | None = None,
+        to: float | None = None,
+        around: float | None = None,
+    ) -> PartModes:
+        """Modes of a part: the lowest `count`, all up to `to` [Hz], or `count` next to `around` [Hz].
+
+        The part is taken without its links to other parts, its contacts open, its laws at their
+        slope at rest. Raises EngineError where no part has this name, or memory holds no so many.
         """
 
 @final

@@ -1,0 +1,199 @@
+"""The modes of the parts of a score: their pitch and decay, and how each mass moves in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .errors import OptionError
+from .options import ReadOptions
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.instruments.model import Target
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.scene import Scene
+
+COUNT = 20  # modes of each part, where nothing says how many
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModesOptions(ReadOptions):
+    """Which modes of which parts are computed.
+
+    `parts` are names of instruments and keys; without one all are meant. The modes are the lowest
+    `count` (20 where nothing is given), all up to a frequency `to`, or the `count` next to a
+    frequency `around`; both are numbers [Hz] or texts such as "5kHz" and "A3".
+    """
+
+    parts: Sequence[str] = ()
+    count: int | None = None
+    to: float | str | None = None
+    around: float | str | None = None
+
+    def asked(self) -> dict[str, float | int]:
+        """What the engine is asked for. Raises OptionError."""
+        if self.to is not None:
+            for name, value in (("count", self.count), ("around", self.around)):
+                if value is not None:
+                    raise OptionError(name, "excludes to; give one of the two")
+            return {"to": _hertz("to", self.to)}
+        count = COUNT if self.count is None else self.count
+        if count < 1:
+            raise OptionError("count", f"is {count}; it must be at least 1")
+        if self.around is not None:
+            return {"count": count, "around": _hertz("around", self.around)}
+        return {"count": count}
+
+
+@dataclass(frozen=True, slots=True)
+class PartModes:
+    """Modes of one part by itself, from low to high.
+
+    `frequencies` (n_modes,) are damped ones [Hz], 0 beyond critical damping; `t60` (n_modes,) are
+    the times to fall by 60 dB [s], infinite without loss; `poles` (n_modes,) are s of e^(st) [1/s].
+    `shapes` (n_modes, n_masses) say how each mass moves, as complex numbers x with
+    xᵀ(2sM + Z)x = 2i·Im s [kg^-1/2]: without damping the modes of mass 1. `masses` are the names of
+    the masses, `places` (n_masses, 2) where they lie on the bench [m].
+
+    `points` holds, for each place where the part is struck, touched or heard, how each mode moves
+    there (n_modes,); of several masses it is their sum. A mode that an impulse of 1 N·s at one
+    point excites moves another point by the product of both over 2π·frequency [m].
+
+    `is_certified` says that no mode is missing, by the inertia of the stiffness matrix. `n_laws`
+    links with a law were taken at their slope at rest, `n_contacts` contacts as open. `inputs` are
+    the files that the modes were computed from.
+    """
+
+    part: str
+    frequencies: NDArray[np.float64]
+    t60: NDArray[np.float64]
+    poles: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+    masses: tuple[str, ...]
+    places: NDArray[np.float64]
+    points: Mapping[str, NDArray[np.complex128]]
+    is_certified: bool
+    n_laws: int
+    n_contacts: int
+    inputs: tuple[Path, ...]
+
+    def levels(self, point: str) -> NDArray[np.float64]:
+        """How much each mode moves at a point, below the one that moves most [dB] (n_modes,)."""
+        size = np.abs(self.points[point])
+        most = size.max(initial=0.0)
+        with np.errstate(divide="ignore"):
+            return 20 * np.log10(size / most) if most > 0 else np.full(size.shape, -np.inf)
+
+
+def modes(
+    score: str | Path, options: ModesOptions | None = None, *, report: Report | None = None
+) -> tuple[PartModes, ...]:
+    """The modes of parts of a score, each without its links to others.
+
+    Contacts are open, and laws are taken at their slope at rest. Raises ScoreError and OptionError.
+    """
+    from ergon.scores.staging.stage import prepare
+
+    options = options or ModesOptions()
+    asked = options.asked()
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    names = _parts(piece, options.parts)
+    with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
+        scene = prepare(piece).scene
+        return tuple(_modes(piece, scene, name, asked, loaded.inputs) for name in names)
+
+
+def _hertz(option: str, value: float | str) -> float:
+    from ergon.notation.tables.quantities import frequency
+    from ergon.notation.text.errors import TextError
+
+    try:
+        return frequency(value if isinstance(value, str) else f"{value!r}Hz")
+    except TextError as found:
+        asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
+        raise OptionError(option, f"{found.message}{asked}") from None
+
+
+def _parts(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
+    """The parts that are asked for. Raises OptionError."""
+    from ergon.notation.text.spelling import nearest
+
+    known = (*piece.keys, *piece.instruments)
+    for name in asked:
+        if name not in known:
+            close = nearest(name, known)
+            there = f"there are {', '.join(known)}" if known else "the score has none"
+            reason = f"did you mean '{close}'?" if close else there
+            raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
+    return tuple(dict.fromkeys(asked)) or known
+
+
+def _modes(
+    piece: Piece,
+    scene: Scene,
+    name: str,
+    asked: Mapping[str, float | int],
+    inputs: Sequence[Path],
+) -> PartModes:
+    network = scene.network
+    found = _asked(network, name, asked)
+    decay = -found.poles.real
+    with np.errstate(divide="ignore"):
+        t60 = np.where(decay > 0, 3 * np.log(10.0) / np.where(decay > 0, decay, 1.0), np.inf)
+    slots = {mat: slot for slot, mat in enumerate(found.mats)}
+    points = {}
+    for text, targets in _points(piece, name):
+        mats = [mat for target in targets for mat in scene.assembly.members(target)]
+        own = [slots[mat] for mat in mats if mat in slots]
+        if own:
+            label = text or (network.name_of(mats[0]) if len(mats) == 1 else targets[0].text)
+            points[label] = found.shapes[:, own].sum(axis=1)
+    places = [network.position_of(mat) for mat in found.mats]
+    return PartModes(
+        name,
+        found.poles.imag / (2 * np.pi),
+        t60,
+        found.poles,
+        found.shapes,
+        tuple(network.name_of(mat) for mat in found.mats),
+        np.array(places, dtype=float).reshape(len(places), 2),
+        points,
+        found.is_certified,
+        found.n_laws,
+        found.n_contacts,
+        tuple(inputs),
+    )
+
+
+def _asked(network: _core.Network, name: str, asked: Mapping[str, float | int]) -> _core.PartModes:
+    """Modes by the engine. Raises OptionError where there are too many."""
+    from ergon import _core
+
+    try:
+        return network.part_modes(name, **asked)  # type: ignore[arg-type]
+    except _core.EngineError as error:
+        raise OptionError("to" if "to" in asked else "count", str(error)) from None
+
+
+def _points(piece: Piece, name: str) -> Iterator[tuple[str, Sequence[Target]]]:
+    """Where a part is heard, by the name of its output, and where it is struck or touched ("")."""
+    if name in piece.instruments:
+        for output in piece.instruments[name].outputs:
+            if output.is_movement:
+                yield f"out {output.name}" if output.name else "out", output.targets
+    touched = [target for strike in piece.strikes for target in strike.to]
+    for owner, module in piece.modules():
+        ends = module.fields.get("between", ())
+        if len({end.part for end in ends} | {owner}) > 1:
+            touched += ends
+    yield from (("", (target,)) for target in touched if target.part == name)

@@ -1,0 +1,197 @@
+"""`ergon modes`: pitch, decay and level of the modes of parts."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ergon.api.errors import OptionError
+from ergon.api.modes import COUNT, ModesOptions, PartModes
+from ergon.api.modes import modes as find_modes
+
+from . import options
+from .console import Console, plural
+from .outcome import Refused
+from .units import seconds
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+_LOWEST = 8.0  # [Hz] a free body moves as a whole at next to nothing, which is no note
+
+
+@click.command()
+@options.score
+@click.argument("parts", metavar="[PART]...", nargs=-1)
+@click.option("--to", metavar="FREQUENCY", help="All modes up to this frequency, such as 5kHz.")
+@click.option(
+    "--count",
+    type=click.IntRange(1),
+    help=f"So many modes of each part; without --to and --count {COUNT}.",
+)
+@click.option(
+    "--around", metavar="FREQUENCY", help="The modes next to a frequency or note, such as A3."
+)
+@click.option("--csv", "table", metavar="FILE", help="Write the table into a CSV file.")
+@click.option(
+    "--shapes", is_flag=True, help="With --csv or --json: how each mass moves in each mode."
+)
+@options.force
+@options.trust
+@options.speaking
+def modes(
+    console: Console,
+    score_path: str,
+    parts: tuple[str, ...],
+    table: str | None,
+    shapes: bool,
+    force: bool,
+    **given: Any,
+) -> None:
+    """Say at which pitches instruments and keys vibrate, how long, and how much where.
+
+    Each part is taken by itself, without its links to others, its contacts open and its laws at
+    their slope at rest. Levels are in dB below the mode that moves most at that point: where the
+    part is struck, touched by others and heard.
+    """
+    from ergon.exchange.safe import write_text
+
+    if shapes and table is None and not console.json:
+        raise Refused("--shapes needs --csv or --json: shapes are tables of numbers")
+    try:
+        found = find_modes(score_path, ModesOptions(parts=parts, **given), report=console)
+    except OptionError as error:
+        if error.option != "parts":
+            raise
+        raise Refused(f"PART: {error.reason}") from None
+    if table is not None:
+        inputs = found[0].inputs if found else (Path(score_path),)
+        write_text(table, _csv(found, shapes), force=force, inputs=inputs)
+    for part in found:
+        if console.json:
+            _records(console, part, shapes)
+        else:
+            _warn(console, part)
+            if table is None:
+                console.data(_lines(part))
+    if table is not None:
+        console.say(f"wrote {table}")
+
+
+def _note(f: float) -> tuple[str, float]:
+    """The nearest note of equal temperament and the distance from it [cents]; none below C-1."""
+    from ergon.notation.tables.notes import name
+
+    if f < _LOWEST:
+        return "", 0.0
+    semitones = 69 + 12 * math.log2(f / 440)
+    nearest = round(semitones)
+    return name(nearest), 100 * (semitones - nearest)
+
+
+def _warn(console: Console, part: PartModes) -> None:
+    if part.n_laws:
+        laws = plural(part.n_laws, "link")
+        console.warn(f"{part.part}: the law of {laws} was taken at its slope at rest")
+    if part.n_contacts:
+        console.warn(f"{part.part}: {plural(part.n_contacts, 'contact')} counted as open")
+    if not part.is_certified:
+        console.warn(f"{part.part}: modes may be missing: the search for more ended without them")
+
+
+def _lines(part: PartModes) -> str:
+    masses = "1 mass" if len(part.masses) == 1 else f"{len(part.masses):,} masses"
+    head = f"{part.part}: {plural(len(part.poles), 'mode')} of {masses}"
+    if not len(part.poles):
+        why = "none of its modes is in this range" if part.masses else "nothing in it moves"
+        return f"{part.part}: no modes: {why}\n"
+    rows = [("", "note", "cents", "frequency", "T60", *part.points)]
+    levels = [part.levels(point) for point in part.points]
+    for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
+        note, cents = _note(float(f))
+        rows.append(
+            (
+                str(i + 1),
+                note,
+                f"{cents:+.1f}" if note else "",
+                f"{f:.2f} Hz",
+                "no loss" if math.isinf(t60) else seconds(float(t60)),
+                *(_level(level, i) for level in levels),
+            )
+        )
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [
+        "  ".join(cell.rjust(widths[i]) for i, cell in enumerate(row)).rstrip() for row in rows
+    ]
+    return "\n".join([head, *lines]) + "\n"
+
+
+def _level(levels: NDArray[Any], mode: int) -> str:
+    return "–" if levels[mode] < -200 else f"{levels[mode]:.1f} dB"
+
+
+def _records(console: Console, part: PartModes, shapes: bool) -> None:
+    for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
+        note, cents = _note(float(f))
+        fields: dict[str, object] = {
+            "part": part.part,
+            "mode": i + 1,
+            "note": note or None,
+            "cents": cents if note else None,
+            "frequency_hz": float(f),
+            "t60_s": None if math.isinf(t60) else float(t60),
+            "levels_db": {point: _finite(float(part.levels(point)[i])) for point in part.points},
+        }
+        if shapes:
+            fields["masses"] = list(part.masses)
+            fields["shape"] = [[float(x.real), float(x.imag)] for x in part.shapes[i]]
+        console.record("mode", **fields)
+    console.record(
+        "modes",
+        part=part.part,
+        modes=len(part.poles),
+        masses=len(part.masses),
+        certified=part.is_certified,
+        laws_at_rest=part.n_laws,
+        open_contacts=part.n_contacts,
+    )
+
+
+def _finite(level: float) -> float | None:
+    return None if math.isinf(level) else level
+
+
+def _csv(found: Sequence[PartModes], shapes: bool) -> str:
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerows(_shape_rows(found) if shapes else _mode_rows(found))
+    return out.getvalue()
+
+
+def _mode_rows(found: Sequence[PartModes]) -> Iterator[Sequence[object]]:
+    points = list(dict.fromkeys(point for part in found for point in part.points))
+    head = ("part", "mode", "note", "cents", "frequency_hz", "t60_s")
+    yield (*head, *(f"{point} [dB]" for point in points))
+    for part in found:
+        levels = {point: part.levels(point) for point in part.points}
+        for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
+            note, cents = _note(float(f))
+            own = (f"{levels[point][i]:.3f}" if point in levels else "" for point in points)
+            yield part.part, i + 1, note, f"{cents:.6f}", repr(float(f)), repr(float(t60)), *own
+
+
+def _shape_rows(found: Sequence[PartModes]) -> Iterator[Sequence[object]]:
+    yield "part", "mode", "frequency_hz", "mass", "x_m", "y_m", "real", "imaginary"
+    for part in found:
+        for i, f in enumerate(part.frequencies):
+            for name, place, x in zip(part.masses, part.places, part.shapes[i], strict=True):
+                where = (repr(float(place[0])), repr(float(place[1])))
+                moves = (repr(float(x.real)), repr(float(x.imag)))
+                yield part.part, i + 1, repr(float(f)), name, *where, *moves

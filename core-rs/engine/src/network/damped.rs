@@ -1,0 +1,322 @@
+//! Modes with their damping: poles s of (s² + s·Z + K) x = 0, in coordinates that make every mass 1.
+//!
+//! The problem is solved in the span of undamped modes and of the answers of the springs to what damping makes of these,
+//! then each pole by itself on the whole network.
+
+use nalgebra::Complex;
+
+use super::part_body::Body;
+use crate::maths::sqrt;
+use crate::spectrum::sparse::{Factor, Pattern, Values};
+use crate::spectrum::springs::{self, Spring};
+use crate::spectrum::{Mode, general, whole};
+
+/// What damping makes of an undamped mode is the same mode, to this part of it: they are known to 1e-10.
+const UNCOUPLED: f64 = 1e-6;
+/// Relative to the strongest damping.
+const ROUNDING: f64 = 1e-13;
+/// An answer that is new by less than this part tells nothing.
+const NEW: f64 = 1e-6;
+/// Corrections of a pole; each squares its error.
+const CORRECTIONS: usize = 8;
+/// A correction below this part of the pole is the last: what it leaves is the square.
+const LAST: f64 = 1e-8;
+/// A pole whose residual tells an error below this part of it needs no correction.
+const EXACT: f64 = 1e-12;
+/// A pole that moves further than this part of it was another's.
+const FAR: f64 = 1e-2;
+
+/// A pole and how the masses move, of xᵀ(2s + Z)x = 2i·Im s   (n); of length 1 where it does not swing.
+pub(super) struct Swing {
+    pub(super) pole: Complex<f64>,
+    pub(super) shape: Vec<Complex<f64>>,
+}
+
+/// Whether damping takes any of the modes to others.
+pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
+    let n = body.springs.n();
+    let scattered: Vec<f64> = (0..n)
+        .map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
+        .collect();
+    let image = times(&body.dampers, &scattered);
+    // What damping makes of a mode that it does not feel is rounding, of the size of what it makes of others.
+    let least = ROUNDING * sqrt(dot(&image, &image) / n as f64);
+    modes.iter().any(|mode| {
+        let image = times(&body.dampers, &mode.vector);
+        let own = dot(&mode.vector, &image);
+        let rest = image.iter().zip(&mode.vector).map(|(z, v)| z - own * v);
+        let rest: f64 = rest.map(|z| z * z).sum();
+        rest > UNCOUPLED * UNCOUPLED * dot(&image, &image) && rest > least * least
+    })
+}
+
+/// The `count` poles of the smallest |s| that come of undamped modes.
+pub(super) fn swings(body: &Body, modes: &[Mode], count: usize) -> Vec<Swing> {
+    if !is_coupled(body, modes) {
+        let alone = |mode: &Mode| alone(mode, &times(&body.dampers, &mode.vector));
+        return modes.iter().take(count).map(alone).collect();
+    }
+    let modes = with_answers(body, modes);
+    let images: Vec<Vec<f64>> = modes
+        .iter()
+        .map(|mode| times(&body.dampers, &mode.vector))
+        .collect();
+    let Some(mut found) = coupled(&modes, &images) else {
+        return Vec::new();
+    };
+    found.truncate(count);
+    let whole = Whole::new(body);
+    let poles: Vec<Complex<f64>> = found.iter().map(|swing| swing.pole).collect();
+    for (i, swing) in found.iter_mut().enumerate() {
+        let others = poles.iter().enumerate().filter(|(j, _)| *j != i);
+        let gap = others.fold(f64::INFINITY, |least, (_, other)| {
+            least.min((other - swing.pole).norm())
+        });
+        whole.correct(swing, gap);
+    }
+    found
+}
+
+/// The pole of a mode that damping couples with no other: s² + ζs + λ = 0.
+fn alone(mode: &Mode, image: &[f64]) -> Swing {
+    let half = 0.5 * dot(&mode.vector, image);
+    let squared = mode.lambda - half * half;
+    let pole = if squared >= 0.0 {
+        Complex::new(-half, sqrt(squared.abs())) // of −0 as well
+    } else {
+        // Not the difference of two near numbers.
+        Complex::new(-mode.lambda / (half + sqrt(-squared)), 0.0)
+    };
+    let shape = mode.vector.iter().map(|&x| Complex::from(x)).collect();
+    Swing { pole, shape }
+}
+
+/// The modes, and further motions that are to them as modes are: orthogonal, each with its λ.
+fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
+    let n = body.springs.n();
+    let room = modes.len().min(n - modes.len());
+    let mut rests: Vec<Vec<f64>> = Vec::new();
+    let basis = |modes: &[Mode]| -> Vec<Vec<f64>> {
+        modes.iter().map(|mode| mode.vector.clone()).collect()
+    };
+    let mut kept = basis(modes);
+    for mode in modes {
+        let image = times(&body.dampers, &mode.vector);
+        push_new(&mut kept, &mut rests, image);
+    }
+    rests.truncate(room);
+    // Static answers, and those at the middle of the modes: two of each damper's point, where there are few.
+    let middle = modes.last().map_or(0.0, |mode| 0.5 * mode.lambda);
+    let mut kept = basis(modes);
+    let mut answers: Vec<Vec<f64>> = Vec::new();
+    for mut shift in [-1e-9 * body.springs.scale(), middle] {
+        if rests.is_empty() {
+            break;
+        }
+        let factor = body.springs.factor(&mut shift);
+        for rest in &rests {
+            if answers.len() < room {
+                push_new(&mut kept, &mut answers, factor.solve(rest));
+            }
+        }
+    }
+    // Turned among themselves, so that springs couple none with another.
+    let mut all = modes.to_vec();
+    let k = answers.len();
+    if k == 0 {
+        return all;
+    }
+    let images: Vec<Vec<f64>> = answers.iter().map(|own| body.springs.times(own)).collect();
+    let small = (0..k * k)
+        .map(|at| dot(&answers[at / k], &images[at % k]))
+        .collect();
+    let units: Vec<Vec<f64>> = (0..k)
+        .map(|i| (0..k).map(|j| f64::from(u8::from(i == j))).collect())
+        .collect();
+    if let Some((lambdas, seen)) = whole(small, &units) {
+        for (at, lambda) in lambdas.into_iter().enumerate() {
+            let mut vector = vec![0.0; n];
+            for (answer, row) in answers.iter().zip(&seen) {
+                let along = answer.iter().zip(&mut vector);
+                along.for_each(|(x, sum)| *sum += row[at] * x);
+            }
+            all.push(Mode { lambda, vector });
+        }
+    }
+    all
+}
+
+/// Add a vector's part outside an orthonormal basis to it and to `fresh`, unless that is too small.
+fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
+    let length = sqrt(dot(&vector, &vector));
+    for _ in 0..2 {
+        for direction in basis.iter() {
+            let along = dot(direction, &vector);
+            let each = vector.iter_mut().zip(direction);
+            each.for_each(|(x, d)| *x -= along * d);
+        }
+    }
+    let left = sqrt(dot(&vector, &vector));
+    if left <= NEW * length {
+        return;
+    }
+    vector.iter_mut().for_each(|x| *x /= left);
+    basis.push(vector.clone());
+    fresh.push(vector);
+}
+
+/// Poles of motions that damping couples, by rising |s|: of (p, v) with p = ω·q, ṗ = ω·v, v̇ = −ω·p − Z·v.
+fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
+    let n = modes.len();
+    let size = 2 * n;
+    let mut matrix = vec![0.0; size * size];
+    for (i, mode) in modes.iter().enumerate() {
+        crate::interrupt::poll();
+        let omega = sqrt(mode.lambda.abs());
+        matrix[i * size + n + i] = omega;
+        matrix[(n + i) * size + i] = if mode.lambda < 0.0 { omega } else { -omega };
+        for (j, image) in images.iter().enumerate() {
+            matrix[(n + i) * size + n + j] = -dot(&mode.vector, image);
+        }
+    }
+    let found = general(matrix)?;
+    let shape = |at: usize, is_pair: bool| -> Vec<Complex<f64>> {
+        let speeds = |row: usize| &found.vectors[row * size + n..(row + 1) * size];
+        let mut shape = vec![Complex::from(0.0); modes[0].vector.len()];
+        for (i, mode) in modes.iter().enumerate() {
+            let im = if is_pair { speeds(at + 1)[i] } else { 0.0 };
+            let weight = Complex::new(speeds(at)[i], im);
+            let each = shape.iter_mut().zip(&mode.vector);
+            each.for_each(|(sum, x)| *sum += weight * x);
+        }
+        shape
+    };
+    // Of a pair that does not swing the slower pole is told: as many of them as there are modes left.
+    let (mut real, mut poles): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
+    for (at, (_, im)) in found.values.iter().enumerate() {
+        if *im > 0.0 {
+            poles.push(at);
+        } else if *im == 0.0 {
+            real.push(at);
+        }
+    }
+    real.sort_by(|&a, &b| found.values[b].0.total_cmp(&found.values[a].0));
+    real.truncate(n.saturating_sub(poles.len()));
+    poles.extend(real);
+    let square = |at: usize| {
+        let (re, im) = found.values[at];
+        re * re + im * im
+    };
+    poles.sort_by(|&a, &b| square(a).total_cmp(&square(b)));
+    let swing = |at: usize| {
+        let (re, im) = found.values[at];
+        Swing {
+            pole: Complex::new(re, im),
+            shape: shape(at, im != 0.0),
+        }
+    };
+    Some(poles.into_iter().map(swing).collect())
+}
+
+/// The whole network: stiffness and damping on one pattern.
+struct Whole {
+    pattern: Pattern,
+    stiffness: Values<f64>,
+    damping: Values<f64>,
+}
+
+impl Whole {
+    fn new(body: &Body) -> Self {
+        let n = body.springs.n();
+        let all = body.springs.each().iter().chain(&body.dampers);
+        let all: Vec<Spring> = all.copied().collect();
+        let pattern = Pattern::new(n, springs::pairs(&all));
+        Self {
+            stiffness: springs::values(&pattern, body.springs.each()),
+            damping: springs::values(&pattern, &body.dampers),
+            pattern,
+        }
+    }
+
+    /// Newton's corrections of a pole, s −= xᵀx / xᵀy where P(s) y = P′(s) x, as long as its residual tells an error;
+    /// `gap` is how far the next pole lies. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
+    fn correct(&self, swing: &mut Swing, gap: f64) {
+        let n = self.pattern.n();
+        let mut image = vec![Complex::from(0.0); n];
+        let (mut s, mut x) = (swing.pole, swing.shape.clone());
+        let size = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
+        let at =
+            |s: Complex<f64>| Values::of(&self.stiffness, &self.damping, s * s, |k, z| s * z + k);
+        let slope = |s: Complex<f64>| {
+            Values::of(&self.stiffness, &self.damping, s * 2.0, |_, z| {
+                Complex::from(z)
+            })
+        };
+        for round in 0..CORRECTIONS {
+            let matrix = at(s);
+            if round == 0 {
+                matrix.times(&self.pattern, &x, &mut image);
+                let error = size(&image) / (2.0 * s.norm() * size(&x));
+                if error * error <= EXACT * s.norm() * gap {
+                    break;
+                }
+            }
+            slope(s).times(&self.pattern, &x, &mut image);
+            let Some(factor) = Factor::new(&self.pattern, &matrix, Complex::from(0.0)) else {
+                break; // the pole to the last bit
+            };
+            let y = factor.solve(&image);
+            let step = bilinear(&x, &x) / bilinear(&x, &y);
+            let length = size(&y);
+            if !(step.norm() <= FAR * swing.pole.norm() && length.is_finite()) {
+                (s, x) = (swing.pole, swing.shape.clone());
+                break;
+            }
+            s -= step;
+            x = y.into_iter().map(|y| y / length).collect();
+            if step.norm() <= LAST * s.norm() {
+                break;
+            }
+        }
+        if swing.pole.im == 0.0 {
+            s.im = 0.0;
+        }
+        slope(s).times(&self.pattern, &x, &mut image);
+        let by = if s.im == 0.0 {
+            Complex::from(1.0 / size(&x))
+        } else {
+            root(Complex::new(0.0, 2.0 * s.im) / bilinear(&x, &image))
+        };
+        swing.pole = s;
+        swing.shape = x.into_iter().map(|x| x * by).collect();
+    }
+}
+
+fn bilinear(a: &[Complex<f64>], b: &[Complex<f64>]) -> Complex<f64> {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// √z, whose real part is not negative.
+fn root(z: Complex<f64>) -> Complex<f64> {
+    let length = sqrt(z.norm_sqr());
+    let re = sqrt((0.5 * (length + z.re)).max(0.0));
+    let im = sqrt((0.5 * (length - z.re)).max(0.0));
+    Complex::new(re, if z.im < 0.0 { -im } else { im })
+}
+
+/// Z x.
+fn times(dampers: &[Spring], x: &[f64]) -> Vec<f64> {
+    let mut y = vec![0.0; x.len()];
+    for &((a, at), other, z) in dampers {
+        let pull = z * (at * x[a] - other.map_or(0.0, |(b, there)| there * x[b]));
+        y[a] += at * pull;
+        if let Some((b, there)) = other {
+            y[b] -= there * pull;
+        }
+    }
+    y
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

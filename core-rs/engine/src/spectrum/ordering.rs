@@ -1,0 +1,271 @@
+//! The order in which the unknowns of a sparse symmetric matrix are eliminated, so that few new entries arise: approximate
+//! minimum degree on a quotient graph.
+//!
+//! Source: Amestoy, Davis, Duff, "An approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. Appl. 17 (1996).
+
+use crate::interrupt;
+
+const NONE: u32 = u32::MAX;
+
+/// The order of elimination (n,) of a matrix whose row i has entries off its diagonal in the columns
+/// `columns[first[i]..first[i + 1]]`.
+pub(super) fn order(first: &[usize], columns: &[u32]) -> Vec<u32> {
+    let n = first.len() - 1;
+    let mut graph = Graph::new(first, columns);
+    let (mut pivots, mut eliminated) = (Vec::new(), 0);
+    while eliminated < n {
+        interrupt::poll();
+        let pivot = graph.buckets.take_least();
+        pivots.push(pivot);
+        eliminated += graph.weight[pivot as usize] as usize;
+        graph.eliminate(pivot, n - eliminated);
+    }
+    graph.expand(&pivots)
+}
+
+/// Unknowns that are left, each a node with those merged into it, and eliminated ones, each an element that joins nodes.
+struct Graph {
+    /// Nodes beside each node that no element joins to it   (n)
+    nodes: Vec<Vec<u32>>,
+    /// Elements that each node belongs to   (n)
+    elements: Vec<Vec<u32>>,
+    /// Nodes of each element; empty where it has been absorbed   (n)
+    members: Vec<Vec<u32>>,
+    /// How many unknowns each element joins   (n)
+    size: Vec<u32>,
+    is_alive: Vec<bool>,
+    /// How many unknowns each node stands for: 0 once it is merged or eliminated   (n)
+    weight: Vec<u32>,
+    /// The node that each was merged into   (n)
+    merged: Vec<u32>,
+    buckets: Buckets,
+    /// When each node was last seen   (n)
+    seen: Vec<u32>,
+    stamp: u32,
+    /// Unknowns of an element outside the newest one, and when that was counted   (n)
+    outside: Vec<(u32, u32)>,
+}
+
+impl Graph {
+    fn new(first: &[usize], columns: &[u32]) -> Self {
+        let n = first.len() - 1;
+        let nodes: Vec<Vec<u32>> = (0..n)
+            .map(|i| columns[first[i]..first[i + 1]].to_vec())
+            .collect();
+        let mut buckets = Buckets::new(n);
+        for (i, beside) in nodes.iter().enumerate() {
+            buckets.insert(i as u32, beside.len() as u32);
+        }
+        Self {
+            nodes,
+            elements: vec![Vec::new(); n],
+            members: vec![Vec::new(); n],
+            size: vec![0; n],
+            is_alive: vec![false; n],
+            weight: vec![1; n],
+            merged: vec![NONE; n],
+            buckets,
+            seen: vec![0; n],
+            stamp: 0,
+            outside: vec![(0, 0); n],
+        }
+    }
+
+    /// Make an element of a node; `left` unknowns remain.
+    fn eliminate(&mut self, pivot: u32, left: usize) {
+        let p = pivot as usize;
+        let mut joined = self.neighbours(pivot);
+        self.weight[p] = 0;
+        let size: u32 = joined.iter().map(|&i| self.weight[i as usize]).sum();
+        let own = self.stamp;
+        for &i in &joined {
+            for &e in &self.elements[i as usize] {
+                let (outside, when) = &mut self.outside[e as usize];
+                if *when != own {
+                    (*outside, *when) = (self.size[e as usize], own);
+                }
+                if self.is_alive[e as usize] {
+                    *outside -= self.weight[i as usize];
+                }
+            }
+        }
+        let mut alike: Vec<(u64, u32)> = Vec::with_capacity(joined.len());
+        for &node in &joined {
+            let i = node as usize;
+            let (outside, is_alive, members) =
+                (&self.outside, &mut self.is_alive, &mut self.members);
+            self.elements[i].retain(|&e| {
+                // An element that the new one holds whole is absorbed.
+                let stays = is_alive[e as usize] && outside[e as usize].0 > 0;
+                if !stays {
+                    is_alive[e as usize] = false;
+                    members[e as usize] = Vec::new();
+                }
+                stays
+            });
+            let (weight, seen) = (&self.weight, &self.seen);
+            self.nodes[i].retain(|&j| weight[j as usize] > 0 && seen[j as usize] != own);
+            let others = size - weight[i];
+            let apart = self.elements[i]
+                .iter()
+                .map(|&e| outside[e as usize].0)
+                .sum::<u32>()
+                + self.nodes[i]
+                    .iter()
+                    .map(|&j| weight[j as usize])
+                    .sum::<u32>();
+            let grown = self.buckets.degree[i].saturating_add(others);
+            let degree = (left as u32 - weight[i]).min(grown).min(apart + others);
+            self.buckets.remove(node);
+            self.buckets.degree[i] = degree;
+            self.elements[i].push(pivot);
+            let sum = |all: &[u32]| all.iter().map(|&x| u64::from(x) + 1).sum::<u64>();
+            alike.push((sum(&self.elements[i]) * 31 + sum(&self.nodes[i]), node));
+        }
+        self.merge(&mut alike);
+        joined.retain(|&i| self.weight[i as usize] > 0);
+        for &i in &joined {
+            self.buckets.insert(i, self.buckets.degree[i as usize]);
+        }
+        self.members[p] = joined;
+        self.size[p] = size;
+        self.is_alive[p] = size > 0;
+    }
+
+    /// All nodes that a node shares an entry with; its elements are absorbed.
+    fn neighbours(&mut self, pivot: u32) -> Vec<u32> {
+        self.stamp += 1;
+        let (stamp, weight, seen) = (self.stamp, &self.weight, &mut self.seen);
+        seen[pivot as usize] = stamp;
+        let mut joined = Vec::new();
+        let mut look = |of: Vec<u32>| {
+            for j in of {
+                if weight[j as usize] > 0 && seen[j as usize] != stamp {
+                    seen[j as usize] = stamp;
+                    joined.push(j);
+                }
+            }
+        };
+        look(std::mem::take(&mut self.nodes[pivot as usize]));
+        for e in std::mem::take(&mut self.elements[pivot as usize]) {
+            look(std::mem::take(&mut self.members[e as usize]));
+            self.is_alive[e as usize] = false;
+        }
+        joined
+    }
+
+    /// Make one of nodes that have the same entries; `alike` holds a sum of these for each.
+    fn merge(&mut self, alike: &mut [(u64, u32)]) {
+        alike.sort_unstable();
+        for group in alike.chunk_by(|a, b| a.0 == b.0) {
+            for (at, &(_, node)) in group.iter().enumerate() {
+                let i = node as usize;
+                if self.weight[i] == 0 {
+                    continue;
+                }
+                for &(_, other) in &group[at + 1..] {
+                    let j = other as usize;
+                    let is_same = self.weight[j] > 0
+                        && same(&mut self.elements, i, j)
+                        && same(&mut self.nodes, i, j);
+                    if !is_same {
+                        continue;
+                    }
+                    self.buckets.degree[i] -= self.weight[j];
+                    self.weight[i] += self.weight[j];
+                    self.weight[j] = 0;
+                    self.merged[j] = node;
+                    self.nodes[j] = Vec::new();
+                    self.elements[j] = Vec::new();
+                }
+            }
+        }
+    }
+
+    /// Each pivot, then what was merged into it.
+    fn expand(&self, pivots: &[u32]) -> Vec<u32> {
+        let n = self.merged.len();
+        let mut parts: Vec<Vec<u32>> = vec![Vec::new(); n];
+        for (i, &into) in self.merged.iter().enumerate() {
+            if into != NONE {
+                parts[into as usize].push(i as u32);
+            }
+        }
+        let mut found = Vec::with_capacity(n);
+        let mut waiting = Vec::new();
+        for &pivot in pivots {
+            waiting.push(pivot);
+            while let Some(node) = waiting.pop() {
+                found.push(node);
+                waiting.extend(&parts[node as usize]);
+            }
+        }
+        found
+    }
+}
+
+/// Whether two lists, which are put in order, hold the same numbers.
+fn same(lists: &mut [Vec<u32>], i: usize, j: usize) -> bool {
+    if lists[i].len() != lists[j].len() {
+        return false;
+    }
+    lists[i].sort_unstable();
+    lists[j].sort_unstable();
+    lists[i] == lists[j]
+}
+
+/// Nodes by their degree, in lists.
+struct Buckets {
+    head: Vec<u32>,
+    next: Vec<u32>,
+    before: Vec<u32>,
+    degree: Vec<u32>,
+    least: usize,
+}
+
+impl Buckets {
+    fn new(n: usize) -> Self {
+        Self {
+            head: vec![NONE; n.max(1)],
+            next: vec![NONE; n],
+            before: vec![NONE; n],
+            degree: vec![0; n],
+            least: 0,
+        }
+    }
+
+    fn insert(&mut self, node: u32, degree: u32) {
+        let (i, at) = (node as usize, degree as usize);
+        self.degree[i] = degree;
+        let after = self.head[at];
+        (self.next[i], self.before[i]) = (after, NONE);
+        if after != NONE {
+            self.before[after as usize] = node;
+        }
+        self.head[at] = node;
+        self.least = self.least.min(at);
+    }
+
+    fn remove(&mut self, node: u32) {
+        let i = node as usize;
+        let (before, after) = (self.before[i], self.next[i]);
+        if before == NONE {
+            self.head[self.degree[i] as usize] = after;
+        } else {
+            self.next[before as usize] = after;
+        }
+        if after != NONE {
+            self.before[after as usize] = before;
+        }
+    }
+
+    /// Take away a node of the least degree; there must be one.
+    fn take_least(&mut self) -> u32 {
+        while self.head[self.least] == NONE {
+            self.least += 1;
+        }
+        let node = self.head[self.least];
+        self.remove(node);
+        node
+    }
+}

@@ -1,0 +1,245 @@
+//! The modes of a network near a frequency, none left out: Lanczos on (A − σ)⁻¹, whose largest eigenvalues lie next to the
+//! shift σ. The inertia of A − σ tells how many there are; what one run misses, for it sees one vector of each eigenvalue,
+//! another finds outside the span of those found.
+//!
+//! Source: Grimes, Lewis, Simon, "A shifted block Lanczos algorithm for solving sparse symmetric generalized eigenproblems",
+//! SIAM J. Matrix Anal. Appl. 15 (1994).
+
+use super::sparse::Factor;
+use super::springs::Springs;
+use super::vector::{add, dot, norm, normalise, orthogonalise, scattered};
+use super::{Mode, whole};
+use crate::interrupt;
+
+/// Modes of one shift: a longer basis costs more than another factor.
+const SLICE: usize = 64;
+/// Residual of (A − σ)⁻¹, relative to the eigenvalue, at which a pair is known: the eigenvalue's error is the square.
+const KNOWN: f64 = 1e-11;
+/// A pair this much smaller than the largest of its run drowns in the rounding of that: another run finds it.
+const RANGE: f64 = 1e-6;
+/// Looks at the small matrix lie so many steps apart.
+const LOOK: usize = 12;
+/// A border lies in a gap of at least this part of its modes: no rounding moves a mode across.
+const GAP: f64 = 1e-9;
+/// Runs without a new mode after which a count stays short.
+const FRUITLESS: usize = 3;
+
+/// Modes, rising, and whether the inertia of the matrix says that none among them is missing.
+#[derive(Debug)]
+pub(crate) struct Found {
+    pub(crate) modes: Vec<Mode>,
+    pub(crate) is_certified: bool,
+}
+
+/// How many modes have λ below a bound.
+pub(crate) fn n_below(springs: &Springs, bound: f64) -> usize {
+    let mut shift = bound;
+    springs.factor(&mut shift).n_below()
+}
+
+/// The `count` modes of the smallest λ; fewer where there are fewer.
+pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
+    let n = springs.n();
+    let count = count.min(n);
+    // Below all of a body that nothing holds; where some grow, below those as well.
+    let mut shift = -1e-9 * springs.scale();
+    let mut factor = springs.factor(&mut shift);
+    if factor.n_below() > 0 {
+        shift = 1.001 * springs.bottom() - 1e-9 * springs.scale();
+        factor = springs.factor(&mut shift);
+    }
+    let mut modes: Vec<Mode> = Vec::new();
+    let (mut known, mut fruitless, mut run) = (0, 0, 0);
+    while known < count && modes.len() < n && fruitless < FRUITLESS {
+        run += 1;
+        let wanted = (count - known).min(SLICE) + 2;
+        let fresh = lanczos(springs, &factor, &modes, wanted, run);
+        fruitless = if fresh.is_empty() { fruitless + 1 } else { 0 };
+        modes.extend(fresh);
+        sort(&mut modes);
+        if modes.len() == n {
+            break;
+        }
+        let Some(border) = border(&modes, count) else {
+            continue;
+        };
+        let mut next = border;
+        let above = springs.factor(&mut next);
+        let below = modes.iter().filter(|mode| mode.lambda < next).count();
+        // Some of one eigenvalue are missing: the same shift finds more.
+        if above.n_below() == below {
+            known = below;
+            factor = above;
+        }
+    }
+    let is_certified = known >= count || modes.len() == n;
+    modes.truncate(count);
+    Found {
+        modes,
+        is_certified,
+    }
+}
+
+/// The `count` modes whose λ lies nearest to `centre`.
+pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Found {
+    let n = springs.n();
+    let count = count.min(n);
+    let mut shift = centre;
+    let factor = springs.factor(&mut shift);
+    let mut modes: Vec<Mode> = Vec::new();
+    let (mut is_certified, mut fruitless, mut run) = (count == 0, 0, 0);
+    let far = |mode: &Mode| (mode.lambda - shift).abs();
+    while !is_certified && fruitless < FRUITLESS {
+        run += 1;
+        let wanted = (count + 2).saturating_sub(modes.len()).max(4);
+        let fresh = lanczos(springs, &factor, &modes, wanted, run);
+        fruitless = if fresh.is_empty() { fruitless + 1 } else { 0 };
+        modes.extend(fresh);
+        modes.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        if modes.len() == n {
+            is_certified = true;
+            break;
+        }
+        if modes.len() <= count {
+            continue;
+        }
+        let at = (count..modes.len()).find(|&i| far(&modes[i]) - far(&modes[i - 1]) > GAP * shift);
+        let Some(at) = at else { continue };
+        let radius = 0.5 * (far(&modes[at]) + far(&modes[at - 1]));
+        let inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
+        is_certified = inside == at;
+    }
+    modes.truncate(count);
+    sort(&mut modes);
+    Found {
+        modes,
+        is_certified,
+    }
+}
+
+fn sort(modes: &mut [Mode]) {
+    modes.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
+}
+
+/// A number between two modes, above the first `count` of them or as many as there are.
+fn border(modes: &[Mode], count: usize) -> Option<f64> {
+    let gap = |&i: &usize| {
+        let (low, high) = (modes[i - 1].lambda, modes[i].lambda);
+        high - low > GAP * high.abs()
+    };
+    let middle = |i: usize| 0.5 * (modes[i - 1].lambda + modes[i].lambda);
+    let enough = (count.min(modes.len())..modes.len()).find(gap);
+    enough
+        .or_else(|| (1..modes.len()).rev().find(gap))
+        .map(middle)
+}
+
+/// The modes that one run of Lanczos finds outside the span of `found`: from the shift on, up to the first that is not
+/// known.
+fn lanczos(
+    springs: &Springs,
+    factor: &Factor<'_, f64>,
+    found: &[Mode],
+    wanted: usize,
+    run: usize,
+) -> Vec<Mode> {
+    let n = springs.n();
+    let free = n - found.len();
+    let most = (4 * wanted + 80).min(free);
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    let keep_out = |x: &mut [f64]| {
+        for mode in found {
+            let along = dot(&mode.vector, x);
+            add(-along, &mode.vector, x);
+        }
+    };
+    let mut next = scattered(n, run);
+    keep_out(&mut next);
+    keep_out(&mut next);
+    normalise(&mut next);
+    let mut scale = 0.0_f64;
+    let pairs = loop {
+        interrupt::poll();
+        let mut image = factor.solve(&next);
+        keep_out(&mut image);
+        if let (Some(before), Some(beta)) = (basis.last(), betas.last()) {
+            add(-beta, before, &mut image);
+        }
+        let alpha = dot(&next, &image);
+        add(-alpha, &next, &mut image);
+        let left = norm(&image);
+        basis.push(next);
+        alphas.push(alpha);
+        orthogonalise_once(&mut image, &basis);
+        if norm(&image) < 0.7 * left {
+            keep_out(&mut image);
+            orthogonalise(&mut image, &basis);
+        }
+        let beta = normalise(&mut image);
+        scale = scale.max(alpha.abs() + beta);
+        let steps = basis.len();
+        let is_whole = steps == free || beta <= 1e-14 * scale;
+        if is_whole || steps == most || (steps >= wanted && steps.is_multiple_of(LOOK)) {
+            let beta = if steps == free { 0.0 } else { beta };
+            let (pairs, is_limited) = known(&alphas, &betas, beta);
+            if is_whole || is_limited || steps == most || pairs.len() >= wanted {
+                break pairs;
+            }
+        }
+        betas.push(beta);
+        next = image;
+    };
+    let ritz = |weights: Vec<f64>| {
+        interrupt::poll();
+        let mut vector = vec![0.0; n];
+        for (weight, direction) in weights.iter().zip(&basis) {
+            add(*weight, direction, &mut vector);
+        }
+        keep_out(&mut vector);
+        normalise(&mut vector);
+        // The energy is exact for slow modes; σ + 1/θ is not.
+        let lambda = springs.energy(&vector);
+        Mode { lambda, vector }
+    };
+    pairs.into_iter().map(ritz).collect()
+}
+
+fn orthogonalise_once(x: &mut [f64], basis: &[Vec<f64>]) {
+    for direction in basis {
+        let along = dot(direction, x);
+        add(-along, direction, x);
+    }
+}
+
+/// Vectors of the small matrix by falling |θ|, up to the first that is not known; and whether rounding is why no more are.
+fn known(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, bool) {
+    let k = alphas.len();
+    let mut small = vec![0.0; k * k];
+    let mut units = vec![vec![0.0; k]; k];
+    for i in 0..k {
+        small[i * k + i] = alphas[i];
+        units[i][i] = 1.0;
+        if i + 1 < k {
+            small[i * k + i + 1] = betas[i];
+            small[(i + 1) * k + i] = betas[i];
+        }
+    }
+    let Some((values, seen)) = whole(small, &units) else {
+        return (Vec::new(), false);
+    };
+    let mut order: Vec<usize> = (0..k).collect();
+    order.sort_by(|&i, &j| values[j].abs().total_cmp(&values[i].abs()));
+    let least = RANGE * values[order[0]].abs();
+    let mut pairs = Vec::new();
+    for i in order {
+        if values[i].abs() <= least {
+            return (pairs, true);
+        }
+        if (beta * seen[k - 1][i]).abs() > KNOWN * values[i].abs() {
+            break;
+        }
+        pairs.push(seen.iter().map(|row| row[i]).collect());
+    }
+    (pairs, false)
+}

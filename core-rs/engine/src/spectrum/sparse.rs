@@ -1,0 +1,277 @@
+//! A sparse symmetric matrix, and its LDLᵀ: how many eigenvalues lie below a number, and solutions.
+//!
+//! Pivots are taken in a fixed order, whatever their size: a matrix that is not definite is factored at a shift that lies
+//! at no eigenvalue. Source: Davis, "Algorithm 849: a concise sparse Cholesky factorization package", ACM TOMS 31 (2005).
+
+use std::ops::{Add, Div, Mul, Sub};
+
+use super::ordering;
+use crate::interrupt;
+
+const NONE: u32 = u32::MAX;
+
+/// What a matrix is made of: `f64`, or complex numbers where P(λ) = K + λZ + λ²M is solved.
+pub(crate) trait Scalar:
+    Copy
+    + PartialEq
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + From<f64>
+{
+}
+
+impl<T> Scalar for T where
+    T: Copy
+        + PartialEq
+        + Add<Output = T>
+        + Sub<Output = T>
+        + Mul<Output = T>
+        + Div<Output = T>
+        + From<f64>
+{
+}
+
+/// Where a symmetric matrix has entries, and the order of its elimination.
+#[derive(Debug)]
+pub(crate) struct Pattern {
+    /// Where each row begins in `columns`   (n + 1)
+    first: Vec<usize>,
+    /// Columns off the diagonal, rising in each row
+    columns: Vec<u32>,
+    /// (n): eliminated first to last, and the inverse
+    order: Vec<u32>,
+    place: Vec<u32>,
+    /// The elimination tree   (n)
+    parent: Vec<u32>,
+    /// Where each column of L begins   (n + 1)
+    begins: Vec<usize>,
+}
+
+impl Pattern {
+    /// Of a matrix (n, n) that has entries at `pairs` and on its diagonal.
+    pub(crate) fn new(n: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
+        let mut rows: Vec<Vec<u32>> = vec![Vec::new(); n];
+        for (a, b) in pairs {
+            if a != b {
+                rows[a].push(b as u32);
+                rows[b].push(a as u32);
+            }
+        }
+        let (mut first, mut columns) = (vec![0], Vec::new());
+        for mut row in rows {
+            row.sort_unstable();
+            row.dedup();
+            columns.extend(row);
+            first.push(columns.len());
+        }
+        let order = ordering::order(&first, &columns);
+        let mut place = vec![0; n];
+        for (k, &i) in order.iter().enumerate() {
+            place[i as usize] = k as u32;
+        }
+        let mut own = Self {
+            first,
+            columns,
+            order,
+            place,
+            parent: vec![NONE; n],
+            begins: Vec::new(),
+        };
+        own.grow_tree();
+        own
+    }
+
+    pub(crate) fn n(&self) -> usize {
+        self.order.len()
+    }
+
+    /// How many entries L has.
+    pub(crate) fn fill(&self) -> usize {
+        self.begins[self.n()]
+    }
+
+    /// Where an entry stands among the values.
+    fn slot(&self, a: usize, b: usize) -> usize {
+        let row = &self.columns[self.first[a]..self.first[a + 1]];
+        self.first[a] + row.partition_point(|&column| (column as usize) < b)
+    }
+
+    fn grow_tree(&mut self) {
+        let n = self.n();
+        let (mut count, mut seen) = (vec![0; n], vec![NONE; n]);
+        for k in 0..n {
+            seen[k] = k as u32;
+            let row = self.order[k] as usize;
+            for &j in &self.columns[self.first[row]..self.first[row + 1]] {
+                let mut i = self.place[j as usize] as usize;
+                while i < k && seen[i] != k as u32 {
+                    seen[i] = k as u32;
+                    count[i] += 1;
+                    if self.parent[i] == NONE {
+                        self.parent[i] = k as u32;
+                    }
+                    i = self.parent[i] as usize;
+                }
+            }
+        }
+        self.begins = Vec::with_capacity(n + 1);
+        self.begins.push(0);
+        for count in count {
+            self.begins.push(self.begins.last().unwrap_or(&0) + count);
+        }
+    }
+}
+
+/// Values of a symmetric matrix on a pattern.
+#[derive(Clone, Debug)]
+pub(crate) struct Values<T> {
+    pub(crate) diagonal: Vec<T>,
+    /// Beside the columns of the pattern
+    beside: Vec<T>,
+}
+
+impl Values<f64> {
+    pub(crate) fn new(pattern: &Pattern) -> Self {
+        Self {
+            diagonal: vec![0.0; pattern.n()],
+            beside: vec![0.0; pattern.columns.len()],
+        }
+    }
+
+    /// Add to the entries (a, b) and (b, a), which lie off the diagonal.
+    pub(crate) fn add(&mut self, pattern: &Pattern, a: usize, b: usize, value: f64) {
+        self.beside[pattern.slot(a, b)] += value;
+        self.beside[pattern.slot(b, a)] += value;
+    }
+}
+
+impl<T: Scalar> Values<T> {
+    /// Each value made of two of the same place; the diagonal gets `more`.
+    pub(crate) fn of<U: Copy>(
+        one: &Values<U>,
+        other: &Values<U>,
+        more: T,
+        make: impl Fn(U, U) -> T,
+    ) -> Self {
+        let each =
+            |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| make(*a, *b)).collect() };
+        let mut diagonal = each(&one.diagonal, &other.diagonal);
+        diagonal.iter_mut().for_each(|x| *x = *x + more);
+        Self {
+            diagonal,
+            beside: each(&one.beside, &other.beside),
+        }
+    }
+
+    /// y = A x.
+    pub(crate) fn times(&self, pattern: &Pattern, x: &[T], y: &mut [T]) {
+        for (i, y) in y.iter_mut().enumerate() {
+            let mut sum = self.diagonal[i] * x[i];
+            for at in pattern.first[i]..pattern.first[i + 1] {
+                sum = sum + self.beside[at] * x[pattern.columns[at] as usize];
+            }
+            *y = sum;
+        }
+    }
+}
+
+/// LDLᵀ of a symmetric matrix; also of a complex one, without conjugation.
+pub(crate) struct Factor<'a, T> {
+    pattern: &'a Pattern,
+    rows: Vec<u32>,
+    values: Vec<T>,
+    pivots: Vec<T>,
+}
+
+impl<'a, T: Scalar> Factor<'a, T> {
+    /// Of A − `shift`·1; `None` where a pivot is 0.
+    pub(crate) fn new(pattern: &'a Pattern, matrix: &Values<T>, shift: T) -> Option<Self> {
+        let zero = T::from(0.0);
+        let n = pattern.n();
+        let (mut rows, mut values) = (vec![0; pattern.fill()], vec![zero; pattern.fill()]);
+        let mut pivots = vec![zero; n];
+        let mut ends = pattern.begins.clone();
+        let (mut row, mut seen) = (vec![zero; n], vec![NONE; n]);
+        let (mut path, mut reach) = (Vec::new(), Vec::new());
+        for k in 0..n {
+            if k % 256 == 0 {
+                interrupt::poll();
+            }
+            seen[k] = k as u32;
+            reach.clear();
+            let own = pattern.order[k] as usize;
+            for at in pattern.first[own]..pattern.first[own + 1] {
+                let start = pattern.place[pattern.columns[at] as usize] as usize;
+                if start >= k {
+                    continue;
+                }
+                row[start] = row[start] + matrix.beside[at];
+                let mut i = start;
+                while seen[i] != k as u32 {
+                    seen[i] = k as u32;
+                    path.push(i as u32);
+                    i = pattern.parent[i] as usize;
+                }
+                // Nearest to the root first: read from its end, each comes before those that it changes.
+                reach.extend(path.drain(..).rev());
+            }
+            let mut pivot = matrix.diagonal[own] - shift;
+            for &i in reach.iter().rev() {
+                let i = i as usize;
+                let value = row[i];
+                row[i] = zero;
+                let column = pattern.begins[i]..ends[i];
+                for (&j, &l) in rows[column.clone()].iter().zip(&values[column]) {
+                    row[j as usize] = row[j as usize] - l * value;
+                }
+                let share = value / pivots[i];
+                pivot = pivot - share * value;
+                rows[ends[i]] = k as u32;
+                values[ends[i]] = share;
+                ends[i] += 1;
+            }
+            if pivot == zero {
+                return None;
+            }
+            pivots[k] = pivot;
+        }
+        Some(Self {
+            pattern,
+            rows,
+            values,
+            pivots,
+        })
+    }
+
+    /// x of (A − shift·1) x = `right`.
+    pub(crate) fn solve(&self, right: &[T]) -> Vec<T> {
+        interrupt::poll();
+        let pattern = self.pattern;
+        let mut x: Vec<T> = pattern.order.iter().map(|&i| right[i as usize]).collect();
+        for k in 0..x.len() {
+            let column = pattern.begins[k]..pattern.begins[k + 1];
+            let own = x[k];
+            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
+                x[row as usize] = x[row as usize] - l * own;
+            }
+        }
+        for k in (0..x.len()).rev() {
+            let column = pattern.begins[k]..pattern.begins[k + 1];
+            let mut own = x[k] / self.pivots[k];
+            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
+                own = own - l * x[row as usize];
+            }
+            x[k] = own;
+        }
+        pattern.place.iter().map(|&k| x[k as usize]).collect()
+    }
+}
+
+impl Factor<'_, f64> {
+    /// How many eigenvalues lie below the shift (Sylvester's law of inertia).
+    pub(crate) fn n_below(&self) -> usize {
+        self.pivots.iter().filter(|pivot| **pivot < 0.0).count()
+    }
+}

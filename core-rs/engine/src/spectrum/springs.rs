@@ -1,0 +1,109 @@
+//! Springs between points as one sparse matrix M^-½ K M^-½, and the energy of a motion without cancellation.
+
+use super::sparse::{Factor, Pattern, Values};
+
+/// A point and its share of an elongation, M^-½.
+pub(crate) type End = (usize, f64);
+
+/// A spring or damper: one end, the other (none where it is held), and its coefficient.
+pub(crate) type Spring = (End, Option<End>, f64);
+
+/// The matrix of springs.
+#[derive(Debug)]
+pub(crate) struct Springs {
+    pub(crate) pattern: Pattern,
+    pub(crate) values: Values<f64>,
+    each: Vec<Spring>,
+}
+
+impl Springs {
+    /// Of `each` on `n` points.
+    pub(crate) fn new(n: usize, each: Vec<Spring>) -> Self {
+        let pattern = Pattern::new(n, pairs(&each));
+        let values = values(&pattern, &each);
+        Self {
+            pattern,
+            values,
+            each,
+        }
+    }
+
+    pub(crate) fn each(&self) -> &[Spring] {
+        &self.each
+    }
+
+    pub(crate) fn n(&self) -> usize {
+        self.pattern.n()
+    }
+
+    /// A x.
+    pub(crate) fn times(&self, x: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; x.len()];
+        self.values.times(&self.pattern, x, &mut y);
+        y
+    }
+
+    /// xᵀ A x: twice the energy, summed over springs. The elongations of a slow mode are small: no large numbers cancel.
+    pub(crate) fn energy(&self, x: &[f64]) -> f64 {
+        let pull = |&((a, share), other, k): &Spring| {
+            let long = share * x[a] - other.map_or(0.0, |(b, share)| share * x[b]);
+            k * long * long
+        };
+        self.each.iter().map(pull).sum()
+    }
+
+    /// LDLᵀ of A − shift, at a shift that is moved a little where it is an eigenvalue.
+    pub(crate) fn factor(&self, shift: &mut f64) -> Factor<'_, f64> {
+        let step = 1e-13 * f64::max(shift.abs(), 1e-3 * self.scale());
+        loop {
+            if let Some(found) = Factor::new(&self.pattern, &self.values, *shift) {
+                return found;
+            }
+            *shift += step;
+        }
+    }
+
+    /// The mean of the diagonal; 1 where that is 0.
+    pub(crate) fn scale(&self) -> f64 {
+        let sum: f64 = self.values.diagonal.iter().map(|x| x.abs()).sum();
+        if sum > 0.0 {
+            sum / self.n() as f64
+        } else {
+            1.0
+        }
+    }
+
+    /// No eigenvalue lies below (Gershgorin).
+    pub(crate) fn bottom(&self) -> f64 {
+        let mut least = vec![0.0; self.n()];
+        for &((a, at), other, k) in &self.each {
+            let Some((b, there)) = other else {
+                least[a] += k * at * at;
+                continue;
+            };
+            let across = (k * at * there).abs();
+            least[a] += k * at * at - across;
+            least[b] += k * there * there - across;
+        }
+        least.into_iter().fold(0.0, f64::min)
+    }
+}
+
+/// The ends of springs that join two points.
+pub(crate) fn pairs(each: &[Spring]) -> impl Iterator<Item = (usize, usize)> {
+    each.iter()
+        .filter_map(|&((a, _), other, _)| other.map(|(b, _)| (a, b)))
+}
+
+/// The matrix of springs on a pattern.
+pub(crate) fn values(pattern: &Pattern, each: &[Spring]) -> Values<f64> {
+    let mut values = Values::new(pattern);
+    for &((a, at), other, k) in each {
+        values.diagonal[a] += k * at * at;
+        if let Some((b, there)) = other {
+            values.diagonal[b] += k * there * there;
+            values.add(pattern, a, b, -k * at * there);
+        }
+    }
+    values
+}

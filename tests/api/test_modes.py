@@ -1,0 +1,106 @@
+"""`ergon.modes`: which modes of which parts, where they move, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ergon
+
+SCORE = """\
+ergon: 1
+title: Wires
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+laws: {cubic: {law: k*d + q*d**3, k: 200N/m, q: 4e7N/m3}}
+instruments:
+  wire: {modules: {s: {STRING: {masses: 24, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.17}}
+  pad:
+    modules:
+      m: {MAS: {M: 20g}}
+      floor: {SOL: {}}
+      soft: {LNL: {between: [m, floor], law: cubic}}
+      hit: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}
+      stop: {BUT: {between: [m, floor], K: 900N/m, gap: 1mm}}
+    out: {low: {SOX: m}, push: {SOF: soft}}
+  wall: {modules: {w: {SOL: {}}}}
+strikes: {a: {to: [wire.s.3], at: 0.1s, impulse: 1mNs}}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: knock}]}
+render: {tail: 0.5s}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(own_folder: Path) -> Path:
+    Path("wires.yaml").write_text(SCORE)
+    return own_folder
+
+
+def modes(*parts: str, **options: object) -> tuple[ergon.PartModes, ...]:
+    return ergon.modes("wires.yaml", ergon.ModesOptions(parts=parts, **options))  # type: ignore[arg-type]
+
+
+def test_a_string_and_where_it_is_struck_and_heard():
+    (wire,) = modes("wire", count=24)
+    assert wire.frequencies[0] == pytest.approx(293.6647679174076, rel=1e-12)
+    assert wire.t60[0] == pytest.approx(2.0, rel=1e-9)
+    assert wire.masses[3] == "wire.s.3"
+    assert wire.places.shape == (24, 2)
+    assert wire.is_certified
+    # All shapes of all modes: each is of mass 1, and where a point is struck is a column of them.
+    i = np.arange(1, 25)
+    sine = np.sin(np.pi * np.outer(i, i) / 25) * np.sqrt(2 / 25 / (4e-3 / 24))
+    assert np.abs(wire.shapes) == pytest.approx(np.abs(sine), rel=1e-6, abs=1e-6)
+    assert list(wire.points) == ["out", "wire.s.3"]
+    assert np.array_equal(wire.points["out"], wire.shapes[:, 17])
+    assert np.array_equal(wire.points["wire.s.3"], wire.shapes[:, 3])
+    assert wire.levels("out").max() == 0.0
+
+
+def test_all_parts_in_the_order_of_the_score():
+    found = modes()
+    assert [part.part for part in found] == ["k1", "wire", "pad", "wall"]
+    assert [len(part.poles) for part in found] == [1, 20, 1, 0]
+    key, _, pad, _ = found
+    assert key.poles[0] == pytest.approx(-1.5 + 1j * np.sqrt(150.0 - 1.5**2))
+    # The law at its slope at rest, the contact with the floor open, that with the key left out.
+    assert (pad.n_laws, pad.n_contacts) == (1, 1)
+    assert pad.poles[0].imag == pytest.approx(100.0)
+    assert list(key.points) == ["k1"]
+    assert list(pad.points) == ["out low", "pad.m"]
+
+
+def test_up_to_a_frequency_and_around_a_note():
+    (all_of_it,) = modes("wire", count=24)
+    (below,) = modes("wire", to="2kHz")
+    assert below.frequencies == pytest.approx(all_of_it.frequencies[:7])
+    (near,) = modes("wire", around="A5", count=2)
+    assert near.frequencies == pytest.approx(all_of_it.frequencies[1:3])
+    (nearer,) = modes("wire", around=880.0, count=1)
+    assert nearer.frequencies == pytest.approx(all_of_it.frequencies[2:3])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"parts": ["wirr"]}, "parts: no instrument or key is called 'wirr'; did you mean 'wire'?"),
+        (
+            {"parts": ["x"]},
+            "parts: no instrument or key is called 'x'; there are k1, wire, pad, wall",
+        ),
+        ({"to": "h3"}, "to: 'h3' is neither a frequency such as 220Hz nor a note .*mean 'B3'"),
+        ({"to": -1.0}, "to: "),
+        ({"to": 1e3, "count": 2}, "count: excludes to; give one of the two"),
+        ({"to": 1e3, "around": "A3"}, "around: excludes to; give one of the two"),
+        ({"count": 0}, "count: is 0; it must be at least 1"),
+    ],
+)
+def test_what_cannot_be_asked_for(options: dict, message: str):
+    with pytest.raises(ergon.OptionError, match=message.replace("?", "\\?")):
+        modes(**options) if "parts" not in options else modes(*options["parts"])
+
+
+def test_a_score_with_a_mistake():
+    with pytest.raises(ergon.ScoreError, match="E203"):
+        ergon.modes("wires.yaml", ergon.ModesOptions(text=SCORE.replace("400g", "400h")))
