@@ -99,7 +99,9 @@ pub enum KeyError {
     #[error("a tick must have 1 to 10,000 steps")]
     Steps,
     /// Too fast for the step.
-    #[error("a resonance of this key is too fast for its steps; take more steps a tick")]
+    #[error(
+        "a resonance of this key is too fast: it must be below 0.16 of the steps a second, which are usually 44,100"
+    )]
     Fast,
 }
 
@@ -187,7 +189,7 @@ impl KeyModel {
                 interrupt::poll();
             }
             path.push(motion.position());
-            motion.tick(force);
+            motion.tick(force, 0.0);
         }
         Ok(path)
     }
@@ -231,7 +233,7 @@ impl KeyModel {
             }
             path.push(motion.position());
             jacobian.extend_from_slice(&motion.dx[..columns.len()]);
-            motion.tick(force);
+            motion.tick(force, 0.0);
         }
         Ok((path, jacobian))
     }
@@ -313,6 +315,8 @@ pub struct Motion<const N: usize = 0> {
     late: f64,
     x: f64,
     v: f64,
+    /// The part of the next step in which spring and weight act: the velocity begins half a step before the position.
+    part: f64,
     /// How far the contact has given way before it slides.
     s: f64,
     dx: [f64; N],
@@ -449,6 +453,7 @@ impl<const N: usize> Motion<N> {
             late: (shift - whole) * steps as f64,
             x: key.start,
             v: 0.0,
+            part: 0.5,
             s: 0.0,
             dx,
             dv: [0.0; N],
@@ -468,20 +473,20 @@ impl<const N: usize> Motion<N> {
         (self.x, self.v) = (x, 0.0);
     }
 
-    /// One tick with this force [N], which acts after the delay.
-    pub fn tick(&mut self, force: f64) {
+    /// One tick with a force that acts after the delay, and one that acts at once [N].
+    pub fn tick(&mut self, force: f64, direct: f64) {
         self.sent.remove(0);
         self.sent.push(force);
         let (before, now) = (self.sent[0], self.sent[1]);
         for step in 0..self.steps {
             let rest = self.late - step as f64; // of the force before, in steps
             if rest >= 1.0 {
-                self.step(before, 0.0);
+                self.step(before + direct, 0.0);
             } else if rest < 0.0 {
-                self.step(now, 0.0);
+                self.step(now + direct, 0.0);
             } else {
                 let slope = (before - now) / self.step;
-                self.step(rest * before + (1.0 - rest) * now, slope);
+                self.step(rest * before + (1.0 - rest) * now + direct, slope);
             }
         }
     }
@@ -516,7 +521,8 @@ impl<const N: usize> Motion<N> {
         let friction = self.friction();
         let contact = Contact::of(&self.key, &friction, self.s, v, h);
         let key = &self.key;
-        let total = force - key.stiffness * x - key.weight + pull - key.presliding * contact.s;
+        let held = key.stiffness * x + key.weight;
+        let total = force - self.part * held + pull - key.presliding * contact.s;
         let gain = (self.push * total - 2.0 * self.drag * v) / self.under;
         let per_level = if key.presliding > 0.0 {
             0.0
@@ -537,6 +543,7 @@ impl<const N: usize> Motion<N> {
             };
             self.move_columns(&of);
         }
+        self.part = 1.0;
         self.s = contact.s;
         self.v = turned.v;
         self.x += h * self.v;
@@ -602,7 +609,7 @@ impl<const N: usize> Motion<N> {
     /// The derivatives of a step: what those of the state become, then what each parameter adds in its own column.
     fn move_columns(&mut self, of: &Step<'_>) {
         let (h, contact, turned) = (self.step, of.contact, of.turned);
-        let (stiffness, presliding) = (self.key.stiffness, self.key.presliding);
+        let (stiffness, presliding) = (self.part * self.key.stiffness, self.key.presliding);
         let per_force = self.push / self.under;
         let by_force = turned.by_gain * per_force;
         let by_v = turned.by_v - turned.by_gain * 2.0 * self.drag / self.under
@@ -670,7 +677,7 @@ impl<const N: usize> Motion<N> {
                 }
             }
             Parameter::Stiffness => Added {
-                force: -self.x,
+                force: -self.part * self.x,
                 ..none
             },
             Parameter::Damping => Added {
@@ -679,7 +686,7 @@ impl<const N: usize> Motion<N> {
                 ..none
             },
             Parameter::Weight => Added {
-                force: -1.0,
+                force: -self.part,
                 ..none
             },
             Parameter::Delay => Added {

@@ -1511,6 +1511,10 @@ def emulate(
     lockstep: bool,
     touch_gate: bool,
     watchdog: float,
+    model: _Floats | None = None,
+    noise: float = 0.0,
+    force_step: float = 0.0,
+    seed: int = 0,
     seconds: float | None = None,
     once: bool = False,
 ) -> None:
@@ -1519,7 +1523,9 @@ def emulate(
     A key has mass [kg], stiffness [N/m], damping [N·s/m] and travel [m]; its motor has force_max
     [N], its sensor a resolution [m]. `rate` [Hz] is that of its periods. `hand` is the stiffness
     [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period; an empty path
-    is a resting finger, a missing one an untouched key.
+    is a resting finger, a missing one an untouched key. With `model`, the parameters of `key_path`,
+    each key moves by that model instead. `noise` is the standard deviation of the sensor's noise
+    [m], drawn by `seed`; forces are rounded to multiples of `force_step` [N].
 
     `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for `watchdog`
     [s]), "host-gone", and "over" with periods, packets and the hash of all positions.
