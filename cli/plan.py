@@ -244,9 +244,8 @@ def _why(row: PlanRow) -> list[str]:
     if row.stays is not None:
         said.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.contact_substeps > 1:
-        said.append(
-            f"  Contacts are computed {row.contact_substeps} times a step while they may be closed."
-        )
+        said.append("  Closed contacts, and laws that stand alone, are computed between frames,")
+        said.append(f"  {row.contact_substeps} steps a frame or more.")
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")

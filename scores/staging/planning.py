@@ -110,8 +110,8 @@ class _Planner:
         how = _budget(wished)
         return _core.Plan(*self._of, **how, store=self._store, like=self._like, share=share)
 
-    def are_kept(self) -> bool:
-        """Whether there were trials, and none had to be played. Nothing is planned afterwards."""
+    def finish(self) -> bool:
+        """Forget trials of earlier plans that these did not use; whether no trial had to be played anew."""
         if self._store is None:
             return False
         self._store.forget()
@@ -154,12 +154,12 @@ def make(
     notes += [("W403", sentence) for sentence in _cut_short(made, accuracy.error)]
     told = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and told * cost(made) <= accuracy.cpu):
-        return Planned(made, accuracy, tuple(notes), planner.are_kept())
+        return Planned(made, accuracy, tuple(notes), planner.finish())
     looser = {error: Accuracy(error=error) for error in _LOOSER}
     looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
     fits = [error for error, other in looser_plans.items() if told * cost(other) <= accuracy.cpu]
     if is_free and fits:
-        return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.are_kept())
+        return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.finish())
     all_made = ((made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
     cheapest, its_accuracy = min(all_made, key=lambda one: cost(one[0]))
     hint = (
@@ -172,7 +172,7 @@ def make(
     excess = f"the plan takes {taken} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (made, accuracy)
-    return Planned(*chosen, notes_with_cost, planner.are_kept())
+    return Planned(*chosen, notes_with_cost, planner.finish())
 
 
 def draft_error(plan: _core.Plan) -> str:

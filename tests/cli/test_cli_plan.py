@@ -94,7 +94,7 @@ def test_the_table_and_a_reason(capsys: Capture) -> None:
 
 
 def test_a_render_by_a_plan_is_that_render(capsys: Capture) -> None:
-    exact = ["--error", "-70dB"]
+    exact = ["--error", "-100dB"]
     assert app.run(["plan", "all.yaml", *exact, "-o", "all.json"]) == 0
     assert app.run(["render", "all.yaml", *exact, "-o", "a.wav"]) == 0
     assert app.run(["render", "all.yaml", "--plan", "all.json", "-o", "b.wav"]) == 0

@@ -196,3 +196,50 @@ def test_a_hardening_plate_keeps_what_hardens():
     # A hardening body parts from itself at every rounding: its beginning and the glide's are held.
     half = N // 2
     assert error_db(heard(module, "m.6", GLIDE, "{method: bm4}")[:half], truth[:half]) <= -60.0
+
+
+@pytest.mark.parametrize(("gap", "z"), [(-2e-3, 0.0), (3e-4, 0.0), (3e-4, 0.02)])
+def test_a_contact_glides_between_frames(gap: float, z: float):
+    """A cell on a stop that presses it, or that it strikes: K of the stop grows to 16 times."""
+    f, t60, k, m = 110.0, 3.0, 500.0, 2e-3
+    sigma = SIGMA / t60
+    modules = (
+        f"      m: {{CEL: {{M: {m}kg, f: {f}Hz, t60: {t60}s, X0: 1mm}}}}\n"
+        "      s: {SOL: {X0: 0m}}\n"
+        f"      c: {{BUT: {{between: [s, m], K: {k}N/m, Z: {z}Ns/m, gap: {gap}m}}}}"
+    )
+
+    def forces(t, x, v):
+        stiff = k * (1.0 + 15.0 * min(1.0, max(0.0, (t - BEGIN) / LENGTH)))
+        depth = -x - gap
+        push = np.where(depth > 0.0, stiff * depth - z * v, 0.0)
+        return -((2 * math.pi * f) ** 2 + sigma**2) * x - 2 * sigma * v + push / m
+
+    truth = reference(forces, np.array([1e-3]), N)[0]
+    line = f"{{set: a.c.K, to: x16, at: {BEGIN}s, over: {LENGTH}s}}"
+    assert error_db(heard(modules, "m", line), truth) <= -60.0
+
+
+@pytest.mark.parametrize(("what", "limit"), [("f", -48.0), ("M", -44.0)])
+def test_a_cell_glides_under_a_stiff_contact(what: str, limit: float):
+    """A stop that presses the cell all the time; f or M of the cell grows to 4 times.
+
+    The cell is taken as it is halfway through each frame; docs/language.md states the limit.
+    """
+    f, t60, k, m, gap = 110.0, 3.0, 50e3, 2e-3, -2e-3
+    sigma = SIGMA / t60
+    modules = (
+        f"      m: {{CEL: {{M: {m}kg, f: {f}Hz, t60: {t60}s, X0: 1mm}}}}\n"
+        "      s: {SOL: {X0: 0m}}\n"
+        f"      c: {{BUT: {{between: [s, m], K: {k}N/m, Z: 0Ns/m, gap: {gap}m}}}}"
+    )
+
+    def forces(t, x, v):
+        u = min(1.0, max(0.0, (t - BEGIN) / LENGTH))
+        pitch, mass = (f * ratio(t), m) if what == "f" else (f, m * (1.0 + 3.0 * u))
+        push = np.maximum(0.0, k * (-x - gap))
+        return -((2 * math.pi * pitch) ** 2 + sigma**2) * x - 2 * sigma * v + push / mass
+
+    truth = reference(forces, np.array([1e-3]), N)[0]
+    line = f"{{set: a.m.{what}, to: x4, at: {BEGIN}s, over: {LENGTH}s}}"
+    assert error_db(heard(modules, "m", line), truth) <= limit

@@ -130,6 +130,42 @@ def test_an_edit_recalls_what_it_does_not_change(
     assert all(0.5 * again < recalled < again for recalled in edited)
 
 
+# A law and two contacts between frames; a cell and a stop glide away, the cell back.
+BETWEEN = """\
+ergon: 1
+accuracy: {{error: -80dB}}
+instruments:
+  a:
+    modules:
+      s: {{SOL: {{X0: 0m}}}}
+      m: {{CEL: {{M: 2g, f: 110Hz, t60: 3s, X0: 1mm}}}}
+      c: {{BUT: {{between: [s, m], K: 5e4N/m, Z: 0.1Ns/m, gap: 0.1mm}}}}
+      n: {{CEL: {{M: 1g, f: 300Hz, t60: 3s}}}}
+      l: {{LNL: {{between: [m, n], law: "k*d + q*d**3", k: 20N/m, q: 4e7N/m3}}}}
+      b: {{BUT: {{between: [s, n], K: 9e3N/m, gap: 0.2mm}}}}
+    out: {{x: {{SOX: n}}, c: {{SOF: {{BUT: c}}}}}}
+automation:
+  - {{set: a.m.f, to: x4, at: 0.2s, over: 0.2s}}
+  - {{set: a.m.f, to: x1, at: 0.5s, over: 0.2s}}
+  - {{set: a.c.K, to: x8, at: 0.3s, over: 0.3s}}
+strikes:
+  a: {{to: [a.m], at: 0.1s, impulse: 1mNs}}
+  c: {{to: [a.n], at: {late}s, impulse: 3mNs}}
+render: {{tail: 0.3s, bits: float}}
+"""
+
+
+def test_what_is_computed_between_frames_goes_on(counted: Counted, monkeypatch: pytest.MonkeyPatch):
+    versions = [BETWEEN.format(late=late) for late in (1.4, 1.4, 1.5)]
+    scratch = [sound(version, monkeypatch, kept=False) for version in versions]
+    assert scratch[0] != scratch[2]
+    kept = [sound(version, monkeypatch, kept=True) for version in versions]
+    assert kept == scratch
+    first, again, edited = counted.recalled
+    assert first == 0
+    assert again > edited > 0.5 * again
+
+
 def test_where_in_the_text_a_gesture_stands_does_not_sound(
     counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):

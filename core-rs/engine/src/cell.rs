@@ -20,6 +20,9 @@ pub fn decay(t60: Option<f64>) -> f64 {
     t60.map_or(0.0, |t60| 3.0 * LN_10 / t60)
 }
 
+/// A motion that fades by more than e^-STEEP is not continued backwards as it is.
+const STEEP: f64 = 25.0;
+
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratios {
@@ -167,6 +170,34 @@ impl Cell {
         }
     }
 
+    /// The cell of mass `m` [kg] whose ratios at `rate` are these, `None` where no motion between samples is like that.
+    pub(crate) fn of_ratios(m: f64, Ratios { kappa, zeta }: Ratios, rate: Rate) -> Option<Self> {
+        let (hertz, r) = (rate.hertz(), sqrt(1.0 - zeta));
+        let loss = zeta / (1.0 + r);
+        let half = (kappa - loss * loss) / (4.0 * r);
+        let sigma = -0.5 * log1p(-zeta) * hertz;
+        let poles = if half >= 0.0 {
+            let omega = 2.0 * asin(sqrt(half)) * hertz;
+            Poles::Oscillating { omega }
+        } else {
+            // λ = r·e^±d, and 1 − λ₁ of the slower, without cancellation.
+            let spread = sqrt(-half * (1.0 - half));
+            let slow = loss + 2.0 * r * half - 2.0 * r * spread;
+            let fast = loss + 2.0 * r * half + 2.0 * r * spread;
+            let [slow, fast] = [slow, fast].map(|gone| -log1p(-gone) * hertz);
+            Poles::Creeping { slow, fast }
+        };
+        let is_sound = match poles {
+            Poles::Oscillating { omega } => sigma.is_finite() && omega.is_finite(),
+            Poles::Creeping { slow, fast } => slow.is_finite() && fast.is_finite() && slow < fast,
+        };
+        is_sound.then_some(Self {
+            mass: m,
+            sigma,
+            poles,
+        })
+    }
+
     /// x(0) - x(-T) [m] of the free motion that is at `x` [m] with velocity `v` [m/s] at t = 0, its
     /// ground at `rest` [m].
     ///
@@ -217,6 +248,29 @@ impl Cell {
     /// Displacement [m] per impulse [N·s], `t` [s] >= 0 after it.
     pub(crate) fn answer(&self, t: f64) -> f64 {
         self.response(t) / self.mass
+    }
+
+    /// The same function continued to before the impulse: `t` [s] of any sign. What fades by more than e^-STEEP over
+    /// `t` is continued as an odd function, for there it would explode.
+    pub(crate) fn answer_around(&self, t: f64) -> f64 {
+        if t < 0.0 && self.reach() * -t > STEEP {
+            -self.answer(-t)
+        } else {
+            self.answer(t)
+        }
+    }
+
+    /// Velocity [m/s] per impulse [N·s], at once.
+    pub(crate) fn jump(&self) -> f64 {
+        1.0 / self.mass
+    }
+
+    /// The fastest of its motions: |λ| of e^(λt) [1/s].
+    pub(crate) fn reach(&self) -> f64 {
+        match self.poles {
+            Poles::Oscillating { omega } => sqrt(self.sigma * self.sigma + omega * omega),
+            Poles::Creeping { fast, .. } => fast,
+        }
     }
 
     /// Weights of two successive samples, relative to the rest position, whose sum is the free motion at the fraction

@@ -22,6 +22,7 @@ mod passes;
 pub(crate) mod square;
 mod trapezoid;
 
+pub(crate) use bm4::STAGES;
 pub(crate) use certify::certify;
 pub(crate) use method::MeshMethod;
 

@@ -47,7 +47,8 @@ impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
         let bodies = self.bodies.iter().map(cost::body_cost);
-        let hub = cost::stepped_cost(&self.network, &self.timeline);
+        let hub = cost::stepped_cost(&self.network, &self.timeline)
+            + cost::laws_cost(&self.network, &self.bodies, self.contact_substeps);
         f64::from(self.oversampling) * (hub + bodies.sum::<f64>())
     }
 }
@@ -170,42 +171,42 @@ impl Plan {
         unchecked: bool,
     ) -> Result<Self, Error> {
         let mut plan = Self::empty(network.clone(), timeline);
+        let island_plan = plan.stepped(timeline, 1);
         if !unchecked {
             let certificate = Scheme::new(&network, timeline.rate)?.certify(&network)?;
-            plan.rows
-                .push(Row::stepped(&network, timeline, certificate));
+            plan.rows.push(Row::stepped(&island_plan, certificate));
         }
-        plan.step_all(timeline, 1);
+        plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
         Ok(plan)
     }
 
-    /// Everything stepped as written, with contacts computed as often a frame as a plan by ear begins with: for networks
-    /// whose contacts are too stiff for [`Plan::plain`].
+    /// Everything stepped as written, with contacts computed between frames: for networks whose contacts are too stiff
+    /// for [`Plan::plain`].
     ///
     /// # Errors
     ///
     /// Those of a network that is unstable without its contacts.
     pub fn with_fine_contacts(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
-        let budget = Budget::default();
-        let (contact_substeps, certificate) =
-            passes::assemble::hub(&network, timeline, &budget, Refusal::Explained)?;
-        let mut plan = Self::empty(network.clone(), timeline);
-        plan.rows
-            .push(Row::stepped(&network, timeline, certificate));
-        plan.step_all(timeline, contact_substeps);
+        let (budget, most) = (Budget::default(), Budget::STEPS_MAX);
+        let (contact_substeps, _, certificate) =
+            passes::assemble::hub(&network, timeline, &budget, most, Refusal::Explained)?;
+        let mut plan = Self::empty(network, timeline);
+        let island_plan = plan.stepped(timeline, contact_substeps);
+        plan.rows.push(Row::stepped(&island_plan, certificate));
+        plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
         Ok(plan)
     }
 
-    /// Add all of the network as one island, module by module.
-    fn step_all(&mut self, timeline: &Timeline, contact_substeps: usize) {
-        self.units.push(Unit::IslandPlan(Box::new(IslandPlan {
+    /// All of the network as one island, module by module.
+    fn stepped(&self, timeline: &Timeline, contact_substeps: usize) -> IslandPlan {
+        IslandPlan {
             network: self.network.clone(),
             timeline: timeline.clone(),
             bodies: Vec::new(),
             contact_substeps,
             oversampling: 1,
             to_whole: Whole::default(),
-        })));
+        }
     }
 
     /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, and

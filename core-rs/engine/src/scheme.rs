@@ -18,7 +18,6 @@ use std::sync::Arc;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
-use crate::maths::power_law;
 use crate::network::{But, Contact, Error, Network, Output};
 use crate::units::Rate;
 
@@ -64,9 +63,15 @@ impl Run {
         }
     }
 
-    /// Whether the run can be computed in substeps of a frame: one plain contact.
+    /// Whether the run can be computed in substeps of a frame: a single law, or a contact, plain or exact, which are one
+    /// equation.
     pub(crate) fn can_substep(&self) -> bool {
-        matches!(&self.kind, Kind::But(but) if but.contact == Contact::Plain) && self.len == 1
+        let is_one = match &self.kind {
+            Kind::Ref => false,
+            Kind::But(but) => but.contact != Contact::Magic,
+            Kind::Lnl { .. } | Kind::Hardening(_) => true,
+        };
+        is_one && self.len == 1
     }
 
     /// The run as hardening springs; `None` for contacts and other laws.
@@ -127,9 +132,6 @@ pub struct Scheme {
     pub(crate) linear: bool,
 }
 
-/// A usual depth of a contact [m].
-const DEPTH: f64 = 1e-4;
-
 impl Scheme {
     /// The numbers of the CA scheme of a network at `rate`.
     ///
@@ -176,18 +178,21 @@ impl Scheme {
         certify::certify(self, network, refusal)
     }
 
-    /// κ = K(1/M + 1/M) of the stiffest contact that can be computed finer than a frame; one by a power law
-    /// counts as if its K were that of a linear one a tenth of a millimetre deep.
-    pub(crate) fn stiffest_contact(&self) -> Option<f64> {
-        let kappa = |run: &Run| {
-            let Kind::But(but) = &run.kind else {
-                return 0.0;
-            };
-            let k = run.k * power_law(DEPTH, but.exponent - 1.0);
-            (k + 2.0 * run.z) * (self.w[run.a] + self.w[run.b])
+    /// Laws are computed finer than a frame where there are so many at most: every law looks at every other one.
+    pub(crate) const FINE_LAWS: usize = 32;
+
+    /// Whether it has contacts, and whether it has laws, that can be computed finer than a frame.
+    pub(crate) fn has_fine(&self) -> (bool, bool) {
+        let runs = || {
+            self.runs
+                .iter()
+                .chain(&self.exact)
+                .filter(|run| run.can_substep())
         };
-        let contacts = self.runs.iter().filter(|run| run.can_substep());
-        contacts.map(kappa).reduce(f64::max)
+        let is_law = |run: &&Run| matches!(run.kind, Kind::Lnl { .. });
+        let n_laws = runs().filter(is_law).count();
+        let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
+        (runs().any(|run| !is_law(&run)), has_laws)
     }
 
     /// Pass over springs all at once, but for links that `is_told` alone.
@@ -201,9 +206,19 @@ impl Scheme {
         self.fused.extend(fused.iter().filter_map(Run::spring));
     }
 
-    /// Remove the contacts that are computed in substeps.
-    pub(crate) fn without_contacts(&mut self) {
-        self.runs.retain(|run| !run.can_substep());
+    /// Take out the contacts and laws that are computed in substeps; laws only where there are few.
+    pub(crate) fn take_fine(&mut self) -> Vec<Run> {
+        let is_law = |run: &Run| matches!(run.kind, Kind::Lnl { .. }) && run.can_substep();
+        let are_few = self.runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
+        let is_fine = |run: &Run| run.can_substep() && (are_few || !is_law(run));
+        let all = std::mem::take(&mut self.runs);
+        let (mut fine, runs) = all.into_iter().partition::<Vec<_>, _>(is_fine);
+        let all = std::mem::take(&mut self.exact);
+        let (exact, left) = all.into_iter().partition::<Vec<_>, _>(is_fine);
+        fine.extend(exact);
+        fine.sort_by_key(|run| run.first);
+        (self.runs, self.exact) = (runs, left);
+        fine
     }
 
     /// 1/M, κ, ζ and rest position of every MAT   (n_mat each).

@@ -12,18 +12,20 @@ use crate::units::Rate;
 /// x[−1] is the free motion at −T, exact for a CEL and linear for a MAS, plus ½T²·F/m for the force F of links at t = 0.
 /// Under `ca` d[0] is V0·T.
 ///
-/// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton).
+/// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton). `acts`: whether the run that
+/// begins with a link acts at frames, and not between them.
 pub(crate) fn backward_steps(
     network: &Network,
     timeline: &Timeline,
     scheme: &Scheme,
     x: &[f64],
     pushes: &[(usize, f64)],
+    acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
     let rate = timeline.rate;
     let t = rate.step();
     let mats = network.mats();
-    let force = forces(network, timeline, x, pushes);
+    let force = forces(network, timeline, x, pushes, acts);
     (0..network.n_mat())
         .map(|i| {
             let (x0, v0) = (x[i], mats.v0[i]);
@@ -45,12 +47,13 @@ pub(crate) fn backward_steps(
         .collect()
 }
 
-/// Forces of all links on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
+/// Forces of all links that act at frames on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
 pub(crate) fn forces(
     network: &Network,
     timeline: &Timeline,
     x: &[f64],
     pushes: &[(usize, f64)],
+    acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
     let mats = network.mats();
     let mut force = vec![0.0; network.n_mat()];
@@ -63,7 +66,8 @@ pub(crate) fn forces(
             .iter()
             .any(|gate| gate.links().contains(&first) && gate.open(0) == 0.0)
     };
-    for run in network.runs().iter().filter(|run| !closed(run.first)) {
+    let runs = network.runs().iter();
+    for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
         let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);
         let ca_step = ca.map_or(1.0, Rate::step);
         let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;

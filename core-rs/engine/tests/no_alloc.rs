@@ -5,6 +5,7 @@
 #[path = "scenes/scene.rs"]
 mod scene;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
@@ -121,7 +122,17 @@ fn a_slow_key_does_not_allocate() {
 /// Whatever plays in the middle of whatever: one simulation takes over from another.
 #[test]
 fn a_take_over_does_not_allocate() {
-    for seed in 0..40 {
+    take_over(0..16);
+}
+
+#[test]
+#[ignore = "minutes: make test-long"]
+fn many_take_overs_do_not_allocate() {
+    take_over(16..100);
+}
+
+fn take_over(seeds: Range<u64>) {
+    for seed in seeds {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
         let options = Options {

@@ -8,8 +8,8 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from accuracy import tables
-from accuracy.audit import Audit, look
-from accuracy.random_scenes import FAMILIES, text
+from accuracy.audit import Audit, look, look_drawn
+from accuracy.random_scenes import FAMILIES
 
 NAMED = Path(__file__).parents[2] / "data" / "accuracy"
 SEEDS = 8  # of each family
@@ -55,7 +55,7 @@ def main(page: Path, n_seeds: int, families: Sequence[str]) -> None:
     with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
         found_named = [_told(audit) for audit in pool.map(look, named, named.values())]
         found = {
-            family: [_told(a) for a in pool.map(partial(_drawn, family), range(len(names)))]
+            family: [_told(a) for a in pool.map(partial(look_drawn, family), range(len(names)))]
             for family, names in drawn.items()
         }
     page.write_text(written(found_named, found), encoding="utf-8")
@@ -75,10 +75,6 @@ def written(named: Sequence[Audit], drawn: Mapping[str, Sequence[Audit]]) -> str
         tables.scenes(audit for audits in drawn.values() for audit in audits),
     ]
     return "\n".join(parts) + "\n"
-
-
-def _drawn(family: str, seed: int) -> Audit:
-    return look(f"{family}-{seed}", text(family, seed))
 
 
 def _told(audit: Audit) -> Audit:

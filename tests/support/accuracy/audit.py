@@ -8,6 +8,7 @@ import numpy as np
 
 from accuracy import reference
 from accuracy.equations import read
+from accuracy.random_scenes import text as random_text
 from ergon import _core
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy, Piece
@@ -113,6 +114,11 @@ def look(
     plans = tuple(_plan(piece, budget, exact) for budget in budgets)
     settings = _plain(piece, exact.sound, plans) if plain else ()
     return Audit(name, plans, tuple(settings))
+
+
+def look_drawn(family: str, seed: int) -> Audit:
+    """Everything that is asked of a random scene; a spawned process knows no `__main__`."""
+    return look(f"{family}-{seed}", random_text(family, seed))
 
 
 def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) -> float:

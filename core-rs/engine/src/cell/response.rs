@@ -1,7 +1,7 @@
 //! What one coordinate of a linear body does after an impulse, as displacements at two samples: from then on its
 //! recurrence x[n+1] = a·x[n] − b·x[n−1] runs through the samples of its continuous motion.
 
-use super::{Cell, Ratios};
+use super::{Cell, Ratios, STEEP};
 use crate::maths::{cos, exp, sin, sqrt};
 use crate::units::Rate;
 
@@ -64,6 +64,49 @@ impl Response {
             } => exp(-decay * t) * (re * cos(omega * t) - im * sin(omega * t)),
             Self::Real { decay, gain } => gain * exp(-decay * t),
             Self::Free { gain } => gain * t,
+        }
+    }
+
+    /// The same function continued to before the impulse: `t` [s] of any sign. What fades by more than e^-STEEP over
+    /// `t` is continued as if it faded both ways, for there it would explode.
+    pub(crate) fn around(&self, t: f64) -> f64 {
+        let fades = |decay: f64| {
+            let is_steep = -decay * t > STEEP;
+            exp(-decay * if is_steep { -t } else { t })
+        };
+        match *self {
+            Self::Cell(cell) => cell.answer_around(t),
+            Self::Pair {
+                decay,
+                omega,
+                gain: [re, im],
+            } => fades(decay) * (re * cos(omega * t) - im * sin(omega * t)),
+            Self::Real { decay, gain } => gain * fades(decay),
+            Self::Free { gain } => gain * t,
+        }
+    }
+
+    /// Velocity [m/s] per impulse [N·s], at once.
+    pub(crate) fn jump(&self) -> f64 {
+        match *self {
+            Self::Cell(cell) => cell.jump(),
+            Self::Pair {
+                decay,
+                omega,
+                gain: [re, im],
+            } => -decay * re - omega * im,
+            Self::Real { decay, gain } => -decay * gain,
+            Self::Free { gain } => gain,
+        }
+    }
+
+    /// The fastest of its motions: |λ| of e^(λt) [1/s].
+    pub(crate) fn reach(&self) -> f64 {
+        match *self {
+            Self::Cell(cell) => cell.reach(),
+            Self::Pair { decay, omega, .. } => sqrt(decay * decay + omega * omega),
+            Self::Real { decay, .. } => decay,
+            Self::Free { .. } => 0.0,
         }
     }
 

@@ -24,7 +24,8 @@ const B2: f64 = 0.396_309_801_498_368;
 const B3: f64 = -0.039_056_304_922_348_6;
 const B4: f64 = 1.0 - 2.0 * (B1 + B2 + B3);
 /// A kick and the drift that follows it; a last kick of `B1` ends the step.
-const STAGES: [[f64; 2]; 6] = [[B1, A1], [B2, A2], [B3, A3], [B4, A3], [B3, A2], [B2, A1]];
+pub(crate) const STAGES: [[f64; 2]; 6] =
+    [[B1, A1], [B2, A2], [B3, A3], [B4, A3], [B3, A2], [B2, A1]];
 
 #[derive(Clone, Debug)]
 pub(super) struct Bm4 {

@@ -33,7 +33,7 @@ impl Ca {
         let mut scheme = mesh.scheme.clone();
         let guard = Guard::new(&scheme, network, Limit::CA, &[])?;
         let x = network.mats().x0.clone();
-        let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[]);
+        let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[], &|_| true);
         scheme.fuse(|_| false);
         let (mut body, mut laws) = (Body::new(&scheme, x, d), Laws::new(&scheme));
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));

@@ -27,6 +27,9 @@ use crate::timeline::{Drive, DriveKind, Key, Timeline, first, greatest, pushes};
 use crate::units::Rate;
 use crate::units::frame;
 
+/// Contacts are computed finer than a frame from so many substeps on.
+const FINE: usize = 2;
+
 /// How a simulation is to run.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
@@ -59,6 +62,12 @@ impl Island {
         }
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
+        let mut links = if steps < FINE {
+            Vec::new()
+        } else {
+            scheme.take_fine()
+        };
+        let acts = |first: usize| links.iter().all(|run| run.first != first);
         let begun = match &timeline.leads[..] {
             [] => None,
             leads => {
@@ -72,10 +81,16 @@ impl Island {
             Some((begun, scheme)) => (begun, scheme),
             None => (&*network, &scheme),
         };
-        let mut body = start(at_first, own, timeline, &timeline.drives);
+        let mut body = start(at_first, own, timeline, &timeline.drives, &acts);
         let plans = bodies;
-        let mut bodies = join(plans, at_first, timeline, &mut body)?;
-        let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline);
+        let mut bodies = join(plans, at_first, timeline, &mut body, &acts)?;
+        for run in &mut links {
+            let mut leads = timeline.leads.iter();
+            if leads.any(|lead| lead.links().contains(&run.first)) {
+                run.set_loose();
+            }
+        }
+        let fine = fine(links, &scheme, &network, &mut bodies, steps, timeline);
         let gestures = framed(timeline);
         let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;
         let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
@@ -85,7 +100,10 @@ impl Island {
             Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
         } else {
             let stiffest = greatest(&network, &timeline.leads)?;
-            let most = Scheme::new(&stiffest, timeline.rate)?;
+            let mut most = Scheme::new(&stiffest, timeline.rate)?;
+            if fine.is_some() {
+                most.take_fine();
+            }
             Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
@@ -183,7 +201,13 @@ fn gate(scheme: &mut Scheme, timeline: &Timeline) {
 }
 
 /// Where every MAT is at frame 0, and the step that led there.
-fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Drive]) -> Body {
+fn start(
+    network: &Network,
+    scheme: &Scheme,
+    timeline: &Timeline,
+    drives: &[Drive],
+    acts: &dyn Fn(usize) -> bool,
+) -> Body {
     let pushes: Vec<_> = drives
         .iter()
         .filter(|drive| drive.kind == DriveKind::Force)
@@ -197,7 +221,7 @@ fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Driv
     {
         x[drive.mat] = drive.value(0, scheme.rate);
     }
-    let d = backward_steps(network, timeline, scheme, &x, &pushes);
+    let d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
     Body::new(scheme, x, d)
 }
 
@@ -218,27 +242,23 @@ fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timelin
     scheme.fuse(|link| is_told[link]);
 }
 
-/// Contacts that are computed `steps` times a frame, out of the scheme.
+/// Contacts and laws that are computed finer than a frame.
 fn fine(
-    scheme: &mut Scheme,
+    links: Vec<Run>,
+    scheme: &Scheme,
     network: &Network,
     bodies: &mut [inside::RunningBody],
     steps: usize,
     timeline: &Timeline,
 ) -> Option<Fine> {
-    if steps < 2 {
+    if links.is_empty() {
         return None;
     }
-    let (contacts, runs) = std::mem::take(&mut scheme.runs)
-        .into_iter()
-        .partition(Run::can_substep);
-    scheme.runs = runs;
+    let fine = Fine::new(links, network, scheme, bodies, steps, timeline);
     for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
-        modal.divide(steps);
+        modal.divide(fine.instants());
     }
-    Some(Fine::new(
-        contacts, network, scheme, bodies, steps, timeline,
-    ))
+    Some(fine)
 }
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
@@ -247,12 +267,13 @@ fn join(
     network: &Network,
     timeline: &Timeline,
     body: &mut Body,
+    acts: &dyn Fn(usize) -> bool,
 ) -> Result<Vec<inside::RunningBody>, Error> {
     if bodies.is_empty() {
         return Ok(Vec::new());
     }
     body.inner = vec![0.0; body.x.len()];
-    let force = crate::start::forces(network, timeline, &body.x, &[]);
+    let force = crate::start::forces(network, timeline, &body.x, &[], acts);
     let start = |inside: &BodyPlan| {
         let playing = inside.start(&force, body)?;
         playing.place(body);
@@ -396,6 +417,7 @@ fn free_key(
         &scheme,
         &Timeline::new(timeline.rate),
         &drives,
+        &|_| true,
     );
     let free = FreeKey {
         struck: inside(key.struck).unwrap_or(0),

@@ -1,55 +1,48 @@
-//! Contacts computed finer than a frame, and only while they may be closed.
+//! Contacts and single laws computed finer than a frame; contacts only while they may be closed.
 //!
-//! Between its contacts all that touches is linear, so within a frame a contact needs of its two points
-//! only where each would go by itself, and what a push at one instant makes of the instants after it. The pushes of
-//! a frame, S of them, then act on the rest of the scene as impulses at their own instants.
+//! Between its links all that touches is linear, so within a frame a link needs of its two points only where each
+//! would go by itself, and what a push at one instant makes of all later ones. Both are smooth functions of time, kept as
+//! sums of polynomials (`basis`), so pushes fall on any instants: on those at which contacts close and open, and as close
+//! together as their own oscillation asks for (`march`). Laws alone are met at a few instants of a frame (`laws`). To the
+//! rest of the scene the pushes of a frame act as impulses at a few fixed instants.
+
+mod basis;
+mod build;
+mod joint;
+mod laws;
+mod march;
 
 use std::sync::Arc;
 
 use super::inside::RunningBody;
-use super::modal::RunningModal;
-use crate::cell::{Cell, Split};
-use crate::kernel::{self, ports};
-use crate::network::{MatKind, Network};
+use crate::archive::{Archive, Damaged, State, state_of};
+use crate::kernel;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
-use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
+use basis::{At, Basis};
+use joint::Joint;
+use laws::{LawScript, LawState};
 
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
 const HAIR: f64 = 1e-9;
-/// A mode's answer to an impulse costs as much as so many products: it has an exponential and a sine.
-const RESPONSE: u64 = 200;
-/// A sum of products costs as much as so many of them before the first.
-const LOOP: u64 = 16;
 
-/// A point that contacts touch.
-#[derive(Clone, Debug)]
-struct Joint {
-    mat: usize,
-    /// The body that it is a port of, and which port.
-    port: Option<(usize, usize)>,
-    /// Of a MAT that is stepped: its own motion, and where it rests [m].
-    cell: Option<Cell>,
-    /// How impulses at j/S are split between two frames; of a MAT that is stepped   (S)
-    splits: Vec<Split>,
-    rest: f64,
-    /// Weights of where it is, and of where it goes, at j/S of the way   (S + 1)
-    way: Vec<(f64, f64)>,
-}
-
-/// What does not change.
+/// What does not change of links and their points.
 #[derive(Clone, Debug)]
 struct Script {
+    /// Steps a frame at least, and for a radian of a contact's own oscillation.
     steps: usize,
     rate: Rate,
-    contacts: Vec<Run>,
-    /// The two joints of each contact.
+    basis: Basis,
+    links: Vec<Run>,
+    /// The two joints of each link.
     ends: Vec<(usize, usize)>,
     joints: Vec<Joint>,
-    /// What an impulse at one joint moves another by, j/S of a frame later   (n_joints², S + 1); empty where
-    /// nothing leads from one to the other within a frame.
+    /// What an impulse at one joint makes of another's way   (n_joints², n·n), and of its velocity   (n_joints²)
     moves: Vec<Vec<f64>>,
+    jumps: Vec<f64>,
+    /// What an impulse at the start of a frame on one joint makes of another at its instants; empty but between ports   (n_joints²)
+    begun: Vec<Vec<f64>>,
     /// Products that tell in each frame where all joints go.
     ways: u64,
 }
@@ -58,19 +51,37 @@ struct Script {
 #[derive(Clone, Debug)]
 pub(crate) struct Fine {
     script: Arc<Script>,
-    /// Where each joint goes in this frame   (n_joints · (S + 1))
+    law_script: Arc<LawScript>,
+    /// Each law   (n_laws)
+    laws: Vec<LawState>,
+    /// Where each joint goes in this frame if no link pushes it, at the instants of the frame   (n_joints · n)
+    values: Vec<f64>,
+    /// Impulses on each joint in this frame, as impulses at its instants   (n_joints · n)
+    pushed: Vec<f64>,
+    /// Where each joint goes in this frame, by coefficients   (n_joints · n)
     way: Vec<f64>,
-    /// Impulses on each joint in this frame   (n_joints · S)
+    /// Impulses on each joint in this frame, each times the polynomials at its instant   (n_joints · n)
     given: Vec<f64>,
-    /// Elongation of each contact at the last instant, where the frame before had one.
-    before: Vec<Option<f64>>,
+    /// The same before a step that may be taken again.
+    saved: [Vec<f64>; 2],
     /// Force that each stepped joint still feels in the next frame   (n_joints)
     later: Vec<f64>,
-    /// Whether a contact may be closed in this frame.
+    /// Force on each joint that goes on over the whole frame [N]   (n_joints)
+    steady: Vec<f64>,
+    /// Whether a contact may be closed in this frame, and whether it pushes.
     near: Vec<bool>,
-    /// K and Z of each contact in this frame.
-    numbers: Vec<[f64; 2]>,
-    /// Whether one has been.
+    pushes: Vec<bool>,
+    /// Whether it has pushed since the beginning of the frame.
+    rests: Vec<bool>,
+    /// Whether the instant at which it closes or opens in this step is known.
+    located: Vec<bool>,
+    /// Forces of contacts that are solved together [N]   (n_links)
+    forces: Vec<f64>,
+    /// K and Z of each link at the start of this frame, and at its end   (n_links)
+    numbers: Vec<[[f64; 2]; 2]>,
+    /// Whether each joint is no longer what the tables of laws were made for   (n_joints)
+    has_glided: Vec<bool>,
+    /// Whether one has been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
     work: FineWork,
@@ -78,21 +89,35 @@ pub(crate) struct Fine {
 
 crate::archive::option!(Fine, fixed);
 
-crate::archive::state!(Fine {
-    way,
-    given,
-    before,
-    later,
-    near,
-    numbers,
-    has_touched,
-    work
-});
+/// All that is not found anew in each frame.
+impl State for Fine {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        state_of!(
+            self,
+            archive,
+            laws,
+            later,
+            rests,
+            has_glided,
+            has_touched,
+            work
+        )?;
+        if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
+            // The next frame tunes them again.
+            let joints = &mut Arc::make_mut(&mut self.script).joints;
+            let glided = joints.iter_mut().zip(&self.has_glided);
+            for (joint, _) in glided.filter(|(_, has_glided)| **has_glided) {
+                joint.numbers = [[f64::NAN; 3]; 2];
+            }
+        }
+        Ok(())
+    }
+}
 
 /// Work of contacts that are computed finely, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FineWork {
-    /// Contacts, once for each instant at which they were computed.
+    /// Contacts and laws, once for each time they were computed.
     pub(crate) instants: u64,
     /// Sums of products.
     pub(crate) products: u64,
@@ -101,81 +126,26 @@ pub(crate) struct FineWork {
 crate::archive::state!(FineWork { instants, products });
 
 impl Fine {
-    /// `contacts` leave the scheme: single links whose ends are masses or ports.
-    pub(super) fn new(
-        contacts: Vec<Run>,
-        network: &Network,
-        scheme: &Scheme,
-        bodies: &[RunningBody],
-        steps: usize,
-        timeline: &Timeline,
-    ) -> Self {
-        let rate = timeline.rate;
-        let mut mats: Vec<usize> = contacts.iter().flat_map(|run| [run.a, run.b]).collect();
-        mats.sort_unstable();
-        mats.dedup();
-        let is_held = |mat: usize| {
-            let mut drives = timeline.drives.iter();
-            drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
-        };
-        let joint = |&mat: &usize| joint(mat, is_held(mat), network, scheme, bodies, steps, rate);
-        let joints: Vec<Joint> = mats.iter().map(joint).collect();
-        let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
-        let ends = contacts.iter().map(|run| (at(run.a), at(run.b))).collect();
-        let n = joints.len();
-        // Of each joint: the modes that tell where it is, itself where it is a mass.
-        let modes = |joint: &Joint| {
-            let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
-            body.map_or(1, RunningModal::n_modes) as u64
-        };
-        let pairs = |joint: &Joint| {
-            let same = |other: &&Joint| match (joint.port, other.port) {
-                (Some((owner, _)), Some((own, _))) => owner == own,
-                _ => false,
-            };
-            joints.iter().filter(same).count().max(1) as u64
-        };
-        let instants = steps as u64 + 1;
-        let responses = joints
-            .iter()
-            .map(|own| pairs(own) * modes(own) * instants)
-            .sum::<u64>();
-        let ways = joints.iter().map(|own| 2 * modes(own) * instants).sum();
-        let moves = (0..n * n)
-            .map(|pair| moves(&joints, bodies, pair / n, pair % n, steps, rate))
-            .collect();
-        Self {
-            way: vec![0.0; n * (steps + 1)],
-            given: vec![0.0; n * steps],
-            before: vec![None; contacts.len()],
-            later: vec![0.0; n],
-            near: vec![false; contacts.len()],
-            numbers: contacts.iter().map(|run| [run.k, run.z]).collect(),
-            has_touched: false,
-            work: FineWork {
-                instants: 0,
-                products: RESPONSE * responses,
-            },
-            script: Arc::new(Script {
-                steps,
-                rate,
-                contacts,
-                ends,
-                joints,
-                moves,
-                ways,
-            }),
-        }
+    /// The instants of a frame, 0 to 1, at which bodies tell their ways and take impulses.
+    pub(super) fn instants(&self) -> &[f64] {
+        &self.script.basis.instants
     }
 
     /// Continue as the same contacts of another version stand.
     pub(super) fn continue_from(&mut self, old: &mut Self) {
-        std::mem::swap(&mut self.before, &mut old.before);
         std::mem::swap(&mut self.later, &mut old.later);
+        if self.rests.len() == old.rests.len() {
+            self.rests.copy_from_slice(&old.rests);
+        }
+        if self.laws.len() == old.laws.len() {
+            for (law, old) in self.laws.iter_mut().zip(&old.laws) {
+                law.continue_from(old);
+            }
+        }
         self.has_touched = old.has_touched;
     }
 
-    /// Let go of the contacts on some MATs (n_mat), whose links are returned, and of the bodies that leave: `places` are
+    /// Let go of the links on some MATs (n_mat), whose links are returned, and of the bodies that leave: `places` are
     /// where the others are from now on (n_bodies).
     pub(super) fn release(&mut self, mats: &[bool], places: &[Option<usize>]) -> Vec<usize> {
         // A part leaves once in a run: a copy of the script for it is allowed to cost.
@@ -187,29 +157,52 @@ impl Fine {
                 *later = 0.0;
             }
         }
-        let stays: Vec<bool> = (script.contacts.iter())
+        let stays: Vec<bool> = (script.links.iter())
             .map(|run| !mats[run.a] && !mats[run.b])
             .collect();
-        let links = (script.contacts.iter().zip(&stays))
+        let links = (script.links.iter().zip(&stays))
             .filter(|(_, stays)| !**stays)
             .map(|(run, _)| run.first)
             .collect();
-        keep(&mut script.contacts, &stays);
+        let laws = Arc::make_mut(&mut self.law_script);
+        let laws_stay: Vec<bool> = laws.links.iter().map(|&link| stays[link]).collect();
+        keep(&mut self.laws, &laws_stay);
+        keep(&mut script.links, &stays);
         keep(&mut script.ends, &stays);
-        keep(&mut self.before, &stays);
         keep(&mut self.near, &stays);
+        keep(&mut self.pushes, &stays);
+        keep(&mut self.rests, &stays);
+        keep(&mut self.located, &stays);
+        keep(&mut self.forces, &stays);
         keep(&mut self.numbers, &stays);
+        *laws = LawScript::new(script);
         links
     }
 
-    /// Give the contact of a link, if it is here still, K and Z times what they are.
-    pub(super) fn lead(&mut self, link: usize, [of_k, of_z]: [f64; 2]) {
-        let script = &self.script;
-        for (run, numbers) in script.contacts.iter().zip(&mut self.numbers) {
+    /// Give a link, if it is here still, K and Z times what they are: at the start of this frame, and at its end.
+    pub(super) fn lead(&mut self, link: usize, factors: [[f64; 2]; 2]) {
+        for (run, numbers) in self.script.links.iter().zip(&mut self.numbers) {
             if run.first == link {
-                *numbers = [run.k * of_k, run.z * of_z];
+                *numbers = factors.map(|[of_k, of_z]| [run.k * of_k, run.z * of_z]);
             }
         }
+    }
+
+    /// Take a joint whose MAT glides as it is in this frame: 1/M, κ and ζ at its start and at its end.
+    pub(super) fn glide(&mut self, mat: usize, numbers: [[f64; 3]; 2]) {
+        let has_changed =
+            |joint: &Joint| joint.mat == mat && joint.cell.is_some() && joint.numbers != numbers;
+        let Some(joint) = self.script.joints.iter().position(has_changed) else {
+            return;
+        };
+        // A copy is made where a version of this simulation was kept, once.
+        self.has_glided[joint] |= Arc::make_mut(&mut self.script).retune(joint, numbers);
+    }
+
+    /// K and Z of a link at an instant of this frame, 0 to 1.
+    fn numbers(&self, link: usize, s: f64) -> [f64; 2] {
+        let [start, end] = self.numbers[link];
+        std::array::from_fn(|i| start[i] + (end[i] - start[i]) * s)
     }
 
     /// Work done so far, counted.
@@ -217,10 +210,10 @@ impl Fine {
         self.work
     }
 
-    /// How many of its contacts end on a MAT.
+    /// How many of its links end on a MAT.
     pub(super) fn touches(&self, mat: usize) -> u32 {
-        let contacts = self.script.contacts.iter();
-        contacts
+        let links = self.script.links.iter();
+        links
             .map(|run| u32::from(run.a == mat) + u32::from(run.b == mat))
             .sum()
     }
@@ -232,20 +225,28 @@ impl Fine {
 
     /// Whether every contact is open in this frame, and a hair from closing, where nothing moves its points but themselves.
     pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
-        self.script.contacts.iter().all(|run| {
+        let is_open = |run: &Run| {
             let next = |mat: usize| kernel::predict(scheme, body, mat);
             let now = body.x[run.b] - body.x[run.a];
             let then = next(run.b) - next(run.a);
             nearest(run, now - run.rest, then - run.rest) < -HAIR
-        })
+        };
+        self.laws.is_empty() && self.script.links.iter().all(is_open)
     }
 
     /// As frames in which every contact is open leave it.
     pub(super) fn rest(&mut self, body: &mut Body) {
-        self.before.fill(None);
         self.near.fill(false);
-        for run in &self.script.contacts {
+        self.rests.fill(false);
+        for run in &self.script.links {
             body.link[run.first] = 0.0;
+        }
+    }
+
+    /// Note the forces that go on over the whole frame: those of links and drives, before all that strikes.
+    pub(super) fn lean(&mut self, body: &Body) {
+        for (joint, steady) in self.script.joints.iter().zip(&mut self.steady) {
+            *steady = body.force[joint.mat];
         }
     }
 
@@ -258,7 +259,7 @@ impl Fine {
         }
     }
 
-    /// One frame of every contact that may be closed, once all other forces are summed.
+    /// One frame of all laws and of every contact that may be closed, once all other forces are summed.
     pub(super) fn step(
         &mut self,
         scheme: &Scheme,
@@ -272,105 +273,184 @@ impl Fine {
             None => kernel::predict(scheme, body, mat),
         };
         let mut any = false;
-        for (contact, run) in self.script.contacts.iter().enumerate() {
+        for (contact, run) in self.script.links.iter().enumerate() {
             let now = body.x[run.b] - body.x[run.a];
             let then = next(run.b, body) - next(run.a, body);
-            let near = may_close(run, now - run.rest, then - run.rest);
-            if !near {
-                self.before[contact] = None;
-            }
+            let near = nearest(run, now - run.rest, then - run.rest) > 0.0;
             self.near[contact] = near;
             any |= near;
             body.link[run.first] = 0.0;
         }
         if !any {
+            self.rests.fill(false);
+        }
+        if !any && self.laws.is_empty() {
             return;
         }
-        let script = self.script.clone();
+        if any {
+            self.spread();
+        }
+        let (script, laws) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.ways;
+        self.pushed.fill(0.0);
+        self.ways(&script, scheme, bodies, body, &next);
+        self.tell_laws(&script, &laws, gates, body);
+        if any || self.has_glided.contains(&true) {
+            self.given.fill(0.0);
+            let n = script.basis.n();
+            for (values, way) in self.values.chunks(n).zip(self.way.chunks_mut(n)) {
+                script.basis.fit(values, way);
+            }
+            self.march(&script, &laws, gates, body);
+            // Impulses at the instants that do to any smooth function what those between them did.
+            for (given, pushed) in self.given.chunks(n).zip(self.pushed.chunks_mut(n)) {
+                for (own, row) in given.iter().zip(script.basis.fit.chunks(n)) {
+                    for (impulse, weight) in pushed.iter_mut().zip(row) {
+                        *impulse += own * weight;
+                    }
+                }
+            }
+        } else {
+            self.collocate(&script, &laws, gates);
+        }
+        self.give(&script, bodies, body);
+    }
+
+    /// What a near contact pushes may go elsewhere than it would by itself: contacts of it are near as well.
+    fn spread(&mut self) {
+        let script = &*self.script;
+        let is_moved_by = |mover: usize, moved: usize| {
+            let n = script.joints.len();
+            let pairs = |(a, b): (usize, usize)| [a, b];
+            let of = |from: usize, to: usize| !script.moves[from * n + to].is_empty();
+            let (mover, moved) = (pairs(script.ends[mover]), pairs(script.ends[moved]));
+            mover
+                .iter()
+                .any(|&from| moved.iter().any(|&to| of(from, to)))
+        };
+        loop {
+            let is_reached = |link: &usize| {
+                let mut near = (0..script.links.len()).filter(|&other| self.near[other]);
+                !self.near[*link] && near.any(|near| is_moved_by(near, *link))
+            };
+            match (0..script.links.len()).find(is_reached) {
+                Some(link) => self.near[link] = true,
+                None => return,
+            }
+        }
+    }
+
+    /// Where all joints go in this frame if no contact pushes them.
+    fn ways(
+        &mut self,
+        script: &Script,
+        scheme: &Scheme,
+        bodies: &mut [RunningBody],
+        body: &Body,
+        next: &dyn Fn(usize, &Body) -> f64,
+    ) {
+        let (n, n_joints) = (script.basis.n(), script.joints.len());
         for (at, joint) in script.joints.iter().enumerate() {
-            let way = &mut self.way[at * (script.steps + 1)..(at + 1) * (script.steps + 1)];
+            let values = &mut self.values[at * n..(at + 1) * n];
+            // Forces that last act all through the frame: as impulses at its start they take it to the same end.
+            let mut bend = 0.5 * self.steady[at] * scheme.w[joint.mat];
             match joint.port {
                 Some((owner, port)) => {
                     if let Some(modal) = bodies[owner].modal_mut() {
-                        modal.way(port, way);
+                        modal.way(port, values);
                     }
                 }
                 None => {
                     let rest = joint.rest;
                     let (x, then) = (body.x[joint.mat] - rest, next(joint.mat, body) - rest);
-                    for (x_at, (from, to)) in way.iter_mut().zip(&joint.way) {
+                    for (x_at, (from, to)) in values.iter_mut().zip(&joint.way) {
                         *x_at = rest + (x * from + then * to);
                     }
+                    if joint.cell.is_some() {
+                        // A mesh bends the way of its port all through the frame too.
+                        bend += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
+                    } else {
+                        bend = 0.0;
+                    }
+                }
+            }
+            if bend != 0.0 {
+                for (x_at, s) in values.iter_mut().zip(&script.basis.instants) {
+                    *x_at -= bend * s * (1.0 - s);
                 }
             }
         }
-        self.given.fill(0.0);
-        self.collide(&script, gates, body);
+        // What else pushes a port acts from the start of the frame.
         for (at, joint) in script.joints.iter().enumerate() {
-            let given = &self.given[at * script.steps..(at + 1) * script.steps];
-            if given.iter().all(|impulse| *impulse == 0.0) {
+            let force = body.force[joint.mat];
+            if joint.port.is_none() || force == 0.0 {
                 continue;
             }
-            match (joint.port, &joint.cell) {
-                (Some((owner, port)), _) => {
-                    if let Some(modal) = bodies[owner].modal_mut() {
-                        modal.give(port, given, body);
-                    }
-                }
-                (None, Some(_)) => {
-                    let pushes = given.iter().zip(&joint.splits);
-                    for (&impulse, split) in pushes.filter(|(impulse, _)| **impulse != 0.0) {
-                        // The responses are kept; counted as before, so that plans stay as they are.
-                        self.work.products += 2 * RESPONSE;
-                        let [now, later] = split.of(impulse);
-                        body.push(joint.mat, now);
-                        self.later[at] += later;
-                    }
-                }
-                // It moves as it is told, and a hand that holds it feels what it is told by.
-                (None, None) => {
-                    body.push(joint.mat, given.iter().sum::<f64>() * script.rate.hertz())
+            let impulse = force * script.rate.step();
+            for (other, values) in self.values.chunks_mut(n).enumerate() {
+                for (x, by) in values.iter_mut().zip(&script.begun[at * n_joints + other]) {
+                    *x += impulse * by;
                 }
             }
         }
     }
 
-    /// The pushes of a frame, one instant after the other.
-    fn collide(&mut self, script: &Script, gates: &[f64], body: &mut Body) {
-        let (steps, stride) = (script.steps, script.steps + 1);
-        let n = script.joints.len();
-        let share = script.rate.step() / steps as f64;
-        for j in 0..steps {
-            for (contact, run) in script.contacts.iter().enumerate() {
-                if !self.near[contact] {
-                    continue;
-                }
-                self.work.instants += 1;
-                let (a, b) = script.ends[contact];
-                let e = self.way[b * stride + j] - self.way[a * stride + j] - run.rest;
-                let e_next = self.way[b * stride + j + 1] - self.way[a * stride + j + 1] - run.rest;
-                // Where there is no instant before, as if it had come as fast as it goes.
-                let before = self.before[contact].unwrap_or(2.0 * e - e_next);
-                self.before[contact] = Some(e);
-                let open = run.gate.map_or(1.0, |gate| gates[gate]);
-                let force =
-                    open * force(run, self.numbers[contact], e, (e - before) * steps as f64);
-                if j == 0 {
-                    body.link[run.first] = force;
-                }
-                if force == 0.0 {
-                    continue;
-                }
-                self.has_touched = true;
-                for (end, impulse) in [(a, force * share), (b, -force * share)] {
-                    self.given[end * steps + j] += impulse;
-                    for other in 0..n {
-                        let moves = &script.moves[end * n + other];
-                        let way = &mut self.way[other * stride + j..(other + 1) * stride];
-                        ports::add_scaled(way, moves, impulse);
-                        self.work.products += LOOP + moves.len().min(stride - j) as u64;
+    /// Push a joint [N·s].
+    fn shove(&mut self, script: &Script, joint: usize, impulse: f64, at: &At) {
+        let n = script.basis.n();
+        let given = &mut self.given[joint * n..(joint + 1) * n];
+        for (given, value) in given.iter_mut().zip(&at.value) {
+            *given += impulse * value;
+        }
+        script.bend(joint, impulse, at, &mut self.way);
+        self.work.products += (n * n) as u64;
+    }
+
+    /// Hand the impulses of a frame to what they act on.
+    fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
+        let n = script.basis.n();
+        for (at, joint) in script.joints.iter().enumerate() {
+            let pushed = &self.pushed[at * n..(at + 1) * n];
+            if pushed.iter().all(|impulse| *impulse == 0.0) {
+                continue;
+            }
+            match (joint.port, &joint.cell) {
+                (Some((owner, port)), _) => {
+                    if let Some(modal) = bodies[owner].modal_mut() {
+                        modal.give(port, pushed, body);
                     }
+                }
+                (None, Some(_)) => {
+                    for (impulse, [now, later]) in pushed.iter().zip(&joint.split) {
+                        body.push(joint.mat, impulse * now);
+                        self.later[at] += impulse * later;
+                    }
+                }
+                // It moves as it is told, and a hand that holds it feels what it is told by.
+                (None, None) => {
+                    body.push(joint.mat, pushed.iter().sum::<f64>() * script.rate.hertz());
+                }
+            }
+        }
+    }
+}
+
+impl Script {
+    /// The rate of an elongation by an impulse that its link gives [m/frame per N·s].
+    fn jump(&self, a: usize, b: usize) -> f64 {
+        let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
+        jump(a, a) + jump(b, b) - jump(a, b) - jump(b, a)
+    }
+
+    /// Bend the ways of all joints by an impulse on one of them [N·s].
+    fn bend(&self, joint: usize, impulse: f64, at: &At, way: &mut [f64]) {
+        let (n, n_joints) = (self.basis.n(), self.joints.len());
+        for (other, way) in way.chunks_mut(n).enumerate() {
+            let moves = &self.moves[joint * n_joints + other];
+            for (row, value) in moves.chunks(n).zip(&at.value) {
+                let by = impulse * value;
+                for (own, moves) in way.iter_mut().zip(row) {
+                    *own += by * moves;
                 }
             }
         }
@@ -383,77 +463,8 @@ fn keep<T>(list: &mut Vec<T>, stays: &[bool]) {
     list.retain(|_| *stays.next().unwrap_or(&true));
 }
 
-fn joint(
-    mat: usize,
-    is_held: bool,
-    network: &Network,
-    scheme: &Scheme,
-    bodies: &[RunningBody],
-    steps: usize,
-    rate: Rate,
-) -> Joint {
-    let port = bodies.iter().enumerate().find_map(|(owner, playing)| {
-        let port = playing.modal()?.ports().position(|port| port == mat)?;
-        Some((owner, port))
-    });
-    let mats = network.mats();
-    let cell = match mats.kind[mat] {
-        _ if port.is_some() || is_held || scheme.w[mat] == 0.0 => None,
-        MatKind::Cel => Some(Cell::new(mats.m[mat], mats.k[mat], mats.z[mat])),
-        _ => Some(Cell::new(mats.m[mat], 0.0, 0.0)),
-    };
-    let instants = (0..=steps).map(|j| j as f64 / steps as f64);
-    let (way, rest) = match &cell {
-        Some(cell) => (
-            instants.map(|at| cell.interpolation(at, rate)).collect(),
-            mats.rest[mat],
-        ),
-        None => (instants.map(|at| (1.0 - at, at)).collect(), 0.0),
-    };
-    let splits = (cell.iter())
-        .flat_map(|cell| (0..steps).map(|j| cell.split_at(j as f64 / steps as f64, rate)))
-        .collect();
-    Joint {
-        mat,
-        port,
-        cell,
-        splits,
-        rest,
-        way,
-    }
-}
-
-/// What an impulse at `from` moves `to` by, j/S of a frame later.
-fn moves(
-    joints: &[Joint],
-    bodies: &[RunningBody],
-    from: usize,
-    to: usize,
-    steps: usize,
-    rate: Rate,
-) -> Vec<f64> {
-    let after = |j: usize| j as f64 / steps as f64 * rate.step();
-    match (joints[from].port, joints[to].port) {
-        (Some((owner, from)), Some((same, to))) if owner == same => {
-            let modal = bodies[owner].modal();
-            let at = |t| modal.map_or(0.0, |modal| modal.response(from, to, t));
-            (0..=steps).map(after).map(at).collect()
-        }
-        (None, None) if from == to => match &joints[from].cell {
-            Some(cell) => (0..=steps).map(|j| cell.answer(after(j))).collect(),
-            None => Vec::new(),
-        },
-        _ => Vec::new(),
-    }
-}
-
-/// Whether a contact may be closed between two elongations: it is at one of them, or so near that what it does
-/// in between could take it there.
-fn may_close(run: &Run, now: f64, then: f64) -> bool {
-    nearest(run, now, then) > 0.0
-}
-
-/// How far it may come beyond its gap between two elongations [m].
+/// How far a contact may come beyond its gap between two elongations [m]: it is at one of them, or so near that what it
+/// does in between could take it there.
 fn nearest(run: &Run, now: f64, then: f64) -> f64 {
     let Kind::But(but) = &run.kind else {
         return f64::NEG_INFINITY;
@@ -461,12 +472,4 @@ fn nearest(run: &Run, now: f64, then: f64) -> f64 {
     let s = kernel::side(but);
     let (now, then) = (s * now, s * then);
     now.max(then) + (then - now).abs()
-}
-
-fn force(run: &Run, [k, z]: [f64; 2], e: f64, step: f64) -> f64 {
-    let Kind::But(but) = &run.kind else {
-        return 0.0;
-    };
-    let s = kernel::side(but);
-    s * kernel::push(but, k, z, s * e, s * step)
 }

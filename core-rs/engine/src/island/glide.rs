@@ -144,6 +144,17 @@ pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
     }
 }
 
+/// The numbers of frame `n` and of the next for what goes on between them.
+pub(super) fn between(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u64) {
+    for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
+        let numbers = [n, n + 1].map(|n| glide.at(n));
+        fine.glide(
+            glide.mat,
+            numbers.map(|[w, kappa, zeta, _]| [w, kappa, zeta]),
+        );
+    }
+}
+
 /// Links whose K and Z are led.
 #[derive(Clone, Debug)]
 pub(super) struct Led {
@@ -156,7 +167,7 @@ pub(super) struct Led {
 enum Place {
     Run(usize),
     Exact(usize),
-    /// A contact that is computed finely.
+    /// A contact or a law that is computed finely.
     Fine,
 }
 
@@ -187,17 +198,17 @@ pub(super) fn led(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -
 /// K and Z of frame `n` into `now`.
 pub(super) fn lead(all: &[Led], own: &Scheme, now: &mut Scheme, fine: &mut Option<Fine>, n: u64) {
     for Led { lead, place } in all {
-        let [of_k, of_z] = lead.at(n, 0.0);
         let (own, now) = match *place {
             Place::Run(at) => (&own.runs[at], &mut now.runs[at]),
             Place::Exact(at) => (&own.exact[at], &mut now.exact[at]),
             Place::Fine => {
                 if let Some(fine) = fine {
-                    fine.lead(lead.link, [of_k, of_z]);
+                    fine.lead(lead.link, [lead.at(n, 0.0), lead.at(n + 1, 0.0)]);
                 }
                 continue;
             }
         };
+        let [of_k, of_z] = lead.at(n, 0.0);
         (now.k, now.z) = (own.k * of_k, own.z * of_z);
     }
 }

@@ -57,6 +57,11 @@ impl State for RunningMesh {
 }
 
 impl Mesh {
+    /// Whether its method steps over motions that are faster than frames.
+    pub(crate) fn leaps(&self) -> bool {
+        matches!(self.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
+    }
+
     /// Whether it goes as another does: what strikes it may differ.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let how = |mesh: &Self| (mesh.rate.hertz(), mesh.way, mesh.substeps);

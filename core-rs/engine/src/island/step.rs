@@ -89,6 +89,9 @@ impl Island {
         if let Some(scheme) = &mut gliding {
             glide::turn(&script.glides, &script.scheme, scheme, n);
             glide::lead(&script.led, &script.scheme, scheme, &mut state.fine, n);
+            if let Some(fine) = &mut state.fine {
+                glide::between(&script.glides, &script.scheme, fine, n);
+            }
         }
         let scheme = gliding.as_deref().unwrap_or(&script.scheme);
         for ((open, gate), continuation) in state
@@ -126,6 +129,7 @@ impl Island {
             &mut state.body,
         );
         if let Some(fine) = &mut state.fine {
+            fine.lean(&state.body);
             fine.carry(&mut state.body);
         }
         layers(script, state);

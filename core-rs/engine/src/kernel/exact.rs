@@ -67,18 +67,19 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
     s * contact.push(free, before, now)
 }
 
-struct Contact {
-    k: f64,
-    z: f64,
-    exponent: f64,
-    beta: f64,
-    clamp: bool,
+/// A contact over one step, from n−1 to n+1: K and Z per step, and what a newton moves its penetration by (β) [m/N].
+pub(crate) struct Contact {
+    pub(crate) k: f64,
+    pub(crate) z: f64,
+    pub(crate) exponent: f64,
+    pub(crate) beta: f64,
+    pub(crate) clamp: bool,
 }
 
 impl Contact {
     /// The force [N] that takes the penetration from w (at n−1) to u (at n+1); without this force the penetration at
     /// n+1 is p_free [m].
-    fn push(&self, free: f64, w: f64, now: f64) -> f64 {
+    pub(crate) fn push(&self, free: f64, w: f64, now: f64) -> f64 {
         // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
             return self.limit(self.gradient(free, w) + self.drag(free, w, now));

@@ -17,15 +17,6 @@ fn summed(terms: &Lanes) -> f64 {
 }
 
 wide! {
-    /// x += factor·y, as far as both go.
-    pub(crate) fn add_scaled(x: &mut [f64], y: &[f64], factor: f64) {
-        for (x, y) in x.iter_mut().zip(y) {
-            *x += y * factor;
-        }
-    }
-}
-
-wide! {
     /// Add to `path` [m], (S + 1), the position of a port at each instant: the sum of its row over modes interpolated
     /// between `now` and `next` by the two weights of the instant in `table`.
     pub(crate) fn add_path(

@@ -59,6 +59,13 @@ impl Law {
         table.map(|table| table.constants).unwrap_or_default()
     }
 
+    /// How many of its operations are [`FUNCTIONS`].
+    pub(crate) fn n_functions(&self) -> usize {
+        let calls = |row: &&Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
+        self.rows()
+            .map_or(0, |rows| rows.iter().filter(calls).count())
+    }
+
     /// Length of the buffer that the native code needs; laws computed one after another can share one.
     pub(crate) fn room(&self) -> usize {
         let calls = |row: &Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);

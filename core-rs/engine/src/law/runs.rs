@@ -130,6 +130,17 @@ impl Law {
         self.damping.is_some()
     }
 
+    /// Whether its force depends on the rate alone, or on nothing.
+    pub(crate) fn is_damping_alone(&self) -> bool {
+        let reads_d = |damping: &Program| damping.reads_d();
+        matches!(self.elastic, Elastic::None) && !self.damping.as_ref().is_some_and(reads_d)
+    }
+
+    /// Whether [`Law::eval_in`] computes any number of links at once in buffers of [`Law::scratch_alone`].
+    pub(crate) fn is_native(&self) -> bool {
+        self.native.is_some() && !self.is_shared()
+    }
+
     /// Whether [`Law::potential`] is exact and allocates nothing: no law, a polynomial, or points.
     pub(crate) fn has_closed_energy(&self) -> bool {
         !matches!(self.elastic, Elastic::Expression { integral: None, .. })

@@ -53,10 +53,6 @@ pub enum Budget {
 const UNHEARD: f64 = -80.0;
 /// What is left out may take this part of an error budget [dB]: the predictor is within 1.1 dB.
 const SHARE: f64 = -6.0;
-/// Error of a contact that is computed once a frame [dB].
-const ONCE: f64 = -50.0;
-/// By so much it falls when it is computed twice as often [dB].
-const PER_DOUBLING: f64 = 12.0;
 /// Where pitch is what counts, a contact is right to this [dB].
 const CONTACT: f64 = -60.0;
 /// Nobody hears above [Hz].
@@ -102,7 +98,9 @@ impl Budget {
         }
     }
 
-    /// Finer is slower than it is worth.
+    /// Contacts that are computed finer than a frame take so many steps a frame at least; more than `STEPS_MAX` are
+    /// slower than they are worth.
+    pub(crate) const STEPS_MIN: usize = 2;
     pub(crate) const STEPS_MAX: usize = 64;
 
     /// How exact contacts have to be [dB].
@@ -122,15 +120,12 @@ impl Budget {
         }
     }
 
-    /// How often a frame contacts are computed while they may be closed, κ = K(1/M + 1/M) being the stiffest of
-    /// theirs: their error falls by 12 dB with each doubling, from −50 dB where κ is at most 1.
-    pub(crate) fn contact_substeps(&self, kappa: f64) -> usize {
-        if let Self::Method(_) = self {
-            return 1;
+    /// How finely contacts are computed: in so many steps a frame and for a radian of their own oscillation at least.
+    pub(crate) fn contact_substeps(&self) -> usize {
+        match self {
+            Self::Method(_) => 1,
+            Self::Error(_) | Self::Cents { .. } => Self::STEPS_MIN,
         }
-        let doublings = ((ONCE - self.contact()) / PER_DOUBLING).ceil().max(0.0) as u32;
-        let stiff = (0.5 * crate::maths::log2(kappa.max(1.0))).ceil() as u32;
-        1 << (doublings + stiff).clamp(1, Self::STEPS_MAX.ilog2())
     }
 
     /// Modes above this are left out [Hz].

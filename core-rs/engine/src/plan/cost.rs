@@ -6,7 +6,9 @@ use crate::island::mesh::Mesh;
 use crate::island::slow::Slow;
 use crate::network::{Contact, LinkKind, Network, Run};
 use crate::plan::BankPlan;
+use crate::plan::budget::Budget;
 use crate::plan::passes::mesh::LADDER;
+use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -52,6 +54,49 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     }
     ns + Costs::of("hand") * timeline.keys.len() as f64
 }
+
+/// What laws that are computed finer than a frame cost a frame beside [ns].
+pub(super) fn laws_cost(network: &Network, bodies: &[BodyPlan], contact_substeps: usize) -> f64 {
+    if contact_substeps < Budget::STEPS_MIN {
+        return 0.0;
+    }
+    let is_fine = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_)) && run.len == 1;
+    let laws: Vec<&Run> = network.runs().iter().filter(is_fine).collect();
+    if laws.len() > Scheme::FINE_LAWS {
+        return 0.0;
+    }
+    let each = |run: &&Run| match &run.kind {
+        LinkKind::Lnl(law) => law.n_functions() as f64 * Costs::of("collocated_function"),
+        _ => 0.0,
+    };
+    let ns: f64 = laws
+        .iter()
+        .map(|run| Costs::of("collocation") + each(run))
+        .sum();
+    // Where a frame may be taken in parts, those with a kink are.
+    let most = contact_substeps / Budget::STEPS_MIN;
+    let parts = if most > 1 {
+        1.0 + PARTS * most as f64
+    } else {
+        1.0
+    };
+    // A port tells its way at the instants of a frame, and is pushed there, mode by mode.
+    let has_law = |port: &&usize| {
+        let ends = |run: &&Run| [run.a, run.b].contains(port);
+        laws.iter().any(ends)
+    };
+    let modes = |body: &BodyPlan| {
+        let ports = body.ports();
+        (ports.iter().filter(has_law).count() * body.n_modes()) as f64
+    };
+    let modes: f64 = bodies.iter().map(modes).sum();
+    parts * ns + 2.0 * INSTANTS * modes * Costs::of("port")
+}
+
+/// Instants of a frame: 8 to 10 where strings have 17 to 35 masses, and what lies between modes.
+const INSTANTS: f64 = 12.0;
+/// Of the parts that a frame of laws may be taken in, so many are (a rope that is stretched 800 times a second).
+const PARTS: f64 = 0.25;
 
 /// What a body inside an island costs a frame [ns].
 pub(super) fn body_cost(inside: &BodyPlan) -> f64 {

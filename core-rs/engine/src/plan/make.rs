@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::network::{Error, Network, Subset};
+use crate::island::inside::BodyPlan;
+use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::{Choice, Pins, another};
 use crate::plan::cost;
@@ -229,12 +230,14 @@ impl Maker<'_> {
             is_offered,
             ..
         } = solved;
+        obeys(self.budget, subset, &island)?;
         let first_row = self.plan.rows.len();
         let Assembled {
             island_plan,
             bodies,
             certificate,
             because,
+            ..
         } = island;
         self.plan.choices.push(Choice {
             modules,
@@ -244,7 +247,7 @@ impl Maker<'_> {
         });
         let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
         if island_plan.network.n_mat() > n_ports {
-            let mut row = Row::stepped(&island_plan.network, &island_plan.timeline, certificate);
+            let mut row = Row::stepped(&island_plan, certificate);
             row.mats -= n_ports;
             (row.oversampling, row.contact_substeps, row.error) = (
                 island_plan.oversampling,
@@ -258,7 +261,12 @@ impl Maker<'_> {
         // What is left beside bodies has a row of its own, or goes with the first of them.
         let mut hub = if self.plan.rows.len() == first_row {
             cost::seconds(
-                cost::stepped_cost(&island_plan.network, &island_plan.timeline),
+                cost::stepped_cost(&island_plan.network, &island_plan.timeline)
+                    + cost::laws_cost(
+                        &island_plan.network,
+                        &island_plan.bodies,
+                        island_plan.contact_substeps,
+                    ),
                 &island_plan.timeline,
             )
         } else {
@@ -438,6 +446,29 @@ impl Solved {
             (Some(own), Some(other)) => own <= other.max(budget.asked()),
             (own, other) => own.is_none() == other.is_none(),
         }
+    }
+}
+
+/// Refuses an island with a law that the method asked for by name would leave to CA.
+fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Error> {
+    let Budget::Method(method) = budget else {
+        return Ok(());
+    };
+    let is_mesh = |body: &BodyPlan| matches!(body, BodyPlan::Mesh(_));
+    let law = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_));
+    let own = subset.network.runs().iter().find(law);
+    match (method.way(), own) {
+        (Some(way), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {
+            Err(Error::Refused {
+                module: subset.network.link_name(run.first),
+                message: format!(
+                    "the method {} cannot step this law: its force is heard, it ends on a key or a driven mass, or \
+                     the method does not take it; ask for the method ca, or for an error",
+                    way.facts().name
+                ),
+            })
+        }
+        _ => Ok(()),
     }
 }
 

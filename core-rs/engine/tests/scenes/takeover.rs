@@ -1,5 +1,6 @@
 //! A simulation takes over from another in the middle of everything.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
@@ -525,10 +526,20 @@ fn masses_go_on_by_name() {
     }
 }
 
-/// Every kind of link, gesture, strike, coupling and drive, with the ledger kept and not.
 #[test]
 fn random_scenes_go_on() {
-    for seed in 0..40 {
+    go_on(0..16);
+}
+
+#[test]
+#[ignore = "minutes: make test-long"]
+fn many_random_scenes_go_on() {
+    go_on(16..100);
+}
+
+/// Every kind of link, gesture, strike, coupling and drive, with the ledger kept and not.
+fn go_on(seeds: Range<u64>) {
+    for seed in seeds {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
         let n = scene.n_frames() as u64;

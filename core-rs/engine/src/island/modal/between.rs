@@ -1,39 +1,40 @@
 //! A body between two frames: where its ports are at instants of a frame, and what impulses at such instants do.
 
 use super::{ROOM, RunningModal, lanes};
+use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports;
 use crate::state::Body;
 
-/// Tables for S instants of a frame, for every group of modes.
+/// Tables for n instants of a frame, for every group of modes.
 #[derive(Clone, Debug)]
 pub(super) struct Between {
-    /// Weights of a mode's position now and at the next frame that make where it is at j/S   (n_groups, S + 1)
+    /// Weights of a mode's position now and at the next frame that make where it is at each instant   (n_groups, n)
     way: Vec<Vec<[Lanes; 2]>>,
-    /// What an impulse at j/S moves a mode by at the next frame, and has to add at the one after, for its
-    /// motion to be exact from then on   (n_groups, S), of complex modes for each port   (n_ports, n_groups, S)
+    /// What an impulse at each instant moves a mode by at the next frame, and has to add at the one after, for its
+    /// motion to be exact from then on   (n_groups, n), of complex modes for each port   (n_ports, n_groups, n)
     kick: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
 const WHOLE: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
-    /// Make tables for `steps` instants of a frame: for continuous modes alone.
-    pub(crate) fn divide(&mut self, steps: usize) {
+    /// Make tables for instants of a frame, 0 to 1: for continuous modes alone.
+    pub(crate) fn divide(&mut self, instants: &[f64]) {
         let plan = &self.script.plan;
         let (modes, rate) = (&plan.modes, plan.rate);
         let square = rate.step() * rate.step();
-        let part = |j: usize| j as f64 / steps as f64;
+        let n = instants.len();
         let way = |mode: usize, j: usize| {
             let own = plan.response(mode);
-            own.map_or((0.0, 0.0), |own| own.interpolation(part(j), rate))
+            own.map_or((0.0, 0.0), |own| own.interpolation(instants[j], rate))
         };
         let kick = |port: usize, mode: usize, j: usize| {
             let own = match &plan.answers {
                 Some(answers) => Some(answers.ports[port][mode]),
                 None => plan.response(mode),
             };
-            own.map_or([0.0; 2], |own| own.split(square, part(j), rate))
+            own.map_or([0.0; 2], |own| own.split(square, instants[j], rate))
         };
         let n_tables = match &plan.answers {
             Some(answers) => answers.ports.len(),
@@ -47,35 +48,60 @@ impl RunningModal {
         self.between = Some(Between {
             way: groups
                 .clone()
-                .map(|group| (0..=steps).map(|j| table(group, j, &pair)).collect())
+                .map(|group| (0..n).map(|j| table(group, j, &pair)).collect())
                 .collect(),
             kick: (0..n_tables)
                 .map(|port| {
                     let kick = |mode: usize, j: usize| kick(port, mode, j);
                     let groups = groups.clone();
                     groups
-                        .map(|group| (0..steps).map(|j| table(group, j, &kick)).collect())
+                        .map(|group| (0..n).map(|j| table(group, j, &kick)).collect())
                         .collect()
                 })
                 .collect(),
         });
     }
 
-    /// What an impulse at one port moves another by, `t` [s] later [m/N·s].
+    /// What an impulse at one port moves another by, `t` [s] later [m/N·s]; continued to before it.
     pub(crate) fn response(&self, from: usize, to: usize, t: f64) -> f64 {
         let plan = &self.script.plan;
         if let Some(answers) = &plan.answers {
             let terms = answers.ports[from].iter().zip(&plan.ports[to].shape);
-            return terms.map(|(answer, share)| share * answer.at(t)).sum();
+            return terms.map(|(answer, share)| share * answer.around(t)).sum();
         }
         let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
         let terms = plan.modes.iter().zip(shapes);
         terms
-            .map(|(mode, (a, b))| mode.cell.map_or(0.0, |cell| a * b * cell.answer(t)))
+            .map(|(mode, (a, b))| mode.cell.map_or(0.0, |cell| a * b * cell.answer_around(t)))
             .sum()
     }
 
-    /// Where a port goes in this frame if nothing more pushes it [m], (S + 1).
+    /// Velocity that an impulse at one port gives another at once [m/s per N·s].
+    pub(crate) fn jump(&self, from: usize, to: usize) -> f64 {
+        let plan = &self.script.plan;
+        let ports = &plan.ports;
+        if let Some(answers) = &plan.answers {
+            let terms = answers.ports[from].iter().zip(&ports[to].shape);
+            return terms.map(|(answer, share)| share * answer.jump()).sum();
+        }
+        let shapes = ports[from].shape.iter().zip(&ports[to].shape);
+        shapes.map(|(a, b)| a * b).sum()
+    }
+
+    /// The fastest motion of its modes: |λ| of e^(λt) [1/s].
+    pub(crate) fn reach(&self) -> f64 {
+        let plan = &self.script.plan;
+        let all: Vec<Response> = match &plan.answers {
+            Some(answers) => answers.ports.iter().flatten().copied().collect(),
+            None => {
+                let modes = 0..plan.modes.len();
+                modes.filter_map(|mode| plan.response(mode)).collect()
+            }
+        };
+        all.iter().map(Response::reach).fold(0.0, f64::max)
+    }
+
+    /// Where a port goes in this frame if nothing more pushes it [m], at each instant (n).
     pub(crate) fn way(&mut self, port: usize, way: &mut [f64]) {
         let script = self.script.clone();
         self.back(&script);
@@ -88,7 +114,7 @@ impl RunningModal {
         }
     }
 
-    /// Take impulses [N·s] at S instants of this frame on a port.
+    /// Take impulses [N·s] at the instants of this frame on a port (n).
     pub(crate) fn give(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
         let script = self.script.clone();
         self.back(&script);

@@ -25,6 +25,10 @@ pub(in crate::plan) struct Assembled {
     pub(in crate::plan) certificate: Certificate,
     /// Why a body goes by no modes.
     pub(in crate::plan) because: Option<NoModes>,
+    /// It has single laws that can be computed finer than a frame, as contacts are.
+    pub(in crate::plan) may_collocate: bool,
+    /// It has no bodies though it might have.
+    pub(in crate::plan) is_stepped: bool,
 }
 
 impl Assembled {
@@ -53,12 +57,22 @@ impl Assembled {
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
         let mut found = None;
         if let Some(cut) = cut {
-            match hub(&cut.hub.network, &cut.own.timeline, budget, Refusal::Bare) {
+            // A contact that is followed between frames takes a port for a free mass: it swings up with a mesh that
+            // holds the port faster than frames.
+            let leaps =
+                |found: &PortedBody| matches!(&found.inside, BodyPlan::Mesh(mesh) if mesh.leaps());
+            let once = cut.bodies.iter().any(leaps).then_some(1);
+            let timeline = &cut.own.timeline;
+            let by = |most| hub(&cut.hub.network, timeline, budget, most, Refusal::Bare);
+            match once
+                .map_or_else(|| by(Budget::STEPS_MAX), by)
+                .or_else(|_| by(Budget::STEPS_MAX))
+            {
                 Ok(stable) => found = Some((cut, stable)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
         }
-        let (cut, (contact_substeps, certificate)) = match found {
+        let (cut, (contact_substeps, may_collocate, certificate)) = match found {
             Some(found) => found,
             None => {
                 // Of all rates the composer is told of the score's own.
@@ -66,7 +80,13 @@ impl Assembled {
                     1 => Refusal::Explained,
                     _ => Refusal::Bare,
                 };
-                let stable = hub(&subset.network, &timeline, budget, refusal)?;
+                let stable = hub(
+                    &subset.network,
+                    &timeline,
+                    budget,
+                    Budget::STEPS_MAX,
+                    refusal,
+                )?;
                 (ported::whole(subset, own, timeline), stable)
             }
         };
@@ -93,7 +113,28 @@ impl Assembled {
             bodies,
             certificate,
             because,
+            may_collocate,
+            is_stepped: matches!(choice, MethodChoice::Stepped),
         })
+    }
+
+    /// The choice that makes the same island at another rate; `methods`: how its meshes go.
+    pub(in crate::plan) fn again<'a>(
+        &self,
+        methods: &'a [Option<(MeshMethod, u32)>],
+    ) -> MethodChoice<'a> {
+        if self.is_stepped {
+            MethodChoice::Stepped
+        } else {
+            MethodChoice::AsBefore(methods)
+        }
+    }
+
+    /// Whether linear bodies of it go by their modes.
+    pub(in crate::plan) fn has_modes(&self) -> bool {
+        let bodies = &self.island_plan.bodies;
+        bodies.iter().any(|body| matches!(body, BodyPlan::Modal(_)))
+            && !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_)))
     }
 
     /// How its bodies go that are meshes, in order.
@@ -141,26 +182,33 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
     })
 }
 
-/// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
+/// How finely the contacts of a network are computed, `most` times a frame at most, whether laws may be too, and whether
+/// the rest of it is stable.
 pub(in crate::plan) fn hub(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,
+    most: usize,
     refusal: Refusal,
-) -> Result<(usize, Certificate), Error> {
+) -> Result<(usize, bool, Certificate), Error> {
     let network = &greatest(network, &timeline.leads)?;
     let mut scheme = Scheme::new(network, timeline.rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
-    let contact_substeps = match scheme.stiffest_contact() {
-        // Where the discrete network is the truth, so are its contacts.
-        Some(kappa) if !truths.any(|truth| truth.is_some()) => budget.contact_substeps(kappa),
-        _ => 1,
+    // Where the discrete network is the truth, so are its contacts.
+    let is_discrete = truths.any(|truth| truth.is_some());
+    let (has_contacts, has_laws) = scheme.has_fine();
+    let contact_substeps = if has_contacts && !is_discrete {
+        budget.contact_substeps().min(most)
+    } else {
+        1
     };
     if contact_substeps > 1 {
-        scheme.without_contacts();
+        scheme.take_fine();
     }
-    Ok((contact_substeps, scheme.certify_or(network, refusal)?))
+    let may_collocate = has_laws && !is_discrete && most > 1;
+    let certificate = scheme.certify_or(network, refusal)?;
+    Ok((contact_substeps, may_collocate, certificate))
 }
 
 /// Two maps one after the other.

@@ -47,7 +47,7 @@ pub(in crate::plan) fn oscillators(
     let network = &subset.network;
     let (mats, rate) = (network.mats(), timeline.rate);
     let scheme = Scheme::new(network, rate)?;
-    let steps = backward_steps(network, timeline, &scheme, &mats.x0, &[]);
+    let steps = backward_steps(network, timeline, &scheme, &mats.x0, &[], &|_| true);
     let mut all: Vec<Oscillator> = (0..network.n_mat())
         .map(|i| {
             let now = mats.x0[i] - mats.rest[i];

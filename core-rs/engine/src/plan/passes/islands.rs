@@ -173,7 +173,7 @@ fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
     }
     // Forces at t = 0, of couplings as if they were open.
     let open = Timeline::new(timeline.rate);
-    let forces = forces(network, &open, &mats.x0, &[]);
+    let forces = forces(network, &open, &mats.x0, &[], &|_| true);
     for ((moved, force), kind) in moved.iter_mut().zip(forces).zip(&mats.kind) {
         *moved |= force != 0.0 && kind.moves();
     }

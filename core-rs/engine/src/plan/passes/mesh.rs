@@ -39,6 +39,8 @@ pub(in crate::plan) enum MethodChoice<'a> {
     AsBefore(&'a [Option<(MeshMethod, u32)>]),
     /// All by one method.
     All((MeshMethod, u32)),
+    /// Neither they nor linear bodies by themselves: all of the island module by module.
+    Stepped,
 }
 
 /// Error of a pitch [cents] by a method, x = ωT of its steps.
@@ -83,6 +85,7 @@ pub(in crate::plan) fn mesh(
                 certify(&stiffest, rate, way, substeps).ok()?;
                 (way, substeps)
             }
+            MethodChoice::Stepped => return None,
             MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
             _ if is_led => choose_led(&stiffest, rate, budget)?,
             _ => choose(&stiffest, rate, budget, false)?,

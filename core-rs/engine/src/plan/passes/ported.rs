@@ -62,6 +62,9 @@ pub(in crate::plan) fn cut(
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
+    // What was decided before has no bodies then.
+    let has_bodies =
+        !matches!(choice, MethodChoice::Stepped) && pin.is_none_or(|pin| !pin.kept.is_empty());
     for (body, slow) in slow(network, timeline).bodies {
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
@@ -69,8 +72,8 @@ pub(in crate::plan) fn cut(
     // What slow parts do from kick to kick is certified with normal modes alone, and a session takes the motion of a body
     // from mass to mass by them.
     let takes_complex = found.is_empty() && !timeline.is_open;
-    if budget.takes_modes() {
-        for body in wiring.bodies(network, false) {
+    if budget.takes_modes() && has_bodies {
+        for body in wiring.bodies(network, false, false) {
             let found_modes = match modal(network, timeline, &body, memo) {
                 Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
                 known => known.map(BodyPlan::Modal),
@@ -81,11 +84,13 @@ pub(in crate::plan) fn cut(
             }
         }
     }
-    if budget.takes_meshes() {
+    if budget.takes_meshes() && has_bodies {
         for (body, _) in &found {
             wiring.take(&body.mats);
         }
-        for body in wiring.bodies(network, true) {
+        // One method for everything: for the smallest body too.
+        let is_asked = matches!(budget, Budget::Method(_));
+        for body in wiring.bodies(network, true, is_asked) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
             if let Some(mesh) =
                 mesh::mesh(network, timeline, &body, budget, pin, (choice, found.len()))
@@ -119,7 +124,7 @@ pub(in crate::plan) fn takes(
     for (body, _) in slow(network, timeline).bodies {
         wiring.take(&body.mats);
     }
-    let bodies = wiring.bodies(network, true);
+    let bodies = wiring.bodies(network, true, true);
     let takes = |body: &Body| mesh::takes(network, timeline.rate, body, way);
     bodies.iter().try_for_each(takes)
 }

@@ -88,8 +88,13 @@ impl Wiring {
         }
     }
 
-    /// Sets of MATs that inner links join, large enough and with few enough ports.
-    pub(in crate::plan) fn bodies(&self, network: &Network, with_laws: bool) -> Vec<Body> {
+    /// Sets of MATs that inner links join, large enough and with few enough ports, or all of them.
+    pub(in crate::plan) fn bodies(
+        &self,
+        network: &Network,
+        with_laws: bool,
+        with_small: bool,
+    ) -> Vec<Body> {
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut forest = Forest::new(network.n_mat());
         for (link, a, b) in ends(network) {
@@ -125,7 +130,9 @@ impl Wiring {
             }
         }
         let worth = |body: &Body| {
-            body.mats.len() >= MASSES_MIN && body.ports.len() * PORTS <= body.mats.len()
+            let is_large =
+                body.mats.len() >= MASSES_MIN && body.ports.len() * PORTS <= body.mats.len();
+            is_large || (with_small && !body.links.is_empty())
         };
         bodies.into_values().map(Body::tidy).filter(worth).collect()
     }

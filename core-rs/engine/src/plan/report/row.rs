@@ -3,12 +3,12 @@
 use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
-use crate::plan::BankPlan;
 use crate::plan::cost::{self, Costs};
 use crate::plan::passes::audible::{Body, ModeKind};
 use crate::plan::passes::islands::IslandMembers;
 use crate::plan::passes::ported::PortedBody;
 use crate::plan::trial::audible::Audible;
+use crate::plan::{BankPlan, IslandPlan};
 use crate::scheme::{Certificate, StabilityGuarantee};
 use crate::timeline::Timeline;
 
@@ -155,12 +155,10 @@ impl Row {
         Self::new(parts, counts, Computed::LeftOut(reason))
     }
 
-    pub(in crate::plan) fn stepped(
-        network: &Network,
-        timeline: &Timeline,
-        certificate: Certificate,
-    ) -> Self {
-        let ns = cost::stepped_cost(network, timeline);
+    pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
+        let (network, timeline) = (&island_plan.network, &island_plan.timeline);
+        let ns = cost::stepped_cost(network, timeline)
+            + cost::laws_cost(network, &island_plan.bodies, island_plan.contact_substeps);
         Self::of(network, Computed::Stepped).costing(ns, timeline, certificate.word)
     }
 

@@ -193,6 +193,13 @@ impl Allowance {
         self.draw(0.0)
     }
 
+    /// The part of so much work [s] that is left (0 to 1); none of it is taken.
+    pub(in crate::plan) fn share_left(&self, seconds: f64) -> f64 {
+        let drawn = self.drawn.get();
+        self.needed.set(self.needed.get().max(drawn + seconds));
+        ((self.left() - drawn) / seconds).clamp(0.0, 1.0)
+    }
+
     /// What is left of a part of it that lies aside, to be drawn from by itself: no trial ends because of it.
     pub(in crate::plan) fn aside(&self) -> Self {
         Self::of(ASIDE * self.total - self.drawn_aside.get())

@@ -179,7 +179,20 @@ impl Pair<'_> {
         contact_substeps: usize,
         allowance: &Allowance,
     ) -> Result<Option<Parting>, TrialError> {
-        if self.run.is_lost || self.parts_at().is_none() || is_linear(island_plan) {
+        if self.parts_at().is_none() {
+            return Ok(None);
+        }
+        self.chaos(island_plan, contact_substeps, allowance)
+    }
+
+    /// What they say where a nudge has the run part from itself; `None` where that is not so.
+    pub(in crate::plan) fn chaos(
+        &self,
+        island_plan: &IslandPlan,
+        contact_substeps: usize,
+        allowance: &Allowance,
+    ) -> Result<Option<Parting>, TrialError> {
+        if self.run.is_lost || is_linear(island_plan) {
             return Ok(None);
         }
         let grown = self.nudge(island_plan, contact_substeps, allowance)?;

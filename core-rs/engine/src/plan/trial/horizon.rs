@@ -23,6 +23,8 @@ const SAME: f64 = 3.0;
 const RINGS: f64 = 8.0;
 /// The part of the work that lies aside that is counted on: contacts and guards add to a run.
 const SHARE: f64 = 0.5;
+/// The part of what is left after the first run that the second may be expected to take.
+const FITS: f64 = 0.9;
 
 /// A way to play an island: its plan, and how often a step contacts are computed.
 type Played<'a> = (&'a IslandPlan, usize);
@@ -54,13 +56,13 @@ pub(in crate::plan) fn held(
     // What cannot be paid for leaves no trace: of the pilot everything is known.
     let rest = allowance.aside();
     let each = work(own.0) + work(other.0);
-    let n_frames = (end(own.0) * rate).min(SHARE * rest.spent().1 / each) as usize;
+    let most_frames = (end(own.0) * rate).min(SHARE * rest.spent().1 / each) as usize;
     let pilot = (measured.over * rate) as usize;
     let look = ((LOOK * rate) as usize).max(1);
-    if n_frames < pilot + look {
+    if most_frames < pilot + look {
         return Ok(measured);
     }
-    let key = store.map(|_| key(measured, most, [own, other], n_frames));
+    let key = store.map(|_| key(measured, most, [own, other], most_frames));
     let kept = store.zip(key.as_deref());
     let recalled = kept.and_then(|(store, key)| record::find(store, key, &rest));
     if let Some((taken, record)) = recalled
@@ -70,7 +72,7 @@ pub(in crate::plan) fn held(
         return Ok(known);
     }
     let left = rest.begin();
-    let held = over(measured, most, [own, other], (n_frames, look), &rest)?;
+    let held = over(measured, most, [own, other], (most_frames, look), &rest)?;
     if let Some((store, key)) = kept {
         let record = TrialRecord::of_error(Some(held));
         record::keep(store, key, (&rest, left), record);
@@ -90,19 +92,27 @@ fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) 
     ))
 }
 
-/// The same over so many frames, looked at now and then.
+/// The same over so many frames at most, looked at now and then.
 fn over(
     measured: Measured,
     most: f64,
     [own, other]: [Played<'_>; 2],
-    (n_frames, look): (usize, usize),
+    (most_frames, look): (usize, usize),
     rest: &Allowance,
 ) -> Result<Measured, TrialError> {
     let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
     let pilot = (measured.over * rate) as usize;
-    let runs = play(own.0, own.1, n_frames, rest)
-        .and_then(|run| Ok((run, play(other.0, other.1, n_frames, rest)?)));
-    let (run, other) = match runs {
+    let runs = play(own.0, own.1, most_frames, rest).and_then(|run| {
+        // What contacts added to the first run they add to each step of the other too.
+        let steps = f64::from(other.0.oversampling) / f64::from(own.0.oversampling);
+        let share = rest.share_left(steps * rest.spent().0 / FITS);
+        let n_frames = (share * most_frames as f64) as usize;
+        if n_frames < pilot + look {
+            return Err(TrialError::AllowanceSpent);
+        }
+        Ok((run, play(other.0, other.1, n_frames, rest)?, n_frames))
+    });
+    let (run, other, n_frames) = match runs {
         Ok(runs) => runs,
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
@@ -121,7 +131,7 @@ fn over(
         if now > least {
             let from = until * spans.n_out.max(1);
             let spectral = levels_apart(
-                &run.sound[from..],
+                &run.sound[from..other.sound.len()],
                 &other.sound[from..],
                 spans.n_out,
                 spans.rate,

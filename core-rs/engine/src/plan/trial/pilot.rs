@@ -7,7 +7,7 @@
 use std::cell::OnceCell;
 
 use crate::island::inside::BodyPlan;
-use crate::network::{Error, LinkKind, Run};
+use crate::network::Error;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
@@ -21,17 +21,22 @@ use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{PilotRun, length, play};
+use crate::plan::trial::pilot_run::{PilotRun, is_worth, length, play};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
+use crate::plan::trial::waveform_error::{Spans, difference, errors};
 
-/// The search for how finely contacts are computed begins here.
-const LEAST: usize = 2;
+/// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
+const CONTACT: f64 = 4.0;
+const LAW: f64 = 2.0;
+/// Contacts are not computed more finely where so many doublings one after the other gain less than this [dB]: what
+/// differs is then no error of theirs. (A steep law may begin to gain later.)
+const IDLE: usize = 2;
+const GAIN: f64 = 3.0;
 
-/// Contacts are computed at most so often a frame.
-const ONCE_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
+/// Contacts are computed at most so often a step.
+const SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
@@ -67,8 +72,8 @@ pub(in crate::plan) struct Tried {
 pub(in crate::plan) struct Beyond {
     pub(in crate::plan) own: Assembled,
     pub(in crate::plan) finer: Assembled,
-    /// Contact substeps a frame, whatever the oversampling.
-    pub(in crate::plan) once: usize,
+    /// Contact substeps a step, of each.
+    pub(in crate::plan) contact_substeps: [usize; 2],
 }
 
 impl Tried {
@@ -83,10 +88,11 @@ impl Tried {
             beyond,
         } = self;
         if let (Some(measured), Some(beyond)) = (piloted.error, beyond) {
-            let played = [&beyond.own, &beyond.finer].map(|island| {
-                let oversampling = island.island_plan.oversampling as usize;
-                (&island.island_plan, (beyond.once / oversampling).max(1))
-            });
+            let [own, finer] = beyond.contact_substeps;
+            let played = [
+                (&beyond.own.island_plan, own),
+                (&beyond.finer.island_plan, finer),
+            ];
             piloted.error = unless_spent(horizon::held(measured, budget.asked(), played, known))?;
         }
         Ok(piloted)
@@ -98,13 +104,17 @@ impl Tried {
             island_plan,
             bodies,
             because,
+            is_stepped,
             ..
         } = &self.piloted.island;
-        let once = self.beyond.as_ref().map_or(0, |beyond| beyond.once);
+        let beyond = self.beyond.as_ref();
+        let [own, finer] = beyond.map_or([0, 0], |beyond| beyond.contact_substeps);
         let how = [
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
-            once as u32,
+            u32::from(*is_stepped),
+            own as u32,
+            finer as u32,
         ];
         let mut numbers = TrialRecord::numbers_of(self.piloted.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
@@ -123,10 +133,11 @@ impl Tried {
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
         let (how, kept) = record.counts.split_first()?;
-        let &[oversampling, contact_substeps, once] = &how[..] else {
+        let &[oversampling, contact_substeps, is_stepped, own, finer] = &how[..] else {
             return None;
         };
-        if !(1..=2 * TIMES_MAX).contains(&oversampling) || once as usize > ONCE_MAX {
+        let is_much = own.max(finer) as usize > SUBSTEPS_MAX;
+        if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_stepped > 1 || is_much {
             return None;
         }
         let choice = Choice {
@@ -135,7 +146,11 @@ impl Tried {
             kept: kept.to_vec(),
             ..Choice::default()
         };
-        let island = assemble((oversampling, MethodChoice::ByBudget), Some(&choice)).ok()?;
+        let way = match is_stepped {
+            0 => MethodChoice::ByBudget,
+            _ => MethodChoice::Stepped,
+        };
+        let island = assemble((oversampling, way), Some(&choice)).ok()?;
         let Piloted { mut island, .. } = pinned(island, &choice)?;
         if left_out.len() != island.bodies.len() {
             return None;
@@ -147,13 +162,13 @@ impl Tried {
             Some(why) => Some(NoModes::of(why)?),
             None => None,
         };
-        let beyond = if once > 0 {
+        let beyond = if own > 0 {
             let methods = island.mesh_methods();
-            let at = |times| assemble((times, MethodChoice::AsBefore(&methods)), None).ok();
+            let at = |times| assemble((times, island.again(&methods)), None).ok();
             Some(Beyond {
                 own: at(oversampling)?,
                 finer: at(2 * oversampling)?,
-                once: once as usize,
+                contact_substeps: [own, finer].map(|substeps| substeps as usize),
             })
         } else {
             None
@@ -208,13 +223,7 @@ pub(in crate::plan) fn pilot(
     }
     let spans = Spans::of(&island.island_plan, n_frames);
     let stretches = OnceCell::new();
-    let found = contacts(
-        &island.island_plan,
-        budget,
-        n_frames,
-        (&spans, &stretches),
-        allowance,
-    );
+    let found = contacts(&island, budget, n_frames, (&spans, &stretches), allowance);
     let Some(found) = unless_spent(found)? else {
         return Ok(Piloted {
             island,
@@ -222,12 +231,37 @@ pub(in crate::plan) fn pilot(
         }
         .into());
     };
+    let cheaper = cheaper(
+        assemble,
+        (&island, &found),
+        budget,
+        (&spans, n_frames),
+        allowance,
+    );
+    let (island, found) = match unless_spent(cheaper)?.flatten() {
+        Some((other, run, error)) => {
+            let plain = Contacts {
+                contact_substeps: 1,
+                error: Some(error),
+                run,
+                parting: None,
+                is_idle: false,
+            };
+            (other, plain)
+        }
+        None => (island, found),
+    };
     let search = Search {
         assemble,
+        chaos: found.parting.as_ref().filter(|_| found.is_idle),
         stretches: &stretches,
         spans: &spans,
         allowance,
-        once: found.contact_substeps * island.island_plan.oversampling as usize,
+        // What is computed once a step stays so at any rate.
+        once: match found.contact_substeps {
+            1 => 1,
+            some => some * island.island_plan.oversampling as usize,
+        },
         n_frames,
         budget,
     };
@@ -259,13 +293,13 @@ pub(in crate::plan) fn pilot(
         }
         None => None,
     };
-    let how = (search.once, n_frames);
     let Some(start) = start else {
         if found.run.is_lost
-            && let Some((island, run)) = safe(assemble, how, allowance)?
+            && let Some((island, run)) = safe(assemble, n_frames, allowance)?
         {
+            let steps = island.island_plan.contact_substeps;
             let island = match run {
-                Some(run) => fewer(&island, (search.once, &run), n_frames, budget, allowance)?,
+                Some(run) => fewer(&island, (steps, &run), n_frames, budget, allowance)?,
                 None => island,
             };
             return Ok(Piloted {
@@ -286,7 +320,7 @@ pub(in crate::plan) fn pilot(
     };
     let mut best = search.improve(start, budget)?;
     if best.run.is_lost
-        && let Some((island, run)) = safe(assemble, how, allowance)?
+        && let Some((island, run)) = safe(assemble, n_frames, allowance)?
     {
         let Some(run) = run else {
             return Ok(Piloted {
@@ -296,8 +330,8 @@ pub(in crate::plan) fn pilot(
             .into());
         };
         best = Candidate {
+            contact_substeps: island.island_plan.contact_substeps,
             island,
-            contact_substeps: search.once,
             run,
             error: f64::NAN,
             parting: None,
@@ -324,9 +358,10 @@ pub(in crate::plan) fn pilot(
     Ok(Tried {
         piloted: Piloted { island, error },
         beyond: finer.map(|finer| Beyond {
+            contact_substeps: [&best.island, &finer]
+                .map(|island| search.contact_substeps(island.island_plan.oversampling)),
             own: best.island,
             finer,
-            once: search.once,
         }),
     })
 }
@@ -334,14 +369,14 @@ pub(in crate::plan) fn pilot(
 /// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.
 fn safe(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
-    (contact_substeps, n_frames): (usize, usize),
+    n_frames: usize,
     allowance: &Allowance,
 ) -> Result<Option<(Assembled, Option<PilotRun>)>, Error> {
     let Ok(island) = assemble((1, MethodChoice::Unconditional)) else {
         return Ok(None);
     };
-    let run = play(&island.island_plan, contact_substeps, n_frames, allowance);
-    let run = unless_spent(run)?;
+    let steps = island.island_plan.contact_substeps;
+    let run = unless_spent(play(&island.island_plan, steps, n_frames, allowance))?;
     let is_lost = run.as_ref().is_some_and(|run| run.is_lost);
     Ok((!is_lost).then_some((island, run)))
 }
@@ -369,6 +404,8 @@ struct Contacts {
     run: PilotRun,
     /// Where it is chaotic: then the error is that of the time until runs part.
     parting: Option<Parting>,
+    /// Computing them more finely gains nothing.
+    is_idle: bool,
 }
 
 impl Contacts {
@@ -395,47 +432,79 @@ impl Contacts {
             error: None,
             run,
             parting: None,
+            is_idle: false,
         }
     }
 }
 
+/// An island of laws alone that is stepped more often, where that is right enough too and costs less than its laws
+/// between frames do, how it plays, and its error beside them [dB].
+fn cheaper(
+    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
+    (island, found): (&Assembled, &Contacts),
+    budget: &Budget,
+    (spans, n_frames): (&Spans, usize),
+    allowance: &Allowance,
+) -> Result<Option<(Assembled, PilotRun, f64)>, TrialError> {
+    let own = &island.island_plan;
+    let is_between = own.contact_substeps == 1 && found.contact_substeps > 1;
+    let is_right = found.error.is_some_and(|error| error <= budget.contact());
+    if !is_between || !is_right || found.run.is_lost || found.parting.is_some() {
+        return Ok(None);
+    }
+    let most = IslandPlan {
+        contact_substeps: found.contact_substeps,
+        ..own.clone()
+    }
+    .cost();
+    let mut times = 2 * own.oversampling;
+    while times <= TIMES_MAX {
+        let Ok(other) = assemble((times, MethodChoice::ByBudget)) else {
+            break;
+        };
+        if other.island_plan.cost() >= most || !is_worth(&other.island_plan, n_frames) {
+            break;
+        }
+        let run = play(&other.island_plan, 1, n_frames, allowance)?;
+        let error = difference(&run.sound, &found.run.sound, spans);
+        if !run.is_lost && error <= budget.contact() {
+            return Ok(Some((other, run, error)));
+        }
+        times *= 2;
+    }
+    Ok(None)
+}
+
 fn contacts(
-    island_plan: &IslandPlan,
+    island: &Assembled,
     budget: &Budget,
     n_frames: usize,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),
     allowance: &Allowance,
 ) -> Result<Contacts, TrialError> {
-    if island_plan.contact_substeps == 1 {
+    let island_plan = &island.island_plan;
+    // Of what no waveform is promised laws are right as they are.
+    let may_collocate = island.may_collocate && matches!(budget, Budget::Error(_));
+    if island_plan.contact_substeps == 1 && !may_collocate {
         return Ok(Contacts {
             contact_substeps: 1,
             error: None,
             run: play(island_plan, 1, n_frames, allowance)?,
             parting: None,
+            is_idle: false,
         });
     }
     let aim = budget.contact();
-    // Where a contact with damping closes its force jumps.
-    let jumps = |run: &Run| matches!(run.kind, LinkKind::But(_)) && run.z != 0.0;
-    let order = if island_plan.network.runs().iter().any(jumps) {
-        ORDERS.0
-    } else {
-        ORDERS.1
-    };
-    let mut contact_substeps = LEAST;
+    let order = if island.may_collocate { LAW } else { CONTACT };
+    let mut contact_substeps = island_plan.contact_substeps;
     let mut run = play(island_plan, contact_substeps, n_frames, allowance)?;
-    // Once a frame tells how fast the error falls; it is no choice, for it may diverge.
-    let once = match play(island_plan, 1, n_frames, allowance) {
-        Err(TrialError::AllowanceSpent) if run.is_lost => {
-            return Ok(Contacts::lost(contact_substeps, run));
-        }
-        once => once?,
-    };
-    let once = difference(&once.sound, &run.sound, spans);
-    let mut last = Some(once).filter(|change| change.is_finite());
+    let mut last = None;
     let (mut parting, mut until) = (None, n_frames);
     // What is known of the run: its error, and where it parts from others.
     let mut known: Option<(f64, Option<Parting>)> = None;
+    // The last run from which doubling gained something, and how often it has gained nothing since.
+    let mut settled: Option<Contacts> = None;
+    let mut idle = 0;
     loop {
         let finer = play(island_plan, 2 * contact_substeps, n_frames, allowance);
         let finer = match (finer, known.take()) {
@@ -446,6 +515,7 @@ fn contacts(
                     error: Some(error),
                     run,
                     parting,
+                    is_idle: false,
                 });
             }
             (Err(TrialError::AllowanceSpent), None) if run.is_lost => {
@@ -476,7 +546,10 @@ fn contacts(
         };
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let (own, left) = errors(change, last, order);
-        last = Some(change);
+        let is_idle = !island.may_collocate && last.is_some_and(|last| change > last - GAIN);
+        idle = if is_idle { idle + 1 } else { 0 };
+        // Once a step is another method: it tells nothing of how fast the error falls.
+        last = Some(change).filter(|_| contact_substeps > 1);
         if own <= aim {
             let parting = told(false);
             return Ok(Contacts {
@@ -484,6 +557,7 @@ fn contacts(
                 error: Some(own),
                 run,
                 parting,
+                is_idle: false,
             });
         }
         contact_substeps *= 2;
@@ -493,9 +567,29 @@ fn contacts(
                 error: Some(left),
                 parting: told(true),
                 run: finer,
+                is_idle: false,
+            });
+        }
+        if idle == IDLE
+            && let Some(settled) = settled
+        {
+            let chaos = pair.map(|pair| pair.chaos(island_plan, contact_substeps / 2, allowance));
+            return Ok(Contacts {
+                parting: chaos.transpose()?.flatten().or(settled.parting),
+                is_idle: true,
+                ..settled
             });
         }
         known = Some((left, told(true)));
+        if idle == 0 {
+            settled = Some(Contacts {
+                contact_substeps: contact_substeps / 2,
+                error: Some(own),
+                parting: told(false),
+                run,
+                is_idle: false,
+            });
+        }
         run = finer;
     }
 }

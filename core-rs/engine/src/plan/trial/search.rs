@@ -31,6 +31,8 @@ pub(in crate::plan) struct Search<'a, F> {
     pub(in crate::plan) spans: &'a Spans,
     /// Of the first run that was not lost.
     pub(in crate::plan) stretches: &'a OnceCell<Stretches>,
+    /// What is known of chaos before the search.
+    pub(in crate::plan) chaos: Option<&'a Parting>,
     /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
@@ -96,7 +98,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     pub(in crate::plan) fn finer(&self, island: &Assembled) -> Option<Assembled> {
         let finer = (self.assemble)((
             2 * island.island_plan.oversampling,
-            MethodChoice::AsBefore(&island.mesh_methods()),
+            island.again(&island.mesh_methods()),
         ))
         .ok()?;
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
@@ -132,6 +134,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 stretches: self.stretches.get_or_init(first),
             };
             pair.parting(&island.island_plan, contact_substeps, self.allowance)?
+                .or_else(|| self.chaos.map(|known| known.again(&pair, false)))
         };
         let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
             .filter(|_| parting.is_none())
@@ -150,8 +153,9 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     /// How often a step contacts are computed at `times` the rate.
-    fn contact_substeps(&self, oversampling: u32) -> usize {
-        (self.once / oversampling as usize).max(1)
+    pub(in crate::plan) fn contact_substeps(&self, oversampling: u32) -> usize {
+        let least = self.once.min(Budget::STEPS_MIN);
+        (self.once / oversampling as usize).max(least)
     }
 
     /// Improve the island until the budget is met, nothing helps any more, or the allowance is spent.
@@ -189,6 +193,16 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     fn better(&self, best: &Candidate) -> Result<Option<Candidate>, TrialError> {
+        // Where links of order 1 hold a body's ports its modes gain nothing. What is led keeps its method: by CA its
+        // amplitude goes another way, and the pilot may end before that is heard.
+        let is_led = !best.island.island_plan.timeline.leads.is_empty();
+        if best.island.has_modes() && best.oversampling == 1 && !is_led {
+            let candidate = self.measure(1, MethodChoice::Stepped, None, None)?;
+            let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
+            if let Some(candidate) = candidate.filter(is_better) {
+                return Ok(Some(candidate));
+            }
+        }
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
             let candidate =
@@ -203,12 +217,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         }
         let methods = best.island.mesh_methods();
         let last = (!best.run.is_lost).then_some(best.change);
-        let candidate = self.measure(
-            2 * best.oversampling,
-            MethodChoice::AsBefore(&methods),
-            best.rung,
-            last,
-        )?;
+        let again = best.island.again(&methods);
+        let candidate = self.measure(2 * best.oversampling, again, best.rung, last)?;
         let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.1, self.budget);
         if let Some(candidate) = candidate.filter(is_better) {
             return Ok(Some(candidate));

@@ -4,7 +4,7 @@ use crate::maths::{log10, pow, sqrt};
 use crate::plan::IslandPlan;
 use crate::plan::trial::pilot_run::AFTER;
 
-/// Error of a contact falls with the square of the step at best, with its first power where damping jumps.
+/// Errors fall with the square of the step at best, with its first power at least.
 pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
 /// By so much an error of order 1 falls with a doubling [dB].
 const DOUBLING: f64 = 6.02;

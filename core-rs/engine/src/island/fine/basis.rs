@@ -1,0 +1,132 @@
+//! Smooth functions of the time within a frame, 0 to 1, as sums of Chebyshev polynomials.
+
+use crate::maths::cos;
+use std::f64::consts::PI;
+
+/// A function is a sum of at most so many polynomials.
+pub(super) const MOST: usize = 24;
+/// Fewest: a parabola and one to spare.
+const LEAST: usize = 4;
+/// Error of the sum, relative to the function.
+const ERROR: f64 = 1e-10;
+
+/// Polynomials of a frame and the instants at which a function is sampled for them.
+#[derive(Clone, Debug)]
+pub(super) struct Basis {
+    /// Rising instants of a frame   (n)
+    pub(super) instants: Vec<f64>,
+    /// Coefficient k of a function by its value at instant m   (n, n)
+    pub(super) fit: Vec<f64>,
+}
+
+/// Every polynomial, and its slope, at one instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct At {
+    /// 0 to 1.
+    pub(super) s: f64,
+    pub(super) value: [f64; MOST],
+    pub(super) slope: [f64; MOST],
+}
+
+impl Basis {
+    /// For motions e^(λs) with |λ| up to `reach` [1/frame].
+    pub(super) fn new(reach: f64) -> Self {
+        let n = (LEAST..MOST).find(|&n| error(reach, n) <= ERROR);
+        let n = n.unwrap_or(MOST);
+        let angle = |m: usize| PI * ((n - 1 - m) as f64 + 0.5) / n as f64;
+        let part = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n as f64;
+        let fit = |at: usize| part(at / n) * cos((at / n) as f64 * angle(at % n));
+        Self {
+            instants: (0..n).map(|m| 0.5 + 0.5 * cos(angle(m))).collect(),
+            fit: (0..n * n).map(fit).collect(),
+        }
+    }
+
+    pub(super) fn n(&self) -> usize {
+        self.instants.len()
+    }
+
+    /// Coefficients of a function by its values at the instants   (n each)
+    pub(super) fn fit(&self, values: &[f64], coefficients: &mut [f64]) {
+        for (own, row) in coefficients.iter_mut().zip(self.fit.chunks(self.n())) {
+            *own = dot(row, values);
+        }
+    }
+
+    /// What each value at the instants counts in a sum of so much of each polynomial   (n)
+    pub(super) fn weights(&self, polynomials: &[f64]) -> Vec<f64> {
+        let n = self.n();
+        let weight = |m: usize| (0..n).map(|k| polynomials[k] * self.fit[k * n + m]).sum();
+        (0..n).map(weight).collect()
+    }
+
+    /// Values of a function of two instants into the weights that fit it   (n·n)
+    pub(super) fn fit_both(&self, both: &mut [f64]) {
+        let n = self.n();
+        let (mut values, mut fitted) = ([0.0; MOST], [0.0; MOST]);
+        for row in both.chunks_mut(n) {
+            self.fit(row, &mut fitted[..n]);
+            row.copy_from_slice(&fitted[..n]);
+        }
+        for l in 0..n {
+            for (m, value) in values[..n].iter_mut().enumerate() {
+                *value = both[m * n + l];
+            }
+            self.fit(&values[..n], &mut fitted[..n]);
+            for (k, value) in fitted[..n].iter().enumerate() {
+                both[k * n + l] = *value;
+            }
+        }
+    }
+}
+
+/// The relative error of n polynomials of e^(λs), |λ| = `reach`: 2(|λ|/4)^n / n!.
+fn error(reach: f64, n: usize) -> f64 {
+    (1..=n).fold(2.0, |error, k| error * 0.25 * reach / k as f64)
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl At {
+    pub(super) fn new(n: usize, s: f64) -> Self {
+        let (u, mut at) = (
+            2.0 * s - 1.0,
+            Self {
+                s,
+                value: [0.0; MOST],
+                slope: [0.0; MOST],
+            },
+        );
+        (at.value[0], at.value[1], at.slope[1]) = (1.0, u, 2.0);
+        for k in 2..n {
+            at.value[k] = 2.0 * u * at.value[k - 1] - at.value[k - 2];
+            at.slope[k] = 4.0 * at.value[k - 1] + 2.0 * u * at.slope[k - 1] - at.slope[k - 2];
+        }
+        at
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maths::sin;
+
+    #[test]
+    fn a_swing_and_its_velocity_are_known_between_the_instants() {
+        for reach in [0.3, 2.0, 6.0, 12.0] {
+            let basis = Basis::new(reach);
+            let n = basis.n();
+            let values: Vec<f64> = basis.instants.iter().map(|s| sin(reach * s)).collect();
+            let mut own = vec![0.0; n];
+            basis.fit(&values, &mut own);
+            for s in [0.0, 0.123, 0.5, 0.97, 1.0] {
+                let at = At::new(n, s);
+                assert!((dot(&own, &at.value[..n]) - sin(reach * s)).abs() < 1e-8);
+                let slope = reach * cos(reach * s);
+                assert!((dot(&own, &at.slope[..n]) - slope).abs() < 1e-6 * reach.max(1.0));
+            }
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! What contacts and laws between frames need of a network: their joints, and what a push on one makes of the others.
+
+use std::sync::Arc;
+
+use super::basis::{At, Basis, dot};
+use super::joint::{Joint, joint, moves, reach};
+use super::laws::LawScript;
+use super::{Fine, FineWork, Script};
+use crate::island::inside::RunningBody;
+use crate::island::modal::RunningModal;
+use crate::network::Network;
+use crate::scheme::{Run, Scheme};
+use crate::timeline::{DriveKind, Timeline};
+
+/// A mode's answer to an impulse costs as much as so many products: it has an exponential and a sine.
+const RESPONSE: u64 = 200;
+
+impl Fine {
+    /// `links` leave the scheme: single contacts and laws whose ends are masses or ports.
+    pub(in crate::island) fn new(
+        links: Vec<Run>,
+        network: &Network,
+        scheme: &Scheme,
+        bodies: &[RunningBody],
+        steps: usize,
+        timeline: &Timeline,
+    ) -> Self {
+        let rate = timeline.rate;
+        let mut mats: Vec<usize> = links.iter().flat_map(|run| [run.a, run.b]).collect();
+        mats.sort_unstable();
+        mats.dedup();
+        let basis = Basis::new(reach(&mats, network, scheme, bodies, timeline));
+        let n = basis.n();
+        let is_held = |mat: usize| {
+            let mut drives = timeline.drives.iter();
+            drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
+        };
+        let own = |&mat: &usize| {
+            let known = (&basis, rate);
+            joint(mat, is_held(mat), network, scheme, bodies, known)
+        };
+        let joints: Vec<Joint> = mats.iter().map(own).collect();
+        let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
+        let ends = links.iter().map(|run| (at(run.a), at(run.b))).collect();
+        let n_joints = joints.len();
+        // Of each joint: the modes that tell where it is, itself where it is a mass.
+        let modes = |joint: &Joint| {
+            let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
+            body.map_or(1, RunningModal::n_modes) as u64
+        };
+        let pairs = |joint: &Joint| {
+            let same = |other: &&Joint| match (joint.port, other.port) {
+                (Some((owner, _)), Some((own, _))) => owner == own,
+                _ => false,
+            };
+            joints.iter().filter(same).count().max(1) as u64
+        };
+        let instants = n as u64;
+        let responses = joints
+            .iter()
+            .map(|own| pairs(own) * modes(own) * instants * instants)
+            .sum::<u64>();
+        let ways = joints
+            .iter()
+            .map(|own| (2 * modes(own) + instants) * instants)
+            .sum();
+        let pair = |pair: usize| {
+            let ends = (&joints[pair / n_joints], &joints[pair % n_joints]);
+            moves(ends, bodies, (&basis, rate))
+        };
+        let (moves, jumps): (Vec<_>, _) = (0..n_joints * n_joints).map(pair).unzip();
+        let begun = begun(&moves, &joints, &basis);
+        let script = Script {
+            steps,
+            rate,
+            basis,
+            links,
+            ends,
+            joints,
+            moves,
+            jumps,
+            begun,
+            ways,
+        };
+        let law_script = LawScript::new(&script);
+        let n_links = script.links.len();
+        Self {
+            way: vec![0.0; n_joints * n],
+            given: vec![0.0; n_joints * n],
+            saved: [vec![0.0; n_joints * n], vec![0.0; n_joints * n]],
+            values: vec![0.0; n_joints * n],
+            pushed: vec![0.0; n_joints * n],
+            later: vec![0.0; n_joints],
+            steady: vec![0.0; n_joints],
+            near: vec![false; n_links],
+            pushes: vec![false; n_links],
+            rests: vec![false; n_links],
+            located: vec![false; n_links],
+            forces: vec![0.0; n_links],
+            numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
+            has_glided: vec![false; n_joints],
+            has_touched: false,
+            work: FineWork {
+                instants: 0,
+                products: RESPONSE * responses,
+            },
+            laws: law_script.states(&script),
+            law_script: Arc::new(law_script),
+            script: Arc::new(script),
+        }
+    }
+}
+
+/// What an impulse at the start of a frame on one joint makes of another at its instants, by `moves`   (n_joints²)
+fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
+    let (n, start) = (basis.n(), At::new(basis.n(), 0.0));
+    let found = |(pair, moves): (usize, &Vec<f64>)| {
+        if joints[pair / joints.len()].port.is_none() || moves.is_empty() {
+            return Vec::new();
+        }
+        let at = |&s: &f64| {
+            let end = At::new(n, s);
+            let rows = moves.chunks(n).zip(&start.value);
+            rows.map(|(row, share)| share * dot(row, &end.value)).sum()
+        };
+        basis.instants.iter().map(at).collect()
+    };
+    moves.iter().enumerate().map(found).collect()
+}

@@ -1,0 +1,171 @@
+//! Points that contacts touch: where each goes by itself in a frame, and what impulses move.
+
+use super::Script;
+use super::basis::Basis;
+use crate::cell::{Cell, Ratios};
+use crate::island::inside::RunningBody;
+use crate::network::{MatKind, Network};
+use crate::scheme::Scheme;
+use crate::timeline::Timeline;
+use crate::units::Rate;
+
+/// A point that contacts touch.
+#[derive(Clone, Debug)]
+pub(super) struct Joint {
+    pub(super) mat: usize,
+    /// The body that it is a port of, and which port.
+    pub(super) port: Option<(usize, usize)>,
+    /// Of a MAT that is stepped: its own motion, and where it rests [m].
+    pub(super) cell: Option<Cell>,
+    pub(super) rest: f64,
+    /// 1/M, κ and ζ of its cell, in this frame and in the next.
+    pub(super) numbers: [[f64; 3]; 2],
+    /// Weights of where it is, and of where it goes, at each instant   (n)
+    pub(super) way: Vec<(f64, f64)>,
+    /// Forces of this frame and of the next [N] that stand for an impulse at each instant [N·s]   (n)
+    pub(super) split: Vec<[f64; 2]>,
+}
+
+/// The fastest motion of the points: |λ| of e^(λs) [1/frame].
+pub(super) fn reach(
+    mats: &[usize],
+    network: &Network,
+    scheme: &Scheme,
+    bodies: &[RunningBody],
+    timeline: &Timeline,
+) -> f64 {
+    let rate = timeline.rate;
+    let own = |mat: usize| {
+        let body = bodies.iter().filter_map(RunningBody::modal);
+        match body
+            .into_iter()
+            .find(|body| body.ports().any(|port| port == mat))
+        {
+            Some(body) => body.reach(),
+            None => cell(mat, network, scheme).map_or(0.0, |cell| cell.reach()),
+        }
+    };
+    let glides = timeline.glides.iter();
+    let gliding = glides
+        .filter(|glide| mats.contains(&glide.mat))
+        .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
+        .map(|[k, z, m]| Cell::new(m, k, z).reach());
+    let all = mats.iter().map(|&mat| own(mat)).chain(gliding);
+    all.fold(0.0, f64::max) * rate.step()
+}
+
+impl Script {
+    /// Take a stepped joint as its MAT is halfway from 1/M, κ and ζ of this frame to those of the next; says whether
+    /// they have changed. Nothing is allocated.
+    pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> bool {
+        let n_joints = self.joints.len();
+        let own = &mut self.joints[joint];
+        own.numbers = numbers;
+        let [now, next] = numbers;
+        let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (now[i] + next[i]));
+        let (rate, step) = (self.rate, self.rate.step());
+        let Some(cell) = Cell::of_ratios(step * step / w, Ratios { kappa, zeta }, rate) else {
+            return false;
+        };
+        own.cell = Some(cell);
+        // The forces that stand for an impulse meet the masses of their own frames.
+        let masses = [w / now[0], w / next[0]];
+        for ((way, split), &at) in
+            (own.way.iter_mut().zip(&mut own.split)).zip(&self.basis.instants)
+        {
+            *way = cell.interpolation(at, rate);
+            let forces = cell.split(1.0, at, rate);
+            *split = [forces[0] * masses[0], forces[1] * masses[1]];
+        }
+        let pair = joint * n_joints + joint;
+        answers(&self.basis, &mut self.moves[pair], &|part| {
+            cell.answer_around(part * step)
+        });
+        self.jumps[pair] = step * cell.jump();
+        true
+    }
+}
+
+/// What an impulse at one instant of a frame makes of a way at another, by the time between them [frames], into weights   (n·n)
+fn answers(basis: &Basis, both: &mut [f64], answer: &dyn Fn(f64) -> f64) {
+    for (row, from) in both.chunks_mut(basis.n()).zip(&basis.instants) {
+        for (value, to) in row.iter_mut().zip(&basis.instants) {
+            *value = answer(to - from);
+        }
+    }
+    basis.fit_both(both);
+}
+
+fn cell(mat: usize, network: &Network, scheme: &Scheme) -> Option<Cell> {
+    let mats = network.mats();
+    match mats.kind[mat] {
+        _ if scheme.w[mat] == 0.0 => None,
+        MatKind::Cel => Some(Cell::new(mats.m[mat], mats.k[mat], mats.z[mat])),
+        _ => Some(Cell::new(mats.m[mat], 0.0, 0.0)),
+    }
+}
+
+pub(super) fn joint(
+    mat: usize,
+    is_held: bool,
+    network: &Network,
+    scheme: &Scheme,
+    bodies: &[RunningBody],
+    (basis, rate): (&Basis, Rate),
+) -> Joint {
+    let port = bodies.iter().enumerate().find_map(|(owner, playing)| {
+        let port = playing.modal()?.ports().position(|port| port == mat)?;
+        Some((owner, port))
+    });
+    let cell = cell(mat, network, scheme).filter(|_| port.is_none() && !is_held);
+    let instants = basis.instants.iter();
+    let (way, rest) = match &cell {
+        Some(cell) => (
+            instants
+                .clone()
+                .map(|&at| cell.interpolation(at, rate))
+                .collect(),
+            network.mats().rest[mat],
+        ),
+        None => (instants.clone().map(|&at| (1.0 - at, at)).collect(), 0.0),
+    };
+    let split = |cell: &Cell| instants.map(|&at| cell.split(1.0, at, rate)).collect();
+    Joint {
+        mat,
+        port,
+        rest,
+        numbers: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
+        way,
+        split: cell.as_ref().map(split).unwrap_or_default(),
+        cell,
+    }
+}
+
+/// What an impulse at one joint makes of another's way: a row for each polynomial of the impulse's instant, (n, n) [m/N·s], and the
+/// velocity at once [m/frame per N·s]. Empty where nothing leads from one to the other within a frame.
+pub(super) fn moves(
+    (from, to): (&Joint, &Joint),
+    bodies: &[RunningBody],
+    (basis, rate): (&Basis, Rate),
+) -> (Vec<f64>, f64) {
+    let step = rate.step();
+    let table = |answer: &dyn Fn(f64) -> f64| {
+        let mut both = vec![0.0; basis.n() * basis.n()];
+        answers(basis, &mut both, &|part| answer(part * step));
+        both
+    };
+    match (from.port, to.port) {
+        (Some((owner, from)), Some((same, to))) if owner == same => {
+            let Some(modal) = bodies[owner].modal() else {
+                return (Vec::new(), 0.0);
+            };
+            let at = |t: f64| modal.response(from, to, t);
+            (table(&at), step * modal.jump(from, to))
+        }
+        (None, None) if from.mat == to.mat => match &from.cell {
+            Some(cell) => (table(&|t| cell.answer_around(t)), step * cell.jump()),
+            None => (Vec::new(), 0.0),
+        },
+        _ => (Vec::new(), 0.0),
+    }
+}

@@ -1,0 +1,372 @@
+//! Single laws between points, by collocation: over a part of a frame the force of each is the polynomial that meets its
+//! law at the three Gauss points, with the exact linear motion of all else between them. Its order is 6, its equations
+//! are implicit, and it damps what the laws damp at any slope (Hairer, Nørsett & Wanner, II.7).
+
+mod root;
+mod state;
+mod tables;
+
+use super::basis::{At, dot};
+use super::{Fine, Script};
+use crate::maths::pow;
+use crate::state::Body;
+use root::{inverse, root};
+use state::LawNow;
+pub(super) use state::LawState;
+pub(super) use tables::LawScript;
+use tables::{Division, shares};
+
+/// Gauss points of a part of a frame, and what each weighs.
+const STAGES: usize = 3;
+const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
+const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
+/// Rounds until all forces agree, each to this part of the largest; rounds of a frame as a whole, where it may be taken
+/// in parts; slopes are looked up again every few rounds.
+const ROUNDS: usize = 60;
+const FEW_ROUNDS: usize = 8;
+const AGREE: f64 = 1e-9;
+const LOOK_AGAIN: usize = 3;
+/// A frame that may be taken in parts is taken as a whole where its forces, by the polynomial through its Gauss points,
+/// miss their laws at both its ends by less than this part of the largest. Not by more: steps that follow the swing lose
+/// the balance of errors that even steps have (a cubic spring: -72 dB at 1e-3, -104 dB by whole frames alone).
+const SMOOTH: f64 = 1e-6;
+/// Forces that still change by more than this part of the largest are not found by Newton's steps.
+const LOST: f64 = 1e-3;
+/// Rounds over laws that are found by halving.
+const BRACKET_ROUNDS: usize = 20;
+/// Of the largest force so much stays from frame to frame.
+const FADE: f64 = 0.999;
+
+type Stages = [f64; STAGES];
+type Square = [Stages; STAGES];
+
+impl Fine {
+    /// The laws of a frame in which no contact is near.
+    pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
+        let n = script.basis.n();
+        for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
+            let ((a, b), rest) = (script.ends[link], script.links[link].rest);
+            let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
+            for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
+                *x = b - a - rest;
+            }
+            state.force = laws.ahead.map(|row| dot(&row, &state.force));
+        }
+        let most = laws.divisions.len() - 1;
+        let rounds = if most == 0 { ROUNDS } else { FEW_ROUNDS };
+        let left = self.solve(script, laws, (gates, 0), (0, rounds));
+        if most == 0 {
+            if left > LOST {
+                self.bracket(script, laws, (gates, 0, 0));
+            }
+            return self.give_laws(script, laws, (0, 0));
+        }
+        let is_met = left == 0.0;
+        let missed = if is_met {
+            self.missed(script, laws, gates)
+        } else {
+            1.0
+        };
+        if missed <= SMOOTH {
+            return self.give_laws(script, laws, (0, 0));
+        }
+        // What it misses falls by the cube of the parts.
+        let wanted = pow(missed / SMOOTH, 1.0 / 3.0);
+        let finer = laws
+            .divisions
+            .partition_point(|own| (own.parts as f64) < wanted);
+        let own = finer.clamp(1, most);
+        let division = &laws.divisions[own];
+        for state in &mut self.laws {
+            let first = [0, 1, 2].map(|stage: usize| shares(division.s[stage]));
+            state.force = if is_met {
+                first.map(|row| dot(&row, &state.force))
+            } else {
+                [state.begin; STAGES]
+            };
+        }
+        for part in 0..division.parts {
+            if part > 0 {
+                for state in &mut self.laws {
+                    state.force = laws.ahead.map(|row| dot(&row, &state.force));
+                }
+            }
+            if self.solve(script, laws, (gates, own), (part, ROUNDS)) > LOST {
+                self.bracket(script, laws, (gates, own, part));
+            }
+            self.give_laws(script, laws, (own, part));
+            self.bend_paths(script, division, part);
+        }
+    }
+
+    /// Find the forces of all laws in a part of a frame; how far they miss them, relative to the largest; 0 where they agree.
+    fn solve(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        (gates, own): (&[f64], usize),
+        (part, rounds): (usize, usize),
+    ) -> f64 {
+        let (n, division) = (script.basis.n(), &laws.divisions[own]);
+        let rows = 3 * part * n..3 * (part + 1) * n;
+        let (value, slope) = (&division.value[rows.clone()], &division.slope[rows]);
+        for state in &mut self.laws {
+            for (stage, (value, slope)) in value.chunks(n).zip(slope.chunks(n)).enumerate() {
+                state.elongation[stage] = dot(value, &state.path);
+                state.rate[stage] = dot(slope, &state.path);
+            }
+        }
+        let mut last = f64::INFINITY;
+        for round in 0..rounds {
+            let mut change = 0.0_f64;
+            for law in 0..laws.links.len() {
+                change = change.max(self.meet(script, laws, (gates, own, part), (law, round)));
+            }
+            // What is still to come, at the pace of the last two rounds.
+            let pace = change / last;
+            if change <= AGREE || (round > 0 && pace < 0.5 && change * pace <= AGREE) {
+                // Slopes that took so long to lead there are looked up again.
+                if round >= LOOK_AGAIN {
+                    self.laws.iter_mut().for_each(|state| state.known = None);
+                }
+                return 0.0;
+            }
+            last = change;
+        }
+        last
+    }
+
+    /// One force for each law over a part of a frame, equal to the law halfway, for laws so steep that Newton's steps do
+    /// not end: of order 2, and it neither grows beyond the law nor depends on its slope.
+    fn bracket(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        (gates, own, part): (&[f64], usize, usize),
+    ) {
+        const MIDDLE: usize = 1;
+        let (n_laws, division) = (laws.links.len(), &laws.divisions[own]);
+        let s = division.s[STAGES * part + MIDDLE];
+        for state in &mut self.laws {
+            // Newton's last forces may be anything.
+            (state.force, state.known) = ([state.begin; STAGES], None);
+        }
+        for _ in 0..BRACKET_ROUNDS {
+            let mut change = 0.0_f64;
+            for law in 0..n_laws {
+                let state = &self.laws[law];
+                let (mut e, mut v) = (state.elongation[MIDDLE], state.rate[MIDDLE]);
+                let mut give = [0.0; 2];
+                let pairs = self.laws.iter().zip(&division.moves[law * n_laws..]);
+                for (other, (state, [by_x, by_v])) in pairs.enumerate() {
+                    let [x, v_by] = [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
+                    if other == law {
+                        give = [x, v_by];
+                    } else {
+                        e += x * state.force[MIDDLE];
+                        v += v_by * state.force[MIDDLE];
+                    }
+                }
+                let now = self.law(script, gates, (laws.links[law], s));
+                let unmet = |f: f64| f - now.at(e + give[0] * f, (v + give[1] * f) * now.rate());
+                let old = state.force[MIDDLE];
+                let (force, evaluations) = root(&unmet, old);
+                self.work.instants += evaluations / STAGES as u64;
+                change = change.max((force - old).abs() - AGREE * force.abs());
+                self.laws[law].force = [force; STAGES];
+            }
+            if change <= 0.0 {
+                break;
+            }
+        }
+    }
+
+    /// Push by the forces that were found for a part of a frame.
+    fn give_laws(&mut self, script: &Script, laws: &LawScript, (own, part): (usize, usize)) {
+        let (n, division) = (script.basis.n(), &laws.divisions[own]);
+        let h = script.rate.step() / division.parts as f64;
+        for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
+            let (a, b) = script.ends[link];
+            let first = 3 * part;
+            let forces = WEIGHTS.iter().zip(&state.force);
+            for (stage, (weight, force)) in forces.enumerate() {
+                let impulse = weight * h * force;
+                let row = &division.value[(first + stage) * n..(first + stage + 1) * n];
+                for (at, share) in row.iter().enumerate() {
+                    self.pushed[a * n + at] += impulse * share;
+                    self.pushed[b * n + at] -= impulse * share;
+                }
+            }
+            let most = state
+                .force
+                .iter()
+                .fold(0.0_f64, |most, force| most.max(force.abs()));
+            state.largest = most.max(if part == 0 { FADE } else { 1.0 } * state.largest);
+        }
+    }
+
+    /// Where the laws take their points after a part of a frame.
+    fn bend_paths(&mut self, script: &Script, division: &Division, part: usize) {
+        let (n, n_laws) = (script.basis.n(), self.laws.len());
+        let h = script.rate.step() / division.parts as f64;
+        for to in 0..n_laws {
+            let mut path = std::mem::take(&mut self.laws[to].path);
+            for (from, other) in self.laws.iter().enumerate() {
+                let first = (to * n_laws + from) * division.parts + part;
+                let rows = &division.later[3 * first * n..3 * (first + 1) * n];
+                for (stage, row) in rows.chunks(n).enumerate() {
+                    let impulse = WEIGHTS[stage] * h * other.force[stage];
+                    for (x, by) in path.iter_mut().zip(row) {
+                        *x += impulse * by;
+                    }
+                }
+            }
+            self.laws[to].path = path;
+        }
+    }
+
+    /// How far the forces of a frame that was taken as a whole are from their laws at its two ends, relative to the
+    /// largest.
+    fn missed(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
+        let n_laws = laws.links.len();
+        let mut missed = 0.0_f64;
+        for (own, &link) in laws.links.iter().enumerate() {
+            let state = &self.laws[own];
+            let [mut e, mut v] = [0, 1].map(|which| dot(&laws.ends[1][which], &state.path));
+            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[own * n_laws..]) {
+                e += dot(by_x, &other.force);
+                v += dot(by_v, &other.force);
+            }
+            let law = self.law(script, gates, (link, 1.0));
+            let at_ends = [state.begin, law.at(e, v * law.rate())];
+            let largest = (state.force.iter().chain(&at_ends))
+                .fold(state.largest, |most, force| most.max(force.abs()));
+            for (row, force) in laws.at_ends.iter().zip(at_ends) {
+                let apart = (dot(row, &state.force) - force).abs();
+                missed = missed.max(apart / largest.max(f64::MIN_POSITIVE));
+            }
+        }
+        self.work.instants += n_laws as u64;
+        missed
+    }
+
+    /// Bring the forces of one law nearer to it, those of all others given; the change, relative to the largest.
+    fn meet(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        (gates, own, part): (&[f64], usize, usize),
+        (law, round): (usize, usize),
+    ) -> f64 {
+        let (link, n_laws) = (laws.links[law], laws.links.len());
+        let division = &laws.divisions[own];
+        let (mut e, mut v) = (self.laws[law].elongation, self.laws[law].rate);
+        for (other, [by_x, by_v]) in self.laws.iter().zip(&division.moves[law * n_laws..]) {
+            for stage in 0..STAGES {
+                e[stage] += dot(&by_x[stage], &other.force);
+                v[stage] += dot(&by_v[stage], &other.force);
+            }
+        }
+        let now =
+            [0, 1, 2].map(|stage| self.law(script, gates, (link, division.s[3 * part + stage])));
+        self.work.instants += 1;
+        let rate = now[0].rate();
+        let v = v.map(|v| v * rate);
+        let state = &mut self.laws[law];
+        let force = state.forces(&now, &e, &v);
+        let largest = (force.iter()).fold(f64::MIN_POSITIVE, |most, force| most.max(force.abs()));
+        if state.known != Some(own) || round % LOOK_AGAIN == LOOK_AGAIN - 1 {
+            let (k, z) = state.slopes(&now, (&e, &v), &force);
+            let [by_x, by_v] = &division.moves[law * n_laws + law];
+            let mut left = [[0.0; STAGES]; STAGES];
+            for stage in 0..STAGES {
+                for column in 0..STAGES {
+                    let one = if column == stage { 1.0 } else { 0.0 };
+                    left[stage][column] = one
+                        - k[stage] * by_x[stage][column]
+                        - z[stage] * rate * by_v[stage][column];
+                }
+            }
+            state.inverse = inverse(&left);
+            state.known = Some(own);
+            self.work.instants += 1;
+        }
+        let unmet: [f64; STAGES] = std::array::from_fn(|stage| force[stage] - state.force[stage]);
+        let mut change = 0.0_f64;
+        for stage in 0..STAGES {
+            let by = dot(&state.inverse[stage], &unmet);
+            state.force[stage] += by;
+            change = change.max(by.abs());
+        }
+        change / largest
+    }
+
+    /// Forces of all laws at the start of the frame, for those who listen.
+    pub(super) fn tell_laws(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        gates: &[f64],
+        body: &mut Body,
+    ) {
+        let n = script.basis.n();
+        for (own, &link) in laws.links.iter().enumerate() {
+            let (a, b) = script.ends[link];
+            let run = &script.links[link];
+            let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
+            let [e, v] = [0, 1].map(|which| {
+                let row = &laws.ends[0][which];
+                dot(row, b) - dot(row, a)
+            });
+            let law = self.law(script, gates, (link, 0.0));
+            let force = law.at(e - run.rest, v * law.rate());
+            body.link[run.first] = force;
+            self.laws[own].begin = force;
+        }
+    }
+
+    /// A law as it is at an instant of this frame.
+    fn law<'a>(&self, script: &'a Script, gates: &[f64], (link, s): (usize, f64)) -> LawNow<'a> {
+        let run = &script.links[link];
+        let [k, z] = self.numbers(link, s);
+        LawNow {
+            kind: &run.kind,
+            open: run.gate.map_or(1.0, |gate| gates[gate]),
+            k,
+            z,
+        }
+    }
+
+    /// Elongation of a link [m] and its rate [m/frame].
+    pub(super) fn elongation(&self, script: &Script, link: usize, at: &At) -> [f64; 2] {
+        let n = script.basis.n();
+        let (a, b) = script.ends[link];
+        let [a, b] = [a, b].map(|end| &self.way[end * n..(end + 1) * n]);
+        let e = dot(b, &at.value) - dot(a, &at.value) - script.links[link].rest;
+        [e, dot(b, &at.slope) - dot(a, &at.slope)]
+    }
+
+    /// A kick of a law that lasts `b` frames, in a frame of contacts.
+    pub(super) fn kick_law(
+        &mut self,
+        script: &Script,
+        gates: &[f64],
+        link: usize,
+        (at, b): (&At, f64),
+    ) {
+        const AGAIN: usize = 4;
+        let [e, v] = self.elongation(script, link, at);
+        let (a, b_end) = script.ends[link];
+        let jump = script.jump(a, b_end);
+        let (own, step) = (self.law(script, gates, (link, at.s)), script.rate.step());
+        let mut impulse = 0.0;
+        for _ in 0..AGAIN {
+            // Halfway through the kick.
+            let v = v - 0.5 * jump * impulse;
+            impulse = b * step * own.at(e, v * own.rate());
+        }
+        self.work.instants += 1;
+        self.shove(script, a, impulse, at);
+        self.shove(script, b_end, -impulse, at);
+    }
+}

@@ -1,0 +1,82 @@
+//! The zero of a function by halving, and the inverse of a 3 × 3 matrix.
+
+use super::{STAGES, Square};
+
+/// How often an interval is doubled and halved, and the first one relative to what is unmet.
+const HALVINGS: u64 = 64;
+const FIRST_LOOK: f64 = 0.01;
+
+/// Where a function that rises in the end is zero, near a guess; and how often it was asked. The guess where it is zero
+/// nowhere.
+pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
+    let at_guess = f(guess);
+    let mut asked = 1;
+    if at_guess == 0.0 || !at_guess.is_finite() {
+        return (guess, asked);
+    }
+    // It is zero towards where it has the other sign: look ever further.
+    let mut far = guess;
+    let mut near;
+    let mut by = -FIRST_LOOK * at_guess;
+    loop {
+        (near, far) = (far, far + by);
+        let at_far = f(far);
+        asked += 1;
+        if !at_far.is_finite() || asked > HALVINGS {
+            return (guess, asked);
+        }
+        if (at_far > 0.0) != (at_guess > 0.0) {
+            break;
+        }
+        by *= 2.0;
+    }
+    for _ in 0..HALVINGS {
+        let half = 0.5 * (near + far);
+        if half == near || half == far {
+            break;
+        }
+        asked += 1;
+        if (f(half) > 0.0) == (at_guess > 0.0) {
+            near = half;
+        } else {
+            far = half;
+        }
+    }
+    (far, asked)
+}
+
+pub(super) fn inverse(m: &Square) -> Square {
+    let cofactor = |row: usize, column: usize| {
+        let [r, s] = [(row + 1) % 3, (row + 2) % 3];
+        let [c, d] = [(column + 1) % 3, (column + 2) % 3];
+        m[r][c] * m[s][d] - m[r][d] * m[s][c]
+    };
+    let whole: f64 = (0..STAGES)
+        .map(|column| m[0][column] * cofactor(0, column))
+        .sum();
+    let mut inverse = [[0.0; STAGES]; STAGES];
+    for (row, own) in inverse.iter_mut().enumerate() {
+        for (column, own) in own.iter_mut().enumerate() {
+            *own = cofactor(column, row) / whole;
+        }
+    }
+    inverse
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_root_is_found_however_steep_a_law_is() {
+        // A smooth bow whose slope at rest is 10⁴ times what Newton's step bears.
+        let bow = |v: f64| v * 1e4 / (1.0 + 1e8 * v * v);
+        for v in [-0.3, -1e-5, 0.0, 1e-6, 0.02] {
+            let unmet = |f: f64| f - bow(v - 0.5 * f);
+            let (force, _) = root(&unmet, 0.0);
+            assert!(unmet(force).abs() < 1e-6, "{v}: {force}");
+        }
+        // Nothing is zero: what was known stays.
+        assert_eq!(root(&|_| 1.0, 7.0).0, 7.0);
+    }
+}

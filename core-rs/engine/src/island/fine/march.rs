@@ -1,0 +1,451 @@
+//! A frame of contacts, step by step: from one closing or opening to the next.
+//!
+//! A step is BM4's sequence of kicks by the contacts that push, with the exact linear motion of everything between them:
+//! of order 4 while no contact closes or opens within it, so a step in which one does is taken again, up to that instant.
+
+use std::f64::consts::PI;
+
+use super::basis::{At, dot};
+use super::laws::LawScript;
+use super::{Fine, Script};
+use crate::integrate::STAGES;
+use crate::kernel::{Contact, side};
+use crate::maths::{expm1, pow, power_law, sqrt};
+use crate::network::But;
+use crate::scheme::Kind;
+use crate::state::Body;
+
+/// So many steps are tried in a frame before a step that is stable at any length takes the rest.
+const MOST: usize = 256;
+/// A contact that rests and swings faster than this takes that step at once: half the rate is as fast as is heard
+/// [rad/frame].
+const HEARD: f64 = PI;
+/// An instant is found once it moves by less than this part of a step.
+const FOUND: f64 = 1e-9;
+const TRIES: usize = 30;
+/// A frame in which nothing pushes is searched for closing contacts at so many instants.
+const LOOKS: usize = 8;
+/// Rounds over contacts that are solved together, and the relative change of a force that ends them.
+const ROUNDS: usize = 50;
+const AGREE: f64 = 1e-12;
+/// A clamped contact that pulled pushes again where its force is more than this part of what it is made of.
+const PULL: f64 = 1e-9;
+
+/// A contact in this frame.
+#[derive(Clone, Copy)]
+struct Own<'a> {
+    but: &'a But,
+    ends: (usize, usize),
+    side: f64,
+    /// [N/m^exponent], and [N·frame/m]
+    k: f64,
+    z: f64,
+    rest: f64,
+    /// Velocity by an impulse [m/frame per N·s].
+    jump: f64,
+}
+
+impl Own<'_> {
+    fn elastic(&self, g: f64) -> f64 {
+        if g >= 0.0 {
+            self.k * power_law(g, self.but.exponent)
+        } else {
+            -self.k * power_law(-g, self.but.exponent)
+        }
+    }
+
+    /// What decides whether a contact at penetration `g` [m] that closes by `v` [m/frame] goes on pushing: it does
+    /// while this is positive.
+    fn holds(&self, [g, v]: [f64; 2]) -> f64 {
+        if self.is_pulled_off() && g > 0.0 {
+            self.elastic(g) + self.z * v
+        } else {
+            g
+        }
+    }
+
+    /// Whether its force ends before it opens.
+    fn is_pulled_off(&self) -> bool {
+        self.but.clamp && self.z > 0.0
+    }
+
+    /// Whether an open contact begins to push.
+    fn closes(&self, [g, v]: [f64; 2]) -> bool {
+        if self.is_pulled_off() {
+            let (elastic, drag) = (self.elastic(g), self.z * v);
+            g > 0.0 && elastic + drag > PULL * (elastic + drag.abs())
+        } else {
+            g > 0.0 && v > 0.0
+        }
+    }
+
+    /// The fastest that it may swing or fade from now on [rad/frame].
+    fn quickness(&self, [g, v]: [f64; 2], step: f64) -> f64 {
+        let give = self.jump * step;
+        if give == 0.0 {
+            return 0.0;
+        }
+        let tangent = if self.but.exponent == 1.0 || self.k == 0.0 {
+            self.k
+        } else {
+            // As deep as all its energy takes it.
+            let order = self.but.exponent + 1.0;
+            let stored = self.k * pow(g.max(0.0), order) / order;
+            let energy = stored + 0.5 * v * v / give;
+            let depth = pow(energy * order / self.k, 1.0 / order);
+            self.k * self.but.exponent * pow(depth, self.but.exponent - 1.0)
+        };
+        sqrt(tangent * give).max(self.z * give)
+    }
+
+    /// The impulse of a kick that lasts `b` frames at penetration `g`, `v` changing as it does [N·s].
+    fn kick(&self, [g, v]: [f64; 2], b: f64, step: f64) -> f64 {
+        let elastic = self.elastic(g);
+        let fades = self.jump * step * self.z;
+        if fades == 0.0 {
+            return (elastic + self.z * v) * b * step;
+        }
+        (elastic + self.z * v) * step * -expm1(-fades * b) / fades
+    }
+}
+
+impl Fine {
+    /// The pushes of a frame.
+    pub(super) fn march(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        gates: &[f64],
+        body: &mut Body,
+    ) {
+        let start = At::new(script.basis.n(), 0.0);
+        let mut rests_fast = false;
+        for index in 0..script.links.len() {
+            let rested = std::mem::take(&mut self.rests[index]);
+            self.pushes[index] = false;
+            let Some(own) = self.own(script, gates, (index, 0.0)) else {
+                continue;
+            };
+            let now = self.look(script, &own, &start);
+            let pushes = own.holds(now) > 0.0;
+            (self.pushes[index], self.rests[index]) = (pushes, pushes);
+            if pushes {
+                body.link[script.links[index].first] =
+                    own.side * (own.elastic(now[0]) + own.z * now[1]);
+                rests_fast |= rested && own.quickness(now, script.rate.step()) > HEARD;
+            }
+        }
+        if rests_fast {
+            self.has_touched = true;
+            self.finish(script, laws, gates, 0.0);
+            return;
+        }
+        let (mut s, mut left) = (0.0, MOST);
+        while s < 1.0 {
+            if laws.links.is_empty() && !self.pushes.contains(&true) {
+                match self.next_closing(script, gates, s) {
+                    Some((at, index)) => {
+                        s = at;
+                        self.pushes[index] = true;
+                    }
+                    None => return,
+                }
+            }
+            self.has_touched |= self.pushes.contains(&true);
+            if left == 0 {
+                self.finish(script, laws, gates, s);
+                return;
+            }
+            s = self.advance(script, (laws, gates), s, &mut left);
+        }
+    }
+
+    /// A contact that may be closed in this frame, as it is at an instant of it.
+    fn own<'a>(
+        &self,
+        script: &'a Script,
+        gates: &[f64],
+        (index, s): (usize, f64),
+    ) -> Option<Own<'a>> {
+        let run = &script.links[index];
+        let Kind::But(but) = &run.kind else {
+            return None;
+        };
+        let open = run.gate.map_or(1.0, |gate| gates[gate]);
+        if !self.near[index] || open == 0.0 {
+            return None;
+        }
+        let (a, b) = script.ends[index];
+        let [k, z] = self.numbers(index, s);
+        Some(Own {
+            but,
+            ends: (a, b),
+            side: side(but),
+            k: open * k,
+            z: open * z,
+            rest: run.rest,
+            jump: script.jump(a, b),
+        })
+    }
+
+    /// Penetration [m] and how fast it grows [m/frame].
+    fn look(&self, script: &Script, own: &Own<'_>, at: &At) -> [f64; 2] {
+        let n = script.basis.n();
+        let (a, b) = own.ends;
+        let [a, b] = [a, b].map(|end| &self.way[end * n..(end + 1) * n]);
+        let g = dot(b, &at.value) - dot(a, &at.value) - own.rest;
+        let v = dot(b, &at.slope) - dot(a, &at.slope);
+        [own.side * g, own.side * v]
+    }
+
+    /// Push both ends of a contact [N·s].
+    fn push(&mut self, script: &Script, own: &Own<'_>, impulse: f64, at: &At) {
+        let (a, b) = own.ends;
+        self.shove(script, a, own.side * impulse, at);
+        self.shove(script, b, -own.side * impulse, at);
+    }
+
+    /// From `s` by a step, or up to where a contact closes or opens in it: how far.
+    fn advance(
+        &mut self,
+        script: &Script,
+        forces: (&LawScript, &[f64]),
+        s: f64,
+        left: &mut usize,
+    ) -> f64 {
+        let h = self.length(script, forces.1, s);
+        let [way, given] = &mut self.saved;
+        way.copy_from_slice(&self.way);
+        given.copy_from_slice(&self.given);
+        *left -= 1;
+        self.leap(script, forces, s, h);
+        let (mut taken, mut last) = (h, None);
+        // Each is looked for once: two that turn at one instant, to rounding, would take turns for ever.
+        self.located.fill(false);
+        while let Some(index) = self.turned(script, forces.1, s + taken) {
+            taken = self.locate(script, forces, (s, taken, index), left);
+            self.located[index] = true;
+            last = Some(index);
+        }
+        if let Some(index) = last {
+            self.pushes[index] = !self.pushes[index];
+            self.rests[index] &= self.pushes[index];
+        }
+        if s + taken > 1.0 - FOUND * h {
+            1.0
+        } else {
+            s + taken
+        }
+    }
+
+    /// Go from `s` up to where a contact turns that has turned by a step of `h`: how far.
+    fn locate(
+        &mut self,
+        script: &Script,
+        forces: (&LawScript, &[f64]),
+        (s, h, index): (f64, f64, usize),
+        left: &mut usize,
+    ) -> f64 {
+        let Some(own) = self.own(script, forces.1, (index, s)) else {
+            return h;
+        };
+        let held = |fine: &Self, s: f64| {
+            let own = fine.own(script, forces.1, (index, s));
+            own.map_or((0.0, [0.0; 2]), |own| {
+                let state = fine.look(script, &own, &At::new(script.basis.n(), s));
+                (own.holds(state), state)
+            })
+        };
+        let (mut taken, (at_high, mut state)) = (h, held(self, s + h));
+        self.restore();
+        let mut low = (0.0, held(self, s).0);
+        let mut high = (h, at_high);
+        if (low.1 > 0.0) == (high.1 > 0.0) {
+            return 0.0; // it had turned before
+        }
+        let is_gap = !own.is_pulled_off() || at_high == state[0];
+        for _ in 0..TRIES {
+            // Newton's step where what is looked for is the gap, whose slope is known.
+            let newton = taken - state[0] / state[1];
+            let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
+            let is_inside = newton > low.0 && newton < high.0;
+            let next = if is_gap && is_inside { newton } else { secant };
+            let moved = (next - taken).abs();
+            taken = next;
+            self.restore();
+            *left = left.saturating_sub(1);
+            self.leap(script, forces, s, taken);
+            if moved <= FOUND * h || *left == 0 {
+                break;
+            }
+            let found;
+            (found, state) = held(self, s + taken);
+            // Half of what stays keeps the secant from creeping up from one side.
+            if (found > 0.0) == (low.1 > 0.0) {
+                (low, high.1) = ((taken, found), 0.5 * high.1);
+            } else {
+                (high, low.1) = ((taken, found), 0.5 * low.1);
+            }
+        }
+        taken
+    }
+
+    /// Take the last step back.
+    fn restore(&mut self) {
+        self.way.copy_from_slice(&self.saved[0]);
+        self.given.copy_from_slice(&self.saved[1]);
+    }
+
+    /// The step from `s`.
+    fn length(&self, script: &Script, gates: &[f64], s: f64) -> f64 {
+        let (steps, step) = (script.steps as f64, script.rate.step());
+        let at = At::new(script.basis.n(), s);
+        let mut quickest = 1.0_f64;
+        for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
+            if let Some(own) = self.own(script, gates, (index, s)) {
+                quickest = quickest.max(own.quickness(self.look(script, &own, &at), step));
+            }
+        }
+        let rest = 1.0 - s;
+        rest / (rest * steps * quickest).ceil().max(1.0)
+    }
+
+    /// One step of the contacts that push, and of all laws.
+    fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
+        let mut at_stage = 0.0;
+        for (stage, [kick, drift]) in STAGES.iter().enumerate() {
+            self.kick(script, forces, (s + at_stage * h, kick * h), stage > 3);
+            at_stage += drift;
+        }
+        self.kick(script, forces, (s + h, STAGES[0][0] * h), true);
+    }
+
+    /// Kicks of all contacts that push; in turn, as the losses of each need it, and back again in a step's second half.
+    fn kick(
+        &mut self,
+        script: &Script,
+        (laws, gates): (&LawScript, &[f64]),
+        (s, b): (f64, f64),
+        is_back: bool,
+    ) {
+        let n = script.links.len();
+        let at = At::new(script.basis.n(), s);
+        for turn in 0..n {
+            let index = if is_back { n - 1 - turn } else { turn };
+            if !self.pushes[index] {
+                continue;
+            }
+            let Some(own) = self.own(script, gates, (index, s)) else {
+                continue;
+            };
+            self.work.instants += 1;
+            let impulse = own.kick(self.look(script, &own, &at), b, script.rate.step());
+            self.push(script, &own, impulse, &at);
+        }
+        for &law in &laws.links {
+            self.kick_law(script, gates, law, (&at, b));
+        }
+    }
+
+    /// A contact that at `s` no longer pushes, or begins to, and was not located in this step.
+    fn turned(&self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
+        let at = At::new(script.basis.n(), s);
+        let others = (0..script.links.len()).filter(|&index| !self.located[index]);
+        others.into_iter().find(|&index| {
+            self.own(script, gates, (index, s)).is_some_and(|own| {
+                let state = self.look(script, &own, &at);
+                if self.pushes[index] {
+                    own.holds(state) < 0.0
+                } else {
+                    own.closes(state)
+                }
+            })
+        })
+    }
+
+    /// The first instant from `s` on at which a contact closes while none pushes, and which.
+    fn next_closing(&self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
+        let n = script.basis.n();
+        let mut from = s;
+        for look in 1..=LOOKS {
+            let to = s + (1.0 - s) * look as f64 / LOOKS as f64;
+            let mut first: Option<(f64, usize)> = None;
+            for index in 0..script.links.len() {
+                let closes = |s: f64| {
+                    let own = self.own(script, gates, (index, s));
+                    own.is_some_and(|own| own.closes(self.look(script, &own, &At::new(n, s))))
+                };
+                if !closes(to) {
+                    continue;
+                }
+                let (mut open, mut closed) = (from, to);
+                // Halving finds it to the last bit but a few.
+                while closed - open > 1e-13 && !closes(open) {
+                    let half = 0.5 * (open + closed);
+                    if closes(half) {
+                        closed = half;
+                    } else {
+                        open = half;
+                    }
+                }
+                let at = if closes(open) { open } else { closed };
+                if first.is_none_or(|(other, _)| at < other) {
+                    first = Some((at, index));
+                }
+            }
+            if first.is_some() {
+                return first;
+            }
+            from = to;
+        }
+        None
+    }
+
+    /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any length.
+    fn finish(&mut self, script: &Script, laws: &LawScript, gates: &[f64], from: f64) {
+        let n = script.basis.n();
+        let h = (1.0 - from) / script.steps as f64;
+        let step = script.rate.step();
+        for part in 0..script.steps {
+            let s = from + part as f64 * h;
+            let [start, middle, end] = [s, s + 0.5 * h, s + h].map(|s| At::new(n, s));
+            self.saved[0].copy_from_slice(&self.way);
+            for &law in &laws.links {
+                self.kick_law(script, gates, law, (&middle, h));
+            }
+            self.forces.fill(0.0);
+            for _ in 0..ROUNDS {
+                let mut change = 0.0_f64;
+                for index in 0..script.links.len() {
+                    let Some(own) = self.own(script, gates, (index, middle.s)) else {
+                        continue;
+                    };
+                    self.work.instants += 1;
+                    // Without the force of the last round.
+                    self.push(script, &own, -self.forces[index] * h * step, &middle);
+                    std::mem::swap(&mut self.way, &mut self.saved[0]);
+                    let [now, _] = self.look(script, &own, &start);
+                    std::mem::swap(&mut self.way, &mut self.saved[0]);
+                    let [free, _] = self.look(script, &own, &end);
+                    let contact = Contact {
+                        k: own.k,
+                        z: 2.0 * own.z / h,
+                        exponent: own.but.exponent,
+                        beta: 0.5 * h * h * own.jump * step,
+                        clamp: own.but.clamp,
+                    };
+                    let force = contact.push(free, now, now.max(free));
+                    self.push(script, &own, force * h * step, &middle);
+                    change = change.max((force - self.forces[index]).abs() - AGREE * force.abs());
+                    self.forces[index] = force;
+                }
+                if change <= 0.0 {
+                    break;
+                }
+            }
+            for (rests, force) in self.rests.iter_mut().zip(&self.forces) {
+                *rests &= *force != 0.0;
+            }
+        }
+    }
+}

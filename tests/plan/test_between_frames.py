@@ -1,0 +1,118 @@
+"""Contacts and single laws that a plan computes between frames, against their exact motion."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from accuracy import audit
+from accuracy.__main__ import NAMED
+
+from ergon import _core
+from ergon.scores.reading.load import load
+from ergon.scores.staging import planning
+from ergon.scores.staging.stage import Stage, prepare
+
+LIBRARY = Path(__file__).parents[2] / "scores" / "library"
+CONTACTS = [*(f"hammer-{i}" for i in (0, 6, 9, 15, 17, 20, 24)), "multi-0", "multi-14", "multi-16"]
+LAWS = ["laws-10", "laws-23", "hard-7", "hard-8"]
+
+
+def load_bundled(name: str) -> Stage:
+    piece = load(str(LIBRARY / f"{name}.yaml")).piece
+    assert piece is not None
+    return prepare(piece)
+
+
+def named(name: str) -> str:
+    return (NAMED / f"{name}.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", CONTACTS)
+def test_contacts_are_right_by_ear_and_at_80_db(name: str):
+    by_ear, asked = audit.look(name, named(name), (audit.BY_EAR, -80.0), plain=False).plans
+    assert by_ear.real <= -60.0
+    assert asked.real <= -80.0
+    assert not asked.warned
+
+
+@pytest.mark.parametrize("name", ["hammer-0", "multi-14"])
+def test_plain_and_exact_are_one_equation(name: str):
+    """A plan chooses the way, not the word: the same samples to the last bit."""
+    text = named(name)
+    sounds = []
+    for word in ("plain", "exact"):
+        piece = load("scene.yaml", text=text.replace("contact: exact", f"contact: {word}")).piece
+        assert piece is not None
+        ready = prepare(piece)
+        plan = planning.make(ready.network, ready.timeline, piece.accuracy).plan
+        simulation = _core.Simulation(ready.network, ready.timeline, plan=plan)
+        sound = np.empty((4000, simulation.n_out))
+        simulation.process(sound)
+        sounds.append(sound)
+    assert np.array_equal(*sounds)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_single_laws_reach_80_db(name: str):
+    (asked,) = audit.look(name, named(name), (-80.0,), plain=False).plans
+    assert asked.is_met
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_single_laws_cost_what_the_page_says(name: str):
+    """Five times what CA takes at most, by the table of costs (docs/numerics.md)."""
+    found = audit.look(name, named(name), (-80.0,))
+    (asked,) = found.plans
+    plain = next(one for one in found.plain if (one.method, one.times) == ("ca", 1))
+    assert asked.cost <= 5.0 * plain.cost
+
+
+@pytest.mark.parametrize("name", ["stability-fric-10", "stability-fric-12", "stability-fric-13"])
+def test_a_steep_bow_keeps_its_stick_and_slip(name: str):
+    """Newton's steps do not end on such slopes; the motion was 100 times as large."""
+    (asked,) = audit.look(name, named(name), (-60.0,), plain=False).plans
+    assert not asked.refused
+    assert asked.whole <= -60.0
+
+
+def test_contacts_that_chaos_moves_are_not_computed_ever_finer():
+    """Doublings gained nothing up to 64 steps a frame; the plan says until when it holds."""
+    piece = load("scene.yaml", text=named("key-16")).piece
+    assert piece is not None
+    ready = prepare(piece)
+    first, *_ = _core.Plan(ready.network, ready.timeline).rows()
+    assert first.contact_substeps == 2
+    assert first.spectral_db is not None
+    assert first.error_db is not None
+    assert first.error_db <= -60.0
+
+
+def test_contacts_that_turn_at_one_instant_end():
+    """The bundled two keys: two contacts took turns for ever, and the plan never came."""
+    ready = load_bundled("two-keys")
+    rows = _core.Plan(ready.network, ready.timeline, error_db=-60.0).rows()
+    assert rows[0].contact_substeps == 2
+
+
+def test_the_stiffest_contact_plays_to_its_end():
+    """K·T²/m is 1e6: the contact lasts a 300th of a frame. An explicit step would diverge."""
+    found = audit.look("but-1e6", named("but-1e6"), (audit.BY_EAR, -60.0), plain=False)
+    assert not any(plan.refused for plan in found.plans)
+
+
+@pytest.mark.parametrize("name", ["hard-7", "hard-8"])
+def test_a_method_by_name_is_obeyed_or_refused(name: str):
+    """Neither CA in its name where a law's force is heard, nor where it is not."""
+
+    def plan(text: str) -> _core.Plan:
+        piece = load("scene.yaml", text=text).piece
+        assert piece is not None
+        ready = prepare(piece)
+        return _core.Plan(ready.network, ready.timeline, method="bm4")
+
+    text = named(name)
+    with pytest.raises(_core.EngineError, match="the method bm4 cannot step this law"):
+        plan(text)
+    silent = re.sub(r", o1: {SOF: {LNL: l}}", "", text).replace(", {from: s.o1, to: [2]}", "")
+    assert [row.what for row in plan(silent).rows()] == ["bm4"]
