@@ -66,6 +66,7 @@ COMMANDS: Table = {
         "emulate",
         "Emulate a force-feedback device, for trying scores and drivers.",
     ),
+    "metrology": ("metrology", "metrology", "Measure what a real key is made of."),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),

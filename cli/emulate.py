@@ -49,6 +49,32 @@ class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is no
             self.fail(error.message, param, ctx)
 
 
+class Together(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
+    """Several numbers with units in one word, separated by spaces."""
+
+    name = "quantities"
+
+    def __init__(self, example: str, *dimensions: str) -> None:
+        """`dimensions` are some of `notation.tables.quantities`; `example` shows all of them."""
+        self.example = example
+        self.parts = [Quantity(dimension) for dimension in dimensions]
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """The SI values."""
+        if isinstance(value, tuple):
+            return value
+        words = str(value).split()
+        if len(words) != len(self.parts):
+            self.fail(
+                f"'{value}' is not {len(self.parts)} numbers, such as '{self.example}'", param, ctx
+            )
+        return tuple(
+            part.convert(word, param, ctx) for part, word in zip(self.parts, words, strict=True)
+        )
+
+
 def _quantity(
     name: str, dimension: str, default: float | None, shown: str, text: str
 ) -> Callable[[options.F], options.F]:
@@ -78,9 +104,35 @@ def _quantity(
 @_quantity("--mass", "MASS", 0.05, "50g", "Mass of each key.")
 @_quantity("--stiffness", "STIFFNESS", 0.0, "0N/m", "Spring of each key.")
 @_quantity("--damping", "DAMPING", 1.0, "1Ns/m", "Damping of each key.")
+@_quantity("--weight", "PUSH", 0.0, "0N", "Constant force on each key, downwards.")
+@_quantity("--dry", "FORCE", None, "none", "Dry friction of each key.")
+@_quantity(
+    "--presliding", "STIFFNESS", None, "rigid", "Stiffness of dry friction before the key slides."
+)
+@click.option(
+    "--static",
+    type=Together("80mN 4mm/s", "FORCE", "SPEED"),
+    metavar="'FORCE SPEED'",
+    help="Dry friction near rest, and the speed at which it has fallen, such as '80mN 4mm/s'.",
+)
+@click.option(
+    "--mode",
+    "modes",
+    type=Together("20g 180Hz 0.02", "MASS", "FREQUENCY", "RATIO"),
+    metavar="'MASS FREQUENCY RATIO'",
+    multiple=True,
+    help="A part that swings on each key: its mass, frequency and damping ratio, such as "
+    "'20g 180Hz 0.02'; repeatable.",
+)
+@_quantity("--delay", "DURATION", None, "none", "Delay of each motor's force.")
 @_quantity("--travel", "POSITION", 0.1, "100mm", "Travel of each key, from end to end.")
 @_quantity("--force-max", "FORCE", None, "20N", "Largest force of each motor; for a frame alone.")
 @_quantity("--resolution", "POSITION", 0.0, "exact", "Resolution of each position sensor.")
+@_quantity("--noise", "POSITION", 0.0, "none", "Noise of each position sensor, as its rms.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise."
+)
+@_quantity("--force-step", "FORCE", None, "exact", "Resolution of each motor's force.")
 @_quantity("--rate", "FREQUENCY", _TICK, "1002Hz", "Periods a second of the device.")
 @click.option(
     "--gesture",
@@ -133,6 +185,17 @@ def emulate(
     force_max: float | None,
     rate: float,
     lockstep: bool,
+    mass: float,
+    stiffness: float,
+    damping: float,
+    weight: float,
+    dry: float | None,
+    presliding: float | None,
+    static: tuple[float, float] | None,
+    modes: tuple[tuple[float, float, float], ...],
+    delay: float | None,
+    noise: float,
+    force_step: float | None,
     **board: Any,
 ) -> None:
     """Emulate a force-feedback device, for trying scores and drivers.
@@ -140,6 +203,10 @@ def emulate(
     The command prints the URL of the device, then serves it until Ctrl-C. Each --gesture is played
     by an emulated hand from the first period on; --hand and --grip are the spring and the damper
     that pull the key along.
+
+    A key is a mass on a spring and a damper. --weight, --dry, --presliding, --static, --mode and
+    --delay add what real keys have; --mass then is that of the key without its modes. With them the
+    same seed and the same packets give the same positions.
     """
     from ergon import _core
 
@@ -155,6 +222,12 @@ def emulate(
         raise Refused(f"{len(gestures)} gestures are given for {axes} keys")
     transport, port = _way(device, ways, terminal, udp, ws)
     suffix = "?lockstep" if lockstep else ""
+    if noise < 0:
+        raise Refused("--noise must not be negative")
+    if dry is None and (presliding or static):
+        raise Refused("--presliding and --static say how dry friction begins; give --dry too")
+    friction = (dry or 0.0, presliding or 0.0, *(static or (0.0, 0.0)))
+    model = _model((mass, stiffness, damping), weight, friction, modes, delay or 0.0)
 
     def tell(event: str, what: str) -> None:
         if event == "ready":
@@ -187,9 +260,32 @@ def emulate(
         force_max=force_max or usual_force,
         rate=rate,
         lockstep=lockstep,
+        mass=mass,
+        stiffness=stiffness,
+        damping=damping,
+        model=model,
+        noise=noise,
+        force_step=force_step or 0.0,
         touch_gate=device == "firefader" if gate is None else gate,
         **board,
     )
+
+
+def _model(
+    cel: tuple[float, float, float],
+    weight: float,
+    friction: tuple[float, ...],
+    modes: tuple[tuple[float, float, float], ...],
+    delay: float,
+) -> NDArray[np.float64] | None:
+    """The parameters of the model of a key (`_core.key_path`); None where it is a CEL alone."""
+    if not (weight or any(friction) or modes or delay):
+        return None
+    import numpy as np
+
+    rest = -weight / cel[1] if cel[1] else 0.0
+    dry, *others = friction
+    return np.array([*cel, weight, dry, rest, delay, *others, *(x for mode in modes for x in mode)])
 
 
 def _way(

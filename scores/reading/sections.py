@@ -392,6 +392,15 @@ def version(text: str) -> str:
     return text
 
 
+_MODE = Record(
+    "mode",
+    "a part of a key that swings on it",
+    (
+        Field("M", k.MASS, "mass, which is part of that of the key", required=True),
+        Field("f", k.HERTZ, "frequency on a key that stands still", required=True),
+        Field("t60", k.DURATION, "decay by 60 dB", required=True),
+    ),
+)
 CALIBRATION = Record(
     "calibration",
     "a key as measured",
@@ -401,6 +410,16 @@ CALIBRATION = Record(
         Field("K", k.STIFFNESS, "stiffness", required=True),
         Field("Z", k.DAMPING, "viscosity", required=True),
         Field("travel", k.TRAVEL, "range of positions of the key"),
+        Field("rest", k.POSITION, "where spring and weight balance"),
+        Field("weight", k.PUSH, "constant force downwards, of a key without a spring"),
+        Field("dry", k.FORCE, "dry friction"),
+        Field("presliding", k.STIFFNESS, "stiffness of dry friction before the key slides"),
+        Field("static", k.FORCE, "dry friction near rest"),
+        Field("static_speed", k.SPEED, "speed at which it has fallen towards `dry` by 1/e"),
+        Field("delay", k.PAUSE, "delay of the motor's force"),
+        Field("modes", ListOf(_MODE), "parts that swing on the key"),
+        Field("noise", k.POSITION, "rms of the sensor's noise"),
+        Field("takes", ListOf(k.TITLE), "SHA-256 of the takes that it was measured by"),
         *(
             Field(name, k.TITLE, "for the reader")
             for name in ("title", "date", "device", "residual")

@@ -16,6 +16,7 @@ from emulators import crc, emulator, pulled
 from numpy.typing import NDArray
 from patience import PATIENCE, until
 
+from ergon import _core
 from ergon.cli import app
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
@@ -70,6 +71,62 @@ def test_a_hand_moves_a_firefader_the_same_way_by_any_pace():
     assert 128 + 31 <= max(path) < 128 + 40
     assert path == followed(sampled(notation.parse(GESTURE[1]).points, 1.0, TICK), len(path))
     assert positions(0.001) == (path, hashed)
+
+
+PLANT = (
+    *("--lockstep", "--no-gate", "--free", "--mass", "380g", "--stiffness", "60N/m"),
+    *("--damping", "1.2Ns/m", "--weight", "0.15N", "--dry", "50mN", "--static", "80mN 4mm/s"),
+    *("--presliding", "5kN/m", "--mode", "20g 180Hz 0.02", "--delay", "1.5ms"),
+)
+
+
+def pushed(*arguments: str) -> tuple[list[int], str]:
+    """Bytes of the positions of a plant under a random force, and the hash of its positions."""
+    with emulator("firefader", *PLANT, *arguments) as device, serial(device.url) as port:
+        path = [exchange(port, bytes([0x7F, force & 0xFF, 0]))[1] for force in FORCES]
+        return path, device.end()
+
+
+FORCES = [int(x) for x in np.random.default_rng(1).integers(-20, 60, 300)]
+
+
+def test_an_emulated_key_goes_as_its_model():
+    row = [0.38, 60, 1.2, 0.15, 0.05, -2.5e-3, 1.5e-3, 5e3, 0.08, 4e-3, 0.02, 180, 0.02]
+    lsb = 1.56 / 127
+    force = np.array([*FORCES, 0]) * lsb
+    x = _core.key_path(np.array(row), force, TICK, columns=())[0]
+    expected = [round(at / 0.00039) + 128 for at in x[1:]]
+    path, hashed = pushed()
+    assert path == expected
+    assert max(path) > 135
+    assert pushed() == (path, hashed)
+
+
+def test_a_sensor_has_noise_by_its_seed_and_a_motor_its_step():
+    noisy = pushed("--noise", "0.5mm", "--seed", "3")
+    assert noisy == pushed("--noise", "0.5mm", "--seed", "3")
+    other, still = pushed("--noise", "0.5mm", "--seed", "4"), pushed()
+    assert other[0] != noisy[0] != still[0]
+    assert other[1] == noisy[1] == still[1]  # the keys themselves go the same way
+    assert pushed("--force-step", "0.2N")[1] != still[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--mode", "20g 180Hz"], "such as '20g 180Hz 0.02'"),
+        (["--static", "80mN 4s"], "--static"),
+        (["--presliding", "5kN/m"], "give --dry too"),
+        (["--noise", "-1mm"], "must not be negative"),
+        (["--mode", "20g 9kHz 0.02"], "too fast"),
+        (["--delay", "2s"], "from 0 to 1 s"),
+    ],
+)
+def test_what_no_key_has_is_refused(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+):
+    assert app.run(["emulate", "frame", "--udp", "0", "--seconds", "0.1", *arguments]) != 0
+    assert told in capsys.readouterr().err
 
 
 def test_silence_lets_go_by_the_wall():

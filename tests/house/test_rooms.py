@@ -27,6 +27,7 @@ MAY = {
     STAGING: {"notation", "instruments", GESTURE, PATTERN, READING, "_core"},
     "repl.language": {"notation", "instruments", "scores"},
     "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
+    "metrology": {"_core"},
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {
         "notation",
@@ -63,6 +64,7 @@ MAY = {
         "rendering",
         "lab",
         "live",
+        "metrology",
         "repl",
         "view",
         "_core",

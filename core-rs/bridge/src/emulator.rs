@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::time::Duration;
 
+use ergon_engine::key_model::KeyModel;
 use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -25,7 +26,8 @@ const TRANSPORTS: Words<fn(u16) -> Transport, 3> = [
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 #[pyo3(signature = (protocol, transport, tell, *, port=0, paths, hand, axes, mass, stiffness, damping, travel,
-    force_max, resolution, rate, lockstep, touch_gate, watchdog, seconds=None, once=false))]
+    force_max, resolution, rate, lockstep, touch_gate, watchdog, model=None, noise=0.0, force_step=0.0, seed=0,
+    seconds=None, once=false))]
 pub(crate) fn emulate(
     py: Python<'_>,
     protocol: &str,
@@ -45,9 +47,17 @@ pub(crate) fn emulate(
     lockstep: bool,
     touch_gate: bool,
     watchdog: f64,
+    model: Option<PyReadonlyArray1<'_, f64>>,
+    noise: f64,
+    force_step: f64,
+    seed: u64,
     seconds: Option<f64>,
     once: bool,
 ) -> PyResult<()> {
+    let model = model.map(|row| KeyModel::of_row(&row.as_array().to_vec()));
+    let model = model
+        .transpose()
+        .map_err(|error| refused("emulate", error))?;
     let watchdog = Duration::try_from_secs_f64(watchdog);
     let key = Key {
         mass,
@@ -62,6 +72,9 @@ pub(crate) fn emulate(
             touch_gate,
             force_max,
             resolution,
+            noise,
+            seed,
+            force_step,
             watchdog: watchdog
                 .map_err(|_| refused("watchdog", "must be a time of at least zero"))?,
             known: [mass, damping],
@@ -70,6 +83,7 @@ pub(crate) fn emulate(
         transport: word("transport", transport, &TRANSPORTS)?(port),
         axes,
         key,
+        model,
         rate,
         hands: paths.iter().map(|path| going(path, hand)).collect(),
         seconds,

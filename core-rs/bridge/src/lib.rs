@@ -13,6 +13,7 @@ mod error;
 mod faults;
 mod frames;
 mod guardian;
+mod key_model;
 mod law;
 mod limiter;
 mod maths;
@@ -60,6 +61,8 @@ mod _core {
     use super::faults::{FaultMeasurement, measure_faults};
     #[pymodule_export]
     use super::guardian::guard_haply;
+    #[pymodule_export]
+    use super::key_model::key_path;
     #[pymodule_export]
     use super::law::{Law, law_functions};
     #[pymodule_export]

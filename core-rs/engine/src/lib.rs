@@ -60,6 +60,7 @@
 //! | strikes, couplings, real hands, what changes while it plays | [`timeline`] |
 //! | methods, error budgets, what a plan tells of itself | [`plan`] |
 //! | stepping, snapshots, taking over from another version | [`simulation`] |
+//! | a real key: dry friction, modes, delay, and the derivatives of its path | [`key_model`] |
 //! | outputs to channels, limiter, levels | [`mix`] |
 
 mod archive;
@@ -76,6 +77,7 @@ mod integrate;
 pub mod interrupt;
 mod island;
 mod kernel;
+pub mod key_model;
 pub mod law;
 pub mod maths;
 pub mod mix;

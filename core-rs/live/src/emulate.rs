@@ -1,6 +1,6 @@
 //! Devices that are not there: the same bytes, from a process of their own.
 //!
-//! A key here is a CEL by the engine's own numbers, and a hand that pulls it along a written path. Two clocks: by the
+//! A key here is a CEL by the engine's own numbers, or what a key's model adds to it, and a hand that pulls it along a written path. Two clocks: by the
 //! wall, as a board's firmware goes, or in lockstep, where every packet is one period and nobody is late.
 
 mod firmware;
@@ -19,6 +19,9 @@ pub use serve::{Event, Options, Outcome, serve};
 /// A device that cannot be emulated so.
 #[derive(Debug, thiserror::Error)]
 pub enum EmulateError {
+    /// A key that its model does not allow.
+    #[error(transparent)]
+    Key(#[from] ergon_engine::key_model::KeyError),
     /// A number that is none for this.
     #[error("{0}")]
     Refused(&'static str),

@@ -103,6 +103,27 @@ def path_values(
     It is the path of a written gesture. Raises EngineError where the points do not rise.
     """
 
+def key_path(
+    parameters: _Floats,
+    force: _Floats,
+    rate: float,
+    *,
+    columns: Sequence[int] | None = None,
+    steps: int | None = None,
+) -> tuple[_Floats, _Floats]:
+    """Path (n,) [m] of a real key under forces (n,) [N], and the derivatives of the path (n, columns).
+
+    `rate` is that of the ticks [Hz]: force k is held for a tick from k/rate + delay on, path k is the
+    position at k/rate; the key begins at rest. `parameters` (10 + 3·modes,) are, in this order: mass
+    [kg], stiffness [N/m], damping [N·s/m], weight [N] (a constant force towards negative positions),
+    dry friction [N], start [m], delay [s], presliding stiffness [N/m] (zero: a resting key is held
+    rigidly), static dry friction [N] and its speed [m/s] (zero: none), then for each mode mass [kg],
+    frequency [Hz] and damping ratio. The mass is that without the modes. `columns`: the indices of
+    the parameters with respect to which the path is differentiated, all where None, at most 32.
+    `steps`: steps of a tick, those of 44.1 kHz where None.
+    Raises EngineError where there is no such key, or where it is too fast for its steps.
+    """
+
 @final
 class Chance:
     """Random numbers: PCG64 keyed by SHA-256 of all arguments, so that no stream depends on another."""
@@ -1549,6 +1570,10 @@ def emulate(
     lockstep: bool,
     touch_gate: bool,
     watchdog: float,
+    model: _Floats | None = None,
+    noise: float = 0.0,
+    force_step: float = 0.0,
+    seed: int = 0,
     seconds: float | None = None,
     once: bool = False,
 ) -> None:
@@ -1557,7 +1582,9 @@ def emulate(
     A key has mass [kg], stiffness [N/m], damping [N·s/m] and travel [m]; its motor has force_max
     [N], its sensor a resolution [m]. `rate` [Hz] is that of its periods. `hand` is the stiffness
     [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period; an empty path
-    is a resting finger, a missing one an untouched key.
+    is a resting finger, a missing one an untouched key. With `model`, the parameters of `key_path`,
+    each key moves by that model instead. `noise` is the standard deviation of the sensor's noise
+    [m], drawn by `seed`; forces are rounded to multiples of `force_step` [N].
 
     `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for `watchdog`
     [s]), "host-gone", and "over" with periods, packets and the hash of all positions.

@@ -1,6 +1,10 @@
 //! What a board's program does with its packets, period by period; it knows no clock but the one it is told.
 
+use std::f64::consts::TAU;
 use std::time::Duration;
+
+use ergon_engine::chance::Chance;
+use ergon_engine::maths;
 
 use super::Keys;
 use crate::wire::MAX_AXES;
@@ -36,6 +40,12 @@ pub struct Board {
     pub force_max: f64,
     /// Step of its position sensor [m]; 0: none but the wire's.
     pub resolution: f64,
+    /// Standard deviation of the sensor's noise [m].
+    pub noise: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Step of the motors' forces [N]; 0: none but the wire's.
+    pub force_step: f64,
     /// Silence of the host after which it lets go (by the wall only).
     pub watchdog: Duration,
     /// What the keys are known to have: mass [kg] and damping [N·s/m].
@@ -50,6 +60,9 @@ pub struct Firmware {
     keys: Keys,
     inbox: Inbox<512>,
     force: [f64; MAX_AXES],
+    /// What the sensors add in this period [m].
+    noise: [f64; MAX_AXES],
+    chance: Chance,
     /// FireFader's gate: how long a finger has been there.
     gate: [f64; MAX_AXES],
     heard: Option<Duration>,
@@ -63,17 +76,39 @@ pub struct Firmware {
 impl Firmware {
     /// A board with its keys.
     pub fn new(board: Board, keys: Keys) -> Self {
-        Self {
+        let mut firmware = Self {
             board,
             keys,
             inbox: Inbox::new(),
             force: [0.0; MAX_AXES],
+            noise: [0.0; MAX_AXES],
+            chance: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),
             gate: [0.0; MAX_AXES],
             heard: None,
             let_go: false,
             held: false,
             packets: 0,
             wall: 0,
+        };
+        firmware.draw_noise();
+        firmware
+    }
+
+    /// One period of the keys, and what the sensors read after it.
+    fn step(&mut self) {
+        self.keys.step(&self.force);
+        self.draw_noise();
+    }
+
+    fn draw_noise(&mut self) {
+        if self.board.noise == 0.0 {
+            return;
+        }
+        for noise in &mut self.noise[..self.keys.n()] {
+            // Box and Muller: a radius and an angle make a normal deviate.
+            let radius = maths::sqrt(2.0 * self.chance.exponential(1.0));
+            let angle = self.chance.uniform(0.0, TAU);
+            *noise = self.board.noise * radius * maths::cos(angle);
         }
     }
 
@@ -97,7 +132,7 @@ impl Firmware {
         // A machine that slept for more than a second does not catch up.
         let missed = due.saturating_sub(self.wall).min(rate as u64);
         for _ in 0..missed {
-            self.keys.step(&self.force);
+            self.step();
         }
         self.wall = due;
         let silent = self
@@ -159,11 +194,17 @@ impl Firmware {
         (self.let_go, self.held) = (false, enabled);
         for (axis, force) in force.take(self.keys.n()).enumerate() {
             let open = !self.board.touch_gate || self.finger(axis);
+            let step = self.board.force_step;
+            let force = if step > 0.0 {
+                (force / step).round() * step
+            } else {
+                force
+            };
             let most = force.clamp(-self.board.force_max, self.board.force_max);
             self.force[axis] = if enabled && open { most } else { 0.0 };
         }
         if self.board.lockstep {
-            self.keys.step(&self.force);
+            self.step();
         }
     }
 
@@ -182,11 +223,14 @@ impl Firmware {
     /// Positions as the sensor has them [m].
     fn positions(&self) -> [f64; MAX_AXES] {
         let step = self.board.resolution;
-        if step > 0.0 {
-            self.keys.positions().map(|x| (x / step).round() * step)
-        } else {
-            *self.keys.positions()
+        let mut read = *self.keys.positions();
+        for (x, noise) in read.iter_mut().zip(&self.noise) {
+            *x += noise;
+            if step > 0.0 {
+                *x = (*x / step).round() * step;
+            }
         }
+        read
     }
 
     fn hear_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {

@@ -1,6 +1,7 @@
-//! Keys: masses tied to the ground by a spring and a damper, one step a period.
+//! Keys: masses tied to the ground by a spring and a damper, one step a period; or whatever a key's model has.
 
 use ergon_engine::cell::Cell;
+use ergon_engine::key_model::{KeyModel, Motion};
 use ergon_engine::units::Rate;
 
 use super::EmulateError;
@@ -55,6 +56,8 @@ pub struct Keys {
     x: [f64; MAX_AXES],
     d: [f64; MAX_AXES],
     hands: Vec<Hand>,
+    /// How each key goes by its model; none: it is a CEL.
+    motions: Vec<Motion>,
     periods: u64,
     hash: u64,
 }
@@ -95,16 +98,55 @@ impl Keys {
             x: [0.0; MAX_AXES],
             d: [0.0; MAX_AXES],
             hands,
+            motions: Vec::new(),
             periods: 0,
             hash: 0xcbf2_9ce4_8422_2325,
         })
     }
 
+    /// The same keys, each moving as a model says, from its start on.
+    ///
+    /// # Errors
+    /// Where such a key cannot be computed at this rate.
+    pub fn with_model(mut self, model: &KeyModel) -> Result<Self, EmulateError> {
+        let motion = Motion::new(model, self.rate.hertz(), None)?;
+        self.x[..self.n].fill(motion.position());
+        self.motions = vec![motion; self.n];
+        Ok(self)
+    }
+
     /// One period under forces [N]   (n)
     ///
-    /// By the operations, in the order, of a MAT in the engine: without a hand a key is where that CEL would be, to
-    /// the last bit.
+    /// By the operations, in the order, of a MAT in the engine: without a hand and a model a key is where that CEL would
+    /// be, to the last bit.
     pub fn step(&mut self, force: &[f64; MAX_AXES]) {
+        if self.motions.is_empty() {
+            self.step_cells(force);
+        } else {
+            self.step_models(force);
+        }
+        self.periods += 1;
+        for x in &self.x[..self.n] {
+            for byte in x.to_bits().to_le_bytes() {
+                self.hash = (self.hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+    }
+
+    fn step_models(&mut self, force: &[f64; MAX_AXES]) {
+        let [low, high] = self.range;
+        for (axis, motion) in self.motions.iter_mut().enumerate() {
+            let (x, d) = (self.x[axis], self.d[axis]);
+            let pull = self.hands[axis].pull(self.periods, x, d, self.rate);
+            motion.tick(force[axis], pull.unwrap_or(0.0));
+            if !(low..=high).contains(&motion.position()) {
+                motion.stop_at(motion.position().clamp(low, high));
+            }
+            (self.x[axis], self.d[axis]) = (motion.position(), motion.position() - x);
+        }
+    }
+
+    fn step_cells(&mut self, force: &[f64; MAX_AXES]) {
         for (axis, hand) in self.hands.iter().enumerate() {
             let (x, d) = (self.x[axis], self.d[axis]);
             let pull = hand.pull(self.periods, x, d, self.rate);
@@ -116,12 +158,6 @@ impl Keys {
             if self.x[axis] < low || self.x[axis] > high {
                 self.x[axis] = self.x[axis].clamp(low, high);
                 self.d[axis] = 0.0;
-            }
-        }
-        self.periods += 1;
-        for x in &self.x[..self.n] {
-            for byte in x.to_bits().to_le_bytes() {
-                self.hash = (self.hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
             }
         }
     }

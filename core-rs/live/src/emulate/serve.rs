@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use ergon_engine::key_model::KeyModel;
+
 use super::firmware::{Board, Firmware};
 use super::line::{Line, LineEvent, Transport};
 use super::{EmulateError, Hand, Key, Keys};
@@ -22,6 +24,8 @@ pub struct Options {
     pub axes: usize,
     /// What a key is made of.
     pub key: Key,
+    /// How it moves, where that is not a CEL of these numbers.
+    pub model: Option<KeyModel>,
     /// Periods in a second [Hz].
     pub rate: f64,
     /// What is on the keys; the missing are free.
@@ -63,7 +67,10 @@ pub fn serve(
     tell: &mut dyn FnMut(Event),
     keep: &mut dyn FnMut() -> bool,
 ) -> Result<Outcome, EmulateError> {
-    let keys = Keys::new(options.axes, options.key, options.rate, options.hands)?;
+    let mut keys = Keys::new(options.axes, options.key, options.rate, options.hands)?;
+    if let Some(model) = &options.model {
+        keys = keys.with_model(model)?;
+    }
     let lockstep = options.board.lockstep;
     let rate = keys.rate().hertz();
     let mut firmware = Firmware::new(options.board, keys);

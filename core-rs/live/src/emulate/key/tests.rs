@@ -113,6 +113,26 @@ fn a_key_ends_where_it_ends() {
 }
 
 #[test]
+fn a_key_with_a_model_goes_as_the_model() {
+    let row = [
+        0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
+    ];
+    let model = KeyModel::of_row(&row).unwrap();
+    let forces: Vec<f64> = (0..500u32).map(|n| f64::from(n % 37) * 0.02).collect();
+    let path = model.path(&forces, 1000.0, None).unwrap();
+    let mut key = keys(Key::default(), 1000.0, vec![])
+        .with_model(&model)
+        .unwrap();
+    for (force, x) in forces.iter().zip(path) {
+        assert_eq!(key.positions()[0], x);
+        key.step(&push(*force));
+    }
+    // It ends where it ends, too.
+    (0..2000).for_each(|_| key.step(&push(20.0)));
+    assert_eq!(key.positions()[0], 0.05);
+}
+
+#[test]
 fn other_paths_have_other_hashes() {
     let path = |force: f64| {
         let mut key = keys(Key::default(), 1000.0, vec![]);

@@ -1,0 +1,194 @@
+"""`ergon metrology fit`: a key measured by takes of the forces that it was given."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import Findings, Refused
+from .recording import read
+
+if TYPE_CHECKING:
+    from ergon.metrology.gesture import Gesture
+    from ergon.metrology.stages import Measured, Stage
+
+_BAD = 3.0  # of the sensor's noise: the model does not explain the key
+
+
+@click.command()
+@click.argument("takes", metavar="TAKE...", nargs=-1, required=True)
+@click.option(
+    "--held-out",
+    metavar="TAKE",
+    help="A take that only judges which parts stay; otherwise the last quarter of the last TAKE.",
+)
+@click.option(
+    "--hand", metavar="NAME", help="The hand whose axis is measured, where takes have several."
+)
+@options.target("Write the calibration into this file, for `calib: FILE` of a key.")
+@options.force
+@options.dry_run
+@options.speaking
+def fit(
+    console: Console,
+    takes: tuple[str, ...],
+    held_out: str | None,
+    hand: str | None,
+    output: str | None,
+    force: bool,
+    dry: bool,
+) -> None:
+    """Measure a key by takes of the forces that it was given.
+
+    Nobody may touch the key while such a take is recorded, and each begins with the key at rest.
+    Mass, spring and damper are found first, then dry friction, its presliding and static level
+    (Stribeck), the delay of the forces, and modes. A part stays only if it is worth its numbers
+    (the Bayesian information criterion falls) and a held-out gesture is followed better.
+    """
+    from ergon.exchange.safe import check_target
+    from ergon.metrology import stages
+    from ergon.metrology.gesture import MeasurementError
+
+    paths = [Path(take) for take in takes]
+    apart = None if held_out is None else Path(held_out)
+    judged = [] if apart is None else [apart]
+    if output is not None:
+        check_target(Path(output), force=force, inputs=(*paths, *judged))
+    gestures = [_gesture(console, path, hand) for path in paths]
+    judge = None if apart is None else _gesture(console, apart, hand)
+    everything = gestures if judge is None else [*gestures, judge]
+    if len({gesture.rate for gesture in everything}) > 1:
+        raise Refused("the takes are of different rates; measure by takes of one rate")
+    if not console.json:
+        console.data(f"{'':14}{'fit rms':>10}{'replay':>10}   what was added\n")
+    try:
+        measured = stages.measure(gestures, judge, lambda stage: _say(console, stage))
+    except MeasurementError as error:
+        raise Refused(str(error)) from None
+    _sum_up(console, measured)
+    if output is not None:
+        _write(console, measured, [*paths, *judged], Path(output), force=force, dry=dry)
+    if measured.noise is not None and measured.fit.rms > _BAD * measured.noise:
+        raise Findings(
+            f"the model leaves {measured.fit.rms * 1e6:.3g} um where the sensor's noise is "
+            f"{measured.noise * 1e6:.3g} um: something acts on this key that the model lacks"
+        )
+
+
+def _gesture(console: Console, path: Path, hand: str | None) -> Gesture:
+    from ergon.metrology.gesture import MeasurementError, of_recording
+
+    take = read(console, path)
+    names = take.names
+    if hand is None and len(names) > 1:
+        raise Refused(f"{path}: this take has several hands ({', '.join(names)}); choose by --hand")
+    if hand is not None and hand not in names:
+        raise Refused(f"{path}: there is no hand {hand!r}; the take has {', '.join(names)}")
+    try:
+        return of_recording(take, 0 if hand is None else names.index(hand))
+    except MeasurementError as error:
+        raise Refused(f"{path}: {error}") from None
+
+
+def _say(console: Console, stage: Stage) -> None:
+    """A row of the table."""
+    fit = stage.fit
+    if console.json:
+        console.record(
+            "stage",
+            name=stage.name,
+            kept=stage.kept,
+            rms_m=fit.rms,
+            replay_m=stage.replay,
+            bic=fit.bic,
+            score=stage.score,
+            parameters=_numbers(stage),
+        )
+        return
+    name = stage.name if stage.name == "M K Z" else f"+ {stage.name}"
+    what = _what(stage)
+    if stage.score is not None and not stage.kept and stage.score < _score_min():
+        what = f"none: the highest score is {stage.score:.0f} of {_score_min():.0f}"
+    elif not stage.kept:
+        what += ", not kept"
+    console.data(f"{name:14}{fit.rms * 1e6:7.4g} um{stage.replay * 1e6:7.4g} um   {what}\n")
+
+
+def _score_min() -> float:
+    from ergon.metrology.mode_search import SCORE_MIN
+
+    return SCORE_MIN
+
+
+def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
+    """What was fitted, and its standard deviation, in SI units."""
+    from ergon.metrology.parameters import name
+
+    fit = stage.fit
+    return {
+        name(index): {"value": float(fit.row[index]), "deviation": fit.deviation(index)}
+        for index in fit.columns
+    }
+
+
+def _what(stage: Stage) -> str:
+    """What a stage added, in the units of a score."""
+    from ergon.metrology.calibration_file import t60
+    from ergon.metrology.parameters import INDEX, n_modes, of_mode
+
+    row = stage.fit.row
+    own = {name: float(row[index]) for name, index in INDEX.items()}
+    match stage.name:
+        case "M K Z":
+            return (
+                f"{own['mass'] * 1e3:.4g} g, {own['stiffness']:.4g} N/m, {own['damping']:.3g} Ns/m"
+            )
+        case "dry":
+            return f"{own['dry'] * 1e3:.4g} mN"
+        case "presliding":
+            return f"{own['presliding']:.4g} N/m"
+        case "Stribeck":
+            return f"{own['static_dry'] * 1e3:.4g} mN, {own['static_speed'] * 1e3:.3g} mm/s"
+        case "delay":
+            return f"{own['delay'] * 1e3:.4g} ms"
+    if not n_modes(row):
+        return "none"
+    mass, frequency, ratio = (float(row[index]) for index in of_mode(n_modes(row) - 1))
+    return f"{mass * 1e3:.3g} g at {frequency:.4g} Hz, t60 {t60(frequency, ratio):.3g} s"
+
+
+def _sum_up(console: Console, measured: Measured) -> None:
+    noise = measured.noise
+    if console.json:
+        console.record("measured", rms_m=measured.fit.rms, replay_m=measured.replay, noise_m=noise)
+    elif noise is None:
+        console.say(
+            "no take begins with a still key for 50 ticks, so the sensor's noise is not known"
+        )
+    else:
+        console.say(f"the sensor's noise is {noise * 1e6:.3g} um")
+
+
+def _write(
+    console: Console, measured: Measured, takes: list[Path], path: Path, *, force: bool, dry: bool
+) -> None:
+    from datetime import date
+
+    from ergon.exchange.safe import writing
+    from ergon.metrology.calibration_file import text
+
+    digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
+    said = text(measured, digests, date.today().isoformat())
+    if not dry:
+        with writing(path, binary=False, force=force) as file:
+            file.write(said.encode())
+    event = "would write" if dry else "wrote"
+    if console.json:
+        console.record(event.replace(" ", "_"), file=str(path))
+    else:
+        console.say(f"{event} {path}")

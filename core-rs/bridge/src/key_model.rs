@@ -1,0 +1,37 @@
+//! The path of a real key, and the derivatives of the path.
+
+use ergon_engine::key_model::KeyModel;
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use crate::error::refused;
+use crate::work::computing;
+
+type PathAndJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// Positions (n,) under forces (n,), and their derivatives (n, columns).
+#[pyfunction]
+#[pyo3(signature = (parameters, force, rate, *, columns=None, steps=None))]
+pub(crate) fn key_path<'py>(
+    py: Python<'py>,
+    parameters: PyReadonlyArray1<'py, f64>,
+    force: PyReadonlyArray1<'py, f64>,
+    rate: f64,
+    columns: Option<Vec<usize>>,
+    steps: Option<usize>,
+) -> PyResult<PathAndJacobian<'py>> {
+    let (row, force) = (parameters.as_slice()?, force.as_slice()?);
+    let columns = columns.unwrap_or_else(|| (0..row.len()).collect());
+    let (path, jacobian) = computing(py, || {
+        let key = KeyModel::of_row(row)?;
+        if columns.is_empty() {
+            return Ok((key.path(force, rate, steps)?, Vec::new()));
+        }
+        key.path_and_jacobian(force, rate, steps, &columns)
+    })?
+    .map_err(|error: ergon_engine::key_model::KeyError| refused("key_path", error))?;
+    let jacobian = Array2::from_shape_vec((force.len(), columns.len()), jacobian)
+        .expect("a derivative for each tick and column");
+    Ok((path.into_pyarray(py), jacobian.into_pyarray(py)))
+}

@@ -1,0 +1,66 @@
+"""A first guess of a key: linear least squares on filtered derivatives, biased but near."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .parameters import INDEX, OWN
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from .gesture import Floats, Gesture
+
+_CUT = 25.0  # Hz: below modes, above strokes
+_WIDER = 100.0  # Hz: where a delay of a tick is seen
+_EDGE = 0.2  # s at both ends, where a filter rings
+_MOVES = 2e-3  # m/s: faster, and dry friction has its level
+_DELAYS = np.arange(0.0, 8.5, 0.5)  # ticks
+
+
+def _derivatives(signal: Floats, rate: float, cut: float) -> tuple[Floats, Floats, Floats]:
+    """A signal by a low-pass without phase, its first and second derivative, each (n,)."""
+    n = signal.size
+    line = np.linspace(signal[0], signal[-1], n)  # so that its end meets its beginning
+    spectrum = np.fft.rfft(signal - line)
+    frequency = np.fft.rfftfreq(n, 1 / rate)
+    spectrum /= 1 + (frequency / cut) ** 8
+    s = 2j * np.pi * frequency
+    slope = (line[-1] - line[0]) / (n - 1) * rate
+    return (
+        np.fft.irfft(spectrum, n) + line,
+        np.fft.irfft(s * spectrum, n) + slope,
+        np.fft.irfft(s * s * spectrum, n),
+    )
+
+
+def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, float]:
+    """Mass, damping, stiffness, weight and dry friction at a delay in ticks; what is left."""
+    rows, right = [], []
+    for gesture in gestures:
+        x, v, a = _derivatives(gesture.position, gesture.rate, cut)
+        # A force is held for a tick, so its middle is half a tick after its position.
+        at = np.arange(x.size)
+        force = np.interp(at - delay - 0.5, at, gesture.force)
+        force = _derivatives(force, gesture.rate, cut)[0]
+        edge = int(_EDGE * gesture.rate)
+        inside = slice(edge, -edge if x.size > 4 * edge else None)
+        rows.append(np.stack([a, v, x, np.ones_like(x), np.tanh(v / _MOVES)], 1)[inside])
+        right.append(force[inside])
+    matrix, force = np.concatenate(rows), np.concatenate(right)
+    found = np.linalg.lstsq(matrix, force, rcond=None)[0]
+    return found, float(np.sum((force - matrix @ found) ** 2))
+
+
+def first_guess(gestures: Sequence[Gesture]) -> Floats:
+    """The parameters of a key without modes, (10,)."""
+    delay = min(_DELAYS, key=lambda ticks: _solved(gestures, float(ticks), _WIDER)[1])
+    mass, damping, stiffness, weight, dry = _solved(gestures, float(delay), _CUT)[0]
+    row = np.zeros(OWN)
+    row[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
+    row[INDEX["weight"]] = weight
+    row[INDEX["dry"]] = max(dry, 5e-3)
+    row[INDEX["delay"]] = delay / gestures[0].rate
+    return row

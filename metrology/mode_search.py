@@ -1,0 +1,94 @@
+"""Where a mode would explain most of what a key's model leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .output_error import errors
+from .parameters import INDEX, total_mass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from .gesture import Floats, Gesture
+    from .output_error import Fit
+
+# Between the highest of 20 keys without a mode and 37, the lowest of 50 with one of a twentieth.
+SCORE_MIN = 28.0
+_LOW, _HIGH = 5.0, 0.479  # Hz; of the rate
+_PITCHES = 1200
+_RATIOS = np.array([0.003, 0.01, 0.03, 0.1])
+_SHARE_MAX = 0.3  # of the key's mass
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """A mode that may be there: mass [kg], frequency [Hz], damping ratio, and how surely."""
+
+    mass: float
+    frequency: float
+    ratio: float
+    score: float
+
+
+def _background(power: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
+    """Median of a periodogram over half an octave, which a narrow peak does not lift, (n,)."""
+    n = power.size
+    at = np.unique(
+        np.concatenate([np.arange(min(n, 64)), np.geomspace(64, n - 1, 300).astype(int)])
+    )
+    low = np.searchsorted(frequency, frequency[at] * 2**-0.25)
+    high = np.searchsorted(frequency, frequency[at] * 2**0.25) + 1
+    low, high = np.minimum(low, np.maximum(at - 8, 0)), np.maximum(high, np.minimum(at + 9, n))
+    median = [np.median(power[i:j]) for i, j in zip(low, high, strict=True)]
+    floor = np.maximum(np.array(median) / np.log(2), np.finfo(float).tiny)
+    smooth: Floats = np.exp(np.interp(np.arange(n), at, np.log(floor)))
+    return smooth
+
+
+def _taper(n: int) -> Floats:
+    """One, but for a twentieth at both ends, where it goes to zero as a cosine does, (n,)."""
+    edge = max(n // 20, 1)
+    rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    return np.concatenate([rise, np.ones(n - 2 * edge), rise[::-1]])
+
+
+def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
+    """The mode that explains most of the errors of a fit, to first order in its mass."""
+    row, rate = fit.row, gestures[0].rate
+    pitches = np.geomspace(_LOW, _HIGH * rate, _PITCHES)
+    omega = 2 * np.pi * pitches[:, None]
+    along, square = np.zeros((_PITCHES, _RATIOS.size)), np.zeros((_PITCHES, _RATIOS.size))
+    for gesture, start in zip(gestures, fit.starts, strict=True):
+        error = np.zeros(gesture.force.size)
+        error[gesture.counts] = errors(row, gesture, start)
+        taper = _taper(error.size)
+        frequency = np.fft.rfftfreq(error.size, 1 / rate)
+        band = (frequency > _LOW) & (frequency < _HIGH * rate)
+        s = 2j * np.pi * frequency[band]
+        left = np.fft.rfft(error * taper)
+        force = np.fft.rfft(gesture.force * taper)[band]
+        # Held for a tick, and late.
+        force = (
+            force
+            * np.sinc(frequency[band] / rate)
+            * np.exp(-s * (row[INDEX["delay"]] + 0.5 / rate))
+        )
+        answer = 1 / (total_mass(row) * s * s + row[INDEX["damping"]] * s + row[INDEX["stiffness"]])
+        white = 1 / np.sqrt(_background(np.abs(left) ** 2, frequency)[band])
+        base, left = force * answer**2 * s**4 * white, left[band] * white
+        for column, ratio in enumerate(_RATIOS):
+            for part in np.array_split(np.arange(_PITCHES), 12):
+                w = omega[part]
+                template = base / (s * s + (2 * ratio * w) * s + w * w)
+                along[part, column] += np.real(template.conj() @ left)
+                square[part, column] += np.einsum("ij,ij->i", template, template.conj()).real
+    score = np.where(along > 0, 2 * along**2 / square, 0.0)
+    i, j = divmod(int(np.argmax(score)), _RATIOS.size)
+    mass = float(np.clip(along[i, j] / square[i, j], 1e-4, _SHARE_MAX * row[0]))
+    return Peak(mass, float(pitches[i]), float(_RATIOS[j]), float(score[i, j]))

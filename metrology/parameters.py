@@ -1,0 +1,83 @@
+"""The parameters of a key, as `_core.key_path` takes them, and on which scale each is fitted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from .gesture import Floats
+
+NAMES = (
+    "mass",
+    "stiffness",
+    "damping",
+    "weight",
+    "dry",
+    "start",
+    "delay",
+    "presliding",
+    "static_dry",
+    "static_speed",
+)
+MODE_NAMES = ("mode_mass", "mode_frequency", "mode_ratio")
+INDEX = {name: index for index, name in enumerate(NAMES)}
+START = INDEX["start"]
+OWN, OF_MODE = len(NAMES), len(MODE_NAMES)
+# Fitted as they are, for they may be zero; [least, most]. All others are above zero: by logarithms.
+_PLAIN = {
+    INDEX["stiffness"]: (0.0, np.inf),
+    INDEX["damping"]: (0.0, np.inf),
+    INDEX["weight"]: (-np.inf, np.inf),
+    START: (-np.inf, np.inf),
+    INDEX["delay"]: (0.0, 1.0),
+}
+_STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
+
+
+def name(index: int) -> str:
+    """The name of a parameter; those of a mode end in its number from 1."""
+    if index < OWN:
+        return NAMES[index]
+    mode, which = divmod(index - OWN, OF_MODE)
+    return f"{MODE_NAMES[which]}_{mode + 1}"
+
+
+def of_mode(mode: int) -> list[int]:
+    """The indices of the parameters of a mode, which counts from 0."""
+    return [OWN + OF_MODE * mode + which for which in range(OF_MODE)]
+
+
+def n_modes(row: Floats) -> int:
+    """How many modes a row has."""
+    return (len(row) - OWN) // OF_MODE
+
+
+def scale(row: Floats, columns: Sequence[int]) -> Floats:
+    """Derivatives of the parameters with respect to what is fitted, (columns,)."""
+    return np.array([1.0 if index in _PLAIN else row[index] for index in columns])
+
+
+def moved(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
+    """The row after a step of what is fitted, (columns,), within what each parameter may be."""
+    to = row.copy()
+    for index, by in zip(columns, step, strict=True):
+        if index in _PLAIN:
+            to[index] = np.clip(row[index] + by, *_PLAIN[index])
+        else:
+            most = _STIFFEST.get(index, np.inf)
+            to[index] = min(row[index] * np.exp(np.clip(by, -1.0, 1.0)), most)
+    return to
+
+
+def is_plain(index: int) -> bool:
+    """Whether a parameter may be zero."""
+    return index in _PLAIN
+
+
+def total_mass(row: Floats) -> float:
+    """Mass of the key with its modes [kg]."""
+    return float(row[0] + row[OWN::OF_MODE].sum())

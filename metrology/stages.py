@@ -1,0 +1,191 @@
+"""The order in which a key's parts are found, and which of them are kept.
+
+A part stays only where the information criterion falls, a gesture that was held out is followed
+better, and its parameters are known to a half of themselves. Dry friction comes before modes: what
+it leaves unexplained hides them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import output_error
+from .first_guess import first_guess
+from .gesture import sensor_noise
+from .mode_search import SCORE_MIN, highest_peak
+from .parameters import INDEX, is_plain, n_modes, of_mode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from .gesture import Floats, Gesture
+    from .output_error import Fit
+
+FITTED_SHARE = 0.75  # of the last take, where none is held out
+MODES_MAX = 3
+_LINEAR = tuple(INDEX[name] for name in ("mass", "stiffness", "damping", "weight"))
+_ROUGHLY = 4  # iterations from each of several starts
+_UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
+_TRIED = 15  # iterations for what may not be there
+_ENOUGH = 1.02  # of the sensor's noise: nothing is left to explain
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A part that was tried: its fit, how a held-out gesture was followed, and whether it stayed.
+
+    `replay` is the rms [m] of the difference from the held-out positions, their noise included. Of
+    a mode that was not tried, `fit` is the fit before, and `score` says why.
+    """
+
+    name: str
+    fit: Fit
+    replay: float
+    kept: bool
+    score: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A key as measured: all stages in their order, the fit that holds, and the sensor's noise [m].
+
+    `noise` is None where no take begins with a still key.
+    """
+
+    stages: tuple[Stage, ...]
+    fit: Fit
+    replay: float
+    noise: float | None
+
+
+def measure(
+    gestures: Sequence[Gesture],
+    held_out: Gesture | None = None,
+    tell: Callable[[Stage], object] = lambda stage: None,
+) -> Measured:
+    """Measure a key by gestures; `tell` is called after each stage.
+
+    Without `held_out` the last quarter of the last gesture is held out. Raises StoppedError.
+    """
+    gestures = list(gestures)
+    noise = sensor_noise(gestures if held_out is None else [*gestures, held_out])
+    judge = _Judge(gestures, held_out)
+    guess = first_guess(judge.gestures)
+    row = guess.copy()
+    row[INDEX["dry"]] = 0.0
+    stages = [judge.stage("M K Z", row, _LINEAR, None)]
+    best = stages[0]
+    tell(best)
+
+    def take(stage: Stage) -> None:
+        nonlocal best
+        stages.append(stage)
+        tell(stage)
+        best = stage if stage.kept else best
+
+    for name, start in _FRICTIONS:
+        added = start(best.fit.row, guess)
+        columns = (*best.fit.columns, *(INDEX[parameter] for parameter in added))
+        row = _with(best.fit.row, added)
+        take(judge.stage(name, row, columns, best, iterations=_TRIED))
+    take(judge.stage("delay", best.fit.row, (*best.fit.columns, INDEX["delay"]), best))
+    while n_modes(best.fit.row) < MODES_MAX and not _is_noise(best.fit, noise):
+        stage = _mode(judge, best)
+        take(stage)
+        if not stage.kept:
+            break
+    return Measured(tuple(stages), best.fit, best.replay, noise)
+
+
+# What dry friction may be, and from where its parameters are sought, by a fit and the first guess.
+_FRICTIONS: tuple[tuple[str, Callable[[Floats, Floats], dict[str, float]]], ...] = (
+    ("dry", lambda row, guess: {"dry": guess[INDEX["dry"]]}),
+    ("presliding", lambda row, guess: {"presliding": 5e3}),
+    (
+        "Stribeck",
+        lambda row, guess: {"static_dry": 1.2 * row[INDEX["dry"]], "static_speed": 5e-3},
+    ),
+)
+
+
+def _with(row: Floats, added: dict[str, float]) -> Floats:
+    row = row.copy()
+    for name, value in added.items():
+        row[INDEX[name]] = value
+    return row
+
+
+def _is_noise(fit: Fit, noise: float | None) -> bool:
+    return noise is not None and fit.rms <= _ENOUGH * noise
+
+
+def _mode(judge: _Judge, before: Stage) -> Stage:
+    """One more mode; the delay is fitted with it, for both act on the quickest motions."""
+    peak = highest_peak(judge.gestures, before.fit)
+    number = n_modes(before.fit.row)
+    name = "mode" if number == 0 else f"mode {number + 1}"
+    if peak.score < SCORE_MIN:
+        return Stage(name, before.fit, before.replay, False, peak.score)
+    rows = []
+    for frequency, ratio in ((1, 0.01), (1, 0.03), (1 / 1.025, 0.02), (1.025, 0.02)):
+        row = np.append(before.fit.row, [peak.mass, frequency * peak.frequency, ratio])
+        row[0] -= peak.mass
+        rows.append(row)
+    columns = dict.fromkeys((*before.fit.columns, INDEX["delay"], *of_mode(number)))
+    return judge.best_of(name, rows, tuple(columns), before, peak.score)
+
+
+def _is_known(fit: Fit, index: int) -> bool:
+    """Whether the takes tell a parameter that cannot be zero, to a half of itself."""
+    return is_plain(index) or fit.deviation(index) < _UNKNOWN * fit.row[index]
+
+
+class _Judge:
+    """Fits stages, and compares each with the one before by what neither was fitted to."""
+
+    def __init__(self, gestures: list[Gesture], held_out: Gesture | None) -> None:
+        self.is_apart = held_out is not None
+        if held_out is None:
+            gestures[-1], held_out = gestures[-1].parted(FITTED_SHARE)
+        self.gestures, self.held_out = gestures, held_out
+
+    def stage(
+        self,
+        name: str,
+        row: Floats,
+        columns: tuple[int, ...],
+        before: Stage | None,
+        score: float | None = None,
+        iterations: int = 30,
+    ) -> Stage:
+        """Fit these columns from a row on, and judge the fit."""
+        starts = None if before is None else before.fit.starts
+        fit = output_error.fit(self.gestures, row, columns, starts, iterations)
+        start = self.held_out.start if self.is_apart else fit.starts[-1]
+        errors = output_error.errors(fit.row, self.held_out, start)
+        replay = float(np.sqrt(np.mean(errors**2)))
+        kept = before is None or (
+            fit.bic < before.fit.bic
+            and replay < before.replay
+            and all(_is_known(fit, index) for index in set(columns) - set(before.fit.columns))
+        )
+        return Stage(name, fit, replay, kept, score)
+
+    def best_of(
+        self,
+        name: str,
+        rows: list[Floats],
+        columns: tuple[int, ...],
+        before: Stage,
+        score: float | None = None,
+    ) -> Stage:
+        """The same from the best of several rows, each fitted roughly."""
+        fits = [
+            output_error.fit(self.gestures, row, columns, before.fit.starts, _ROUGHLY)
+            for row in rows
+        ]
+        row = min(fits, key=lambda fit: fit.rms).row
+        return self.stage(name, row, columns, before, score)

@@ -1,0 +1,117 @@
+"""Keys that are known, measured from what a sensor reads of them."""
+
+import numpy as np
+import pytest
+from measured_keys import KEY, PLAIN, QUANTUM, Floats, gesture, knocks, path, rain
+
+from ergon.metrology.gesture import MeasurementError, of_arrays
+from ergon.metrology.parameters import INDEX, OWN
+from ergon.metrology.stages import Measured, measure
+
+START = 0.4e-3  # from where a key rests to where the held-out gesture begins [m]
+
+
+def measured(row: Floats, seed: int) -> tuple[Measured, float]:
+    """A key measured by 10 s of rain; rms of its replay of knocks from their true path [m]."""
+    force, other = rain(KEY), knocks(KEY)
+    begin = row[5] + START
+    apart = gesture(row, other, seed + 1000, begin)
+    found = measure([gesture(row, force, seed)], apart)
+    truth = path(row, other, 176, begin)
+    replay = path(found.fit.row, other, None, apart.start)
+    return found, float(np.sqrt(np.mean((replay - truth) ** 2)))
+
+
+def kept(found: Measured) -> list[str]:
+    return [stage.name for stage in found.stages if stage.kept]
+
+
+def deviations(found: Measured, row: Floats) -> dict[int, float]:
+    """Errors of the parameters, in their standard deviations."""
+    fit = found.fit
+    return {i: (fit.row[i] - row[i]) / fit.deviation(i) for i in fit.columns}
+
+
+def errors_of(seeds: range) -> Floats:
+    """Errors of all parameters in their deviations, (seeds, 9): the modes' are the last three."""
+    errors = []
+    for seed in seeds:
+        found, replay = measured(KEY, seed)
+        assert kept(found)[:2] == ["M K Z", "dry"]
+        assert kept(found)[-1] == "mode"
+        assert replay <= min(0.25e-6, 0.05 * QUANTUM), f"seed {seed}: {replay}"
+        each = deviations(found, KEY)
+        errors.append([each[i] for i in (*range(5), INDEX["delay"], *range(10, 13))])
+    return np.array(errors)
+
+
+def test_a_key_is_measured():
+    errors = errors_of(range(3))
+    assert (np.abs(errors) < 4).all(), errors
+
+
+@pytest.mark.slow
+def test_a_key_is_measured_as_well_as_can_be():
+    """Within 1.4 of the bound of Cramér and Rao, 1.7 for a mode; without bias."""
+    errors = errors_of(range(50))
+    spread = errors.std(axis=0, ddof=1)
+    assert (spread[:6] <= 1.4).all(), spread
+    assert (spread[6:] <= 1.7).all(), spread
+    assert (np.abs(errors.mean(axis=0)) <= 0.5 * spread).all(), errors.mean(axis=0)
+
+
+def test_no_mode_is_found_where_there_is_none():
+    found, replay = measured(PLAIN, 7)
+    assert "mode" not in kept(found)
+    assert replay <= 0.25e-6
+    assert max(map(abs, deviations(found, PLAIN).values())) < 4
+
+
+@pytest.mark.parametrize(
+    ("changed", "part", "bound"),
+    [
+        ({"presliding": 5000.0}, "presliding", 4e-6),
+        ({"static_dry": 0.08, "static_speed": 4e-3}, "Stribeck", 1e-6),
+    ],
+    ids=["presliding", "Stribeck"],
+)
+def test_each_kind_of_friction_is_found(changed: dict[str, float], part: str, bound: float):
+    row = KEY.copy()
+    for name, value in changed.items():
+        row[INDEX[name]] = value
+    found, replay = measured(row, 3)
+    friction = [name for name in kept(found) if name in ("presliding", "Stribeck")]
+    assert friction == [part]
+    assert kept(found)[-1] == "mode"
+    assert replay < bound
+    for name, value in changed.items():
+        assert abs(found.fit.row[INDEX[name]] / value - 1) < 0.05
+
+
+def test_the_last_quarter_judges_where_no_take_is_held_out():
+    found = measure([gesture(KEY, rain(KEY, 6.0), 5)])
+    assert {"dry", "mode"} <= set(kept(found))
+
+
+def test_a_key_without_a_spring_has_none():
+    fader = np.array([0.4, 0.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    force = rain(KEY, 6.0)
+    force = force - force.mean()
+    found = measure([gesture(fader, force, 5)])
+    errors = deviations(found, fader)
+    assert abs(found.fit.row[INDEX["stiffness"]]) < 0.05
+    assert len(found.fit.row) == OWN
+    assert abs(errors[INDEX["mass"]]) < 4
+
+
+@pytest.mark.parametrize(
+    ("force", "position", "told"),
+    [
+        (np.zeros(5), np.zeros(6), "the same length"),
+        (np.zeros(50), np.zeros(50), "at least 500 ticks"),
+        (np.zeros(600), np.full(600, np.nan), "finite"),
+    ],
+)
+def test_what_is_no_gesture_is_refused(force: Floats, position: Floats, told: str):
+    with pytest.raises(MeasurementError, match=told):
+        of_arrays(force, position, 1000.0)
