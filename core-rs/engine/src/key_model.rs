@@ -615,25 +615,25 @@ impl<const N: usize> Motion<N> {
         let by_v = turned.by_v - turned.by_gain * 2.0 * self.drag / self.under
             + turned.by_bound * of.per_level * of.friction.slope;
         let mut force = [0.0; N];
-        for column in 0..N {
+        for (column, force) in force.iter_mut().enumerate() {
             let (dx, dv) = (self.dx[column], self.dv[column]);
             let ds = contact.by_s * self.ds[column] + contact.by_v * dv;
             self.ds[column] = ds;
-            force[column] = -stiffness * dx - presliding * ds;
+            *force = -stiffness * dx - presliding * ds;
         }
         for mode in &mut self.modes {
-            for column in 0..N {
+            for (column, force) in force.iter_mut().enumerate() {
                 let (dx, dv) = (
                     mode.dx[column] - self.dx[column],
                     mode.dv[column] - self.dv[column],
                 );
                 let gain = (mode.stiff * dx + mode.damp * dv) / mode.under;
-                force[column] += mode.mass * gain;
+                *force += mode.mass * gain;
                 mode.dv[column] -= h * gain;
             }
         }
-        for column in 0..N {
-            self.dv[column] = by_v * self.dv[column] + by_force * force[column];
+        for (dv, force) in self.dv.iter_mut().zip(&force) {
+            *dv = by_v * *dv + by_force * force;
         }
         for column in 0..self.columns.len() {
             let added = self.added(self.columns[column], column, of);
