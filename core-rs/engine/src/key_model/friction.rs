@@ -1,0 +1,122 @@
+//! Dry friction within a step: how a velocity turns, and the contact before it slides.
+
+use super::KeyModel;
+use crate::maths::exp;
+
+/// What dry friction does in a step, and how that depends on what moves.
+pub(super) struct Friction {
+    /// Level, its derivative with respect to the velocity, and what `static_dry` has in it.
+    pub(super) level: f64,
+    pub(super) slope: f64,
+    pub(super) share: f64,
+}
+
+impl Friction {
+    /// Dry friction of a key at a velocity [m/s].
+    pub(super) fn of(key: &KeyModel, v: f64) -> Self {
+        if key.static_speed == 0.0 {
+            return Self {
+                level: key.dry,
+                slope: 0.0,
+                share: 0.0,
+            };
+        }
+        let ratio = v / key.static_speed;
+        let share = exp(-ratio * ratio);
+        let over = (key.static_dry - key.dry) * share;
+        Self {
+            level: key.dry + over,
+            slope: -2.0 * over * ratio / key.static_speed,
+            share,
+        }
+    }
+}
+
+/// The velocity after a step, and its derivatives with respect to the velocity before, the gain and friction's bound.
+pub(super) struct Turned {
+    pub(super) v: f64,
+    pub(super) by_v: f64,
+    pub(super) by_gain: f64,
+    pub(super) by_bound: f64,
+}
+
+impl Turned {
+    const HELD: Self = Self {
+        v: 0.0,
+        by_v: 0.0,
+        by_gain: 0.0,
+        by_bound: 0.0,
+    };
+
+    /// Velocity v that gains `gain` and that dry friction takes at most `bound` from.
+    pub(super) fn of(v: f64, gain: f64, bound: f64) -> Self {
+        let sign = if v != 0.0 {
+            v.signum()
+        } else if gain.abs() > bound || bound == 0.0 {
+            gain.signum()
+        } else {
+            return Self::HELD;
+        };
+        let to = v + gain - sign * bound;
+        if sign * to >= 0.0 || bound == 0.0 {
+            return Self {
+                v: to,
+                by_v: 1.0,
+                by_gain: 1.0,
+                by_bound: -sign,
+            };
+        }
+        let (before, after) = (gain - sign * bound, gain + sign * bound);
+        if sign * after >= 0.0 {
+            return Self::HELD; // it comes to rest, and friction holds it
+        }
+        let ratio = after / before;
+        let spread = to / (before * before);
+        Self {
+            v: to * ratio,
+            by_v: ratio,
+            by_gain: ratio + spread * (before - after),
+            by_bound: sign * (spread * (before + after) - ratio),
+        }
+    }
+}
+
+/// The contact before it slides: s' = v - σ|v| s/F, implicit in s, so that σ|s| never exceeds the level F.
+pub(super) struct Contact {
+    pub(super) s: f64,
+    pub(super) by_s: f64,
+    pub(super) by_v: f64,
+    pub(super) by_level: f64,
+    pub(super) by_presliding: f64,
+}
+
+impl Contact {
+    pub(super) fn of(key: &KeyModel, friction: &Friction, s: f64, v: f64, h: f64) -> Self {
+        let none = Self {
+            s: 0.0,
+            by_s: 0.0,
+            by_v: 0.0,
+            by_level: 0.0,
+            by_presliding: 0.0,
+        };
+        if key.presliding == 0.0 || friction.level <= 0.0 {
+            return none;
+        }
+        let wear = h * v.abs() / friction.level;
+        let under = 1.0 + key.presliding * wear;
+        let to = (s + h * v) / under;
+        let by_level = to * key.presliding * wear / (friction.level * under);
+        let by_speed = if v == 0.0 {
+            0.0
+        } else {
+            v.signum() * h * key.presliding / friction.level
+        };
+        Self {
+            s: to,
+            by_s: 1.0 / under,
+            by_v: (h - to * by_speed) / under + by_level * friction.slope,
+            by_level,
+            by_presliding: -to * wear / under,
+        }
+    }
+}

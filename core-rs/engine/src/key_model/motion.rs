@@ -1,0 +1,217 @@
+//! A key in motion, step by step.
+
+mod derivatives;
+
+use std::f64::consts::TAU;
+
+use super::friction::{Contact, Friction, Turned};
+use super::parameter::Parameter;
+use super::{KeyError, KeyModel, Mode};
+use crate::maths::floor;
+use derivatives::Step;
+
+/// Steps a second where no caller chose how many a tick has.
+const FRAME_RATE: f64 = 44_100.0;
+/// Steps of a tick at least, where no caller chose.
+const STEPS_MIN: usize = 4;
+const STEPS_MAX: usize = 10_000;
+/// An explicit oscillator is stable up to ω h = 2; half of it keeps frequencies near what was asked for.
+const ANGLE_MAX: f64 = 1.0;
+
+/// A mode in motion, and the derivatives of its motion.
+#[derive(Clone, Debug)]
+struct Swing<const N: usize> {
+    mass: f64,
+    /// ω² and 2ζω over what the trapezoidal rule adds, and ω itself.
+    stiff: f64,
+    damp: f64,
+    omega: f64,
+    under: f64,
+    x: f64,
+    v: f64,
+    /// Its acceleration on the key's in this step, the other way round.
+    gain: f64,
+    dx: [f64; N],
+    dv: [f64; N],
+}
+
+/// A key in motion, one tick after the other; `N` columns of derivatives are computed beside it.
+#[derive(Clone, Debug)]
+pub struct Motion<const N: usize = 0> {
+    key: KeyModel,
+    /// Which column is with respect to what.
+    columns: Vec<Parameter>,
+    steps: usize,
+    step: f64,
+    /// h/m, Z h/2m, and 1 + that.
+    push: f64,
+    drag: f64,
+    under: f64,
+    /// The last forces, the newest last; those before the first are zero.
+    sent: Vec<f64>,
+    /// Steps of a tick in which the force before still acts.
+    late: f64,
+    x: f64,
+    v: f64,
+    /// The part of the next step in which spring and weight act: the velocity begins half a step before the position.
+    part: f64,
+    /// How far the contact has given way before it slides.
+    s: f64,
+    pub(super) dx: [f64; N],
+    dv: [f64; N],
+    ds: [f64; N],
+    modes: Vec<Swing<N>>,
+}
+
+impl Motion<0> {
+    /// A key at rest at its start.
+    ///
+    /// # Errors
+    /// [`KeyError`] for a rate or steps by which the key cannot be computed.
+    pub fn new(key: &KeyModel, rate: f64, steps: Option<usize>) -> Result<Self, KeyError> {
+        Self::with_columns(key, rate, steps, &[])
+    }
+}
+
+impl<const N: usize> Motion<N> {
+    pub(super) fn with_columns(
+        key: &KeyModel,
+        rate: f64,
+        steps: Option<usize>,
+        columns: &[usize],
+    ) -> Result<Self, KeyError> {
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(KeyError::Rate);
+        }
+        let usual = floor(FRAME_RATE / rate + 0.5) as usize;
+        let steps = steps.unwrap_or(usual.max(STEPS_MIN));
+        if steps == 0 || steps > STEPS_MAX {
+            return Err(KeyError::Steps);
+        }
+        let columns: Option<Vec<_>> = columns
+            .iter()
+            .map(|&index| Parameter::of(index, key.modes.len()))
+            .collect();
+        let columns = columns.ok_or(KeyError::Count)?;
+        let step = 1.0 / (rate * steps as f64);
+        let (push, drag) = (step / key.mass, 0.5 * key.damping * step / key.mass);
+        let stiffest = key.stiffness.abs().max(key.presliding) * step * push;
+        let fastest = key.modes.iter().map(|mode| TAU * mode.frequency * step);
+        if stiffest > ANGLE_MAX * ANGLE_MAX || fastest.fold(0.0, f64::max) > ANGLE_MAX {
+            return Err(KeyError::Fast);
+        }
+        // The velocity is half a step behind the position, so a force would act half a step early.
+        let shift = (key.delay + 0.5 * step) * rate;
+        let whole = floor(shift);
+        let mut dx = [0.0; N];
+        if let Some(column) = columns.iter().position(|&to| to == Parameter::Start) {
+            dx[column] = 1.0;
+        }
+        let swing = |mode: &Mode| {
+            let omega = TAU * mode.frequency;
+            let damp = 2.0 * mode.ratio * omega;
+            Swing {
+                mass: mode.mass,
+                stiff: omega * omega,
+                damp,
+                omega,
+                under: 1.0 + 0.5 * damp * step,
+                x: key.start,
+                v: 0.0,
+                gain: 0.0,
+                dx,
+                dv: [0.0; N],
+            }
+        };
+        Ok(Self {
+            columns,
+            steps,
+            step,
+            push,
+            drag,
+            under: 1.0 + drag,
+            sent: vec![0.0; whole as usize + 2],
+            late: (shift - whole) * steps as f64,
+            x: key.start,
+            v: 0.0,
+            part: 0.5,
+            s: 0.0,
+            dx,
+            dv: [0.0; N],
+            ds: [0.0; N],
+            modes: key.modes.iter().map(swing).collect(),
+            key: key.clone(),
+        })
+    }
+
+    /// Where the key is [m].
+    pub fn position(&self) -> f64 {
+        self.x
+    }
+
+    /// Put the key somewhere, at rest: an end of its travel has stopped it.
+    pub fn stop_at(&mut self, x: f64) {
+        (self.x, self.v) = (x, 0.0);
+    }
+
+    /// One tick with a force that acts after the delay, and one that acts at once [N].
+    pub fn tick(&mut self, force: f64, direct: f64) {
+        self.sent.remove(0);
+        self.sent.push(force);
+        let (before, now) = (self.sent[0], self.sent[1]);
+        for step in 0..self.steps {
+            let rest = self.late - step as f64; // of the force before, in steps
+            if rest >= 1.0 {
+                self.step(before + direct, 0.0);
+            } else if rest < 0.0 {
+                self.step(now + direct, 0.0);
+            } else {
+                let slope = (before - now) / self.step;
+                self.step(rest * before + (1.0 - rest) * now + direct, slope);
+            }
+        }
+    }
+
+    /// One step with this force, of which `slope` is the derivative with respect to the delay.
+    fn step(&mut self, force: f64, slope: f64) {
+        let (h, x, v) = (self.step, self.x, self.v);
+        let mut pull = 0.0;
+        for mode in &mut self.modes {
+            mode.gain = (mode.stiff * (mode.x - x) + mode.damp * (mode.v - v)) / mode.under;
+            pull += mode.mass * mode.gain;
+        }
+        let friction = Friction::of(&self.key, v);
+        let contact = Contact::of(&self.key, &friction, self.s, v, h);
+        let key = &self.key;
+        let held = key.stiffness * x + key.weight;
+        let total = force - self.part * held + pull - key.presliding * contact.s;
+        let gain = (self.push * total - 2.0 * self.drag * v) / self.under;
+        let per_level = if key.presliding > 0.0 {
+            0.0
+        } else {
+            self.push / self.under
+        };
+        let bound = friction.level * per_level;
+        let turned = Turned::of(v, gain, bound);
+        if N > 0 {
+            let of = Step {
+                slope,
+                gain,
+                bound,
+                per_level,
+                friction,
+                contact: &contact,
+                turned: &turned,
+            };
+            self.move_columns(&of);
+        }
+        self.part = 1.0;
+        self.s = contact.s;
+        self.v = turned.v;
+        self.x += h * self.v;
+        for mode in &mut self.modes {
+            mode.v -= h * mode.gain;
+            mode.x += h * mode.v;
+        }
+    }
+}

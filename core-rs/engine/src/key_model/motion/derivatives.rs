@@ -1,0 +1,156 @@
+//! The derivatives of a step.
+
+use std::f64::consts::TAU;
+
+use super::super::friction::{Contact, Friction, Turned};
+use super::super::parameter::Parameter;
+use super::{Motion, Swing};
+
+/// What the derivatives of a step need of it.
+pub(super) struct Step<'a> {
+    pub(super) slope: f64,
+    pub(super) gain: f64,
+    pub(super) bound: f64,
+    pub(super) per_level: f64,
+    pub(super) friction: Friction,
+    pub(super) contact: &'a Contact,
+    pub(super) turned: &'a Turned,
+}
+
+impl<const N: usize> Motion<N> {
+    /// The derivatives of a step: what those of the state become, then what each parameter adds in its own column.
+    pub(super) fn move_columns(&mut self, of: &Step<'_>) {
+        let (h, contact, turned) = (self.step, of.contact, of.turned);
+        let (stiffness, presliding) = (self.part * self.key.stiffness, self.key.presliding);
+        let per_force = self.push / self.under;
+        let by_force = turned.by_gain * per_force;
+        let by_v = turned.by_v - turned.by_gain * 2.0 * self.drag / self.under
+            + turned.by_bound * of.per_level * of.friction.slope;
+        let mut force = [0.0; N];
+        for (column, force) in force.iter_mut().enumerate() {
+            let (dx, dv) = (self.dx[column], self.dv[column]);
+            let ds = contact.by_s * self.ds[column] + contact.by_v * dv;
+            self.ds[column] = ds;
+            *force = -stiffness * dx - presliding * ds;
+        }
+        for mode in &mut self.modes {
+            for (column, force) in force.iter_mut().enumerate() {
+                let (dx, dv) = (
+                    mode.dx[column] - self.dx[column],
+                    mode.dv[column] - self.dv[column],
+                );
+                let gain = (mode.stiff * dx + mode.damp * dv) / mode.under;
+                *force += mode.mass * gain;
+                mode.dv[column] -= h * gain;
+            }
+        }
+        for (dv, force) in self.dv.iter_mut().zip(&force) {
+            *dv = by_v * *dv + by_force * force;
+        }
+        for column in 0..self.columns.len() {
+            let added = self.added(self.columns[column], column, of);
+            self.dv[column] += by_force * added.force
+                + turned.by_gain * added.gain
+                + turned.by_bound * added.bound;
+        }
+        for column in 0..N {
+            self.dx[column] += h * self.dv[column];
+        }
+        for mode in &mut self.modes {
+            for column in 0..N {
+                mode.dx[column] += h * mode.dv[column];
+            }
+        }
+    }
+
+    /// What a parameter adds to the derivatives in its own column, by itself.
+    fn added(&mut self, parameter: Parameter, column: usize, of: &Step<'_>) -> Added {
+        let key = &self.key;
+        let half = 0.5 * self.push / self.under; // of 1 + Z h/2m by Z, relative
+        let none = Added::default();
+        let level = |by: f64| Added {
+            bound: of.per_level * by,
+            level: by,
+            ..none
+        };
+        let by_mode = |mode: &Swing<N>, gain: f64| Added {
+            force: mode.mass * gain,
+            swing: gain,
+            ..none
+        };
+        let added = match parameter {
+            Parameter::Start => none,
+            Parameter::Mass => {
+                let share = -1.0 / (key.mass * self.under);
+                Added {
+                    gain: share * of.gain,
+                    bound: share * of.bound,
+                    ..none
+                }
+            }
+            Parameter::Stiffness => Added {
+                force: -self.part * self.x,
+                ..none
+            },
+            Parameter::Damping => Added {
+                gain: -half * (2.0 * self.v + of.gain),
+                bound: -half * of.bound,
+                ..none
+            },
+            Parameter::Weight => Added {
+                force: -self.part,
+                ..none
+            },
+            Parameter::Delay => Added {
+                force: of.slope,
+                ..none
+            },
+            Parameter::Dry => level(1.0 - of.friction.share),
+            Parameter::StaticDry => level(of.friction.share),
+            Parameter::StaticSpeed if key.static_speed == 0.0 => none,
+            Parameter::StaticSpeed => level(-of.friction.slope * self.v / key.static_speed),
+            Parameter::Presliding => Added {
+                force: -of.contact.s,
+                contact: of.contact.by_presliding,
+                ..none
+            },
+            Parameter::ModeMass(index) => Added {
+                force: self.modes[index].gain,
+                ..none
+            },
+            Parameter::ModeFrequency(index) => {
+                let mode = &self.modes[index];
+                let (stiff, damp) = (2.0 * mode.stiff, mode.damp);
+                let gain = (stiff * (mode.x - self.x) + damp * (mode.v - self.v)
+                    - 0.5 * self.step * damp * mode.gain)
+                    / (mode.under * mode.omega / TAU);
+                by_mode(mode, gain)
+            }
+            Parameter::ModeRatio(index) => {
+                let mode = &self.modes[index];
+                let over = 2.0 * (mode.v - self.v) - self.step * mode.gain;
+                by_mode(mode, mode.omega * over / mode.under)
+            }
+        };
+        if let Parameter::ModeFrequency(index) | Parameter::ModeRatio(index) = parameter {
+            self.modes[index].dv[column] -= self.step * added.swing;
+        }
+        let ds = added.contact + of.contact.by_level * added.level;
+        self.ds[column] += ds;
+        Added {
+            force: added.force - self.key.presliding * ds,
+            ..added
+        }
+    }
+}
+
+/// What a parameter changes in a step: force, gain, friction's bound and level, the contact, a mode's gain.
+#[derive(Clone, Copy, Default)]
+struct Added {
+    force: f64,
+    gain: f64,
+    bound: f64,
+    level: f64,
+    contact: f64,
+    swing: f64,
+}

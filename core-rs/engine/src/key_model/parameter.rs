@@ -1,0 +1,44 @@
+//! What a path is differentiated with respect to.
+
+use super::{OF_MODE, OWN};
+
+/// What a column of derivatives is with respect to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Parameter {
+    Mass,
+    Stiffness,
+    Damping,
+    Weight,
+    Dry,
+    Start,
+    Delay,
+    Presliding,
+    StaticDry,
+    StaticSpeed,
+    ModeMass(usize),
+    ModeFrequency(usize),
+    ModeRatio(usize),
+}
+
+impl Parameter {
+    pub(super) fn of(index: usize, n_modes: usize) -> Option<Self> {
+        const FIRST: [Parameter; OWN] = [
+            Parameter::Mass,
+            Parameter::Stiffness,
+            Parameter::Damping,
+            Parameter::Weight,
+            Parameter::Dry,
+            Parameter::Start,
+            Parameter::Delay,
+            Parameter::Presliding,
+            Parameter::StaticDry,
+            Parameter::StaticSpeed,
+        ];
+        if let Some(&own) = FIRST.get(index) {
+            return Some(own);
+        }
+        let mode = (index - OWN) / OF_MODE;
+        let each = [Self::ModeMass, Self::ModeFrequency, Self::ModeRatio];
+        (mode < n_modes).then(|| each[(index - OWN) % OF_MODE](mode))
+    }
+}
