@@ -13,4 +13,4 @@ COMMANDS: Table = {
 
 @click.group(cls=LazyGroup, table=COMMANDS)
 def metrology() -> None:
-    """Measure what a real key is made of: mass, spring, damper, dry friction, delay and modes."""
+    """Measure what a real key is made of."""
