@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ergon.common.report import Report
 
 from . import score as scores
@@ -17,6 +14,9 @@ from .errors import OptionError
 from .options import ReadOptions
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ergon import _core
     from ergon.instruments.model import Target
     from ergon.scores.reading.piece import Piece
@@ -88,6 +88,8 @@ class PartModes:
 
     def levels(self, point: str) -> NDArray[np.float64]:
         """How much each mode moves at a point, below the one that moves most [dB] (n_modes,)."""
+        import numpy as np
+
         size = np.abs(self.points[point])
         most = size.max(initial=0.0)
         with np.errstate(divide="ignore"):
@@ -145,6 +147,8 @@ def _modes(
     asked: Mapping[str, float | int],
     inputs: Sequence[Path],
 ) -> PartModes:
+    import numpy as np
+
     network = scene.network
     found = _asked(network, name, asked)
     decay = -found.poles.real

@@ -50,7 +50,7 @@ COMMANDS: Table = {
     "modes": (
         "modes",
         "modes",
-        "Say at which pitches instruments vibrate, how long, and how much where.",
+        "Say at which pitches instruments and keys vibrate, how long, and how much where.",
     ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),

@@ -57,7 +57,9 @@ def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
         message = f"friction {quote(name)} can give energy: its sigma2 is below "
         message += f"sigma1*(Fs - Fc)/Fc, {least:.3g} Ns/m"
         most = f["sigma2"] * level / (static - level)
-        help = f"make sigma2 {least:.3g} Ns/m or more, or sigma1 at most {most:.3g} Ns/m"
+        help = f"make sigma2 {least:.3g} Ns/m or more"
+        if most > 0.0:
+            help += f", or sigma1 {most:.3g} Ns/m or less"
         place = bristle.places.get("sigma1", bristle.place)
         yield Diagnostic("W333", message, place, None, help)
 

@@ -188,6 +188,11 @@ impl Scheme {
         certify::certify(self, network, Refusal::Explained)
     }
 
+    /// Whether the scheme is stable without its damping: where it is refused, only damping is too strong.
+    pub(crate) fn bears_springs(&self, network: &Network) -> bool {
+        certify::bears_springs(self, network)
+    }
+
     /// The stability certificate, where nobody is told of the λmax of a scheme that is refused.
     pub(crate) fn certify_or(
         &self,

@@ -244,6 +244,11 @@ fn helping(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
     high
 }
 
+/// Whether the scheme is stable without its damping.
+pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
+    top_up_to(scheme, network, 0.0, BORDER, BORDER).is_ok_and(|top| top.lambda < BORDER)
+}
+
 pub(super) fn certify(
     scheme: &Scheme,
     network: &Network,

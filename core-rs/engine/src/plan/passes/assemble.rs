@@ -210,8 +210,8 @@ pub(in crate::plan) fn hub(
     let may_collocate_alone =
         may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
     let certificate = match scheme.certify_or(network, refusal) {
-        // Between frames a law is solved for, and none is too steep.
-        Err(_) if may_collocate_alone => {
+        // Between frames a law is solved for, and no friction is too steep.
+        Err(Error::Unstable { .. }) if may_collocate_alone && scheme.bears_springs(network) => {
             contact_substeps = Budget::STEPS_MIN.min(most);
             scheme.take_fine();
             scheme.certify_or(network, refusal)?
