@@ -42,6 +42,14 @@ impl Glide {
         }
     }
 
+    /// A gain on its way from one value to another, from the next multiple of the grid on.
+    #[must_use]
+    pub(super) fn between(rate: f64, from: f64, to: f64) -> Self {
+        let mut glide = Self::new(rate, from);
+        glide.set(to);
+        glide
+    }
+
     /// Glide to `gain` from the next multiple of the grid on; a gain that is not finite is ignored.
     pub fn set(&mut self, gain: f64) {
         self.set_later(gain, 0);

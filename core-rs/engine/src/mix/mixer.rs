@@ -92,8 +92,8 @@ pub struct Treatment {
 
 /// Frames by which a route is delayed at most.
 const DELAY_MAX: usize = 1 << 20;
-/// Frames that rooms take at a time.
-const ROOM_FRAMES: usize = 256;
+/// Frames that rooms take, and that frozen outputs are added up for, at a time.
+const SPAN_FRAMES: usize = 256;
 
 /// Routes that fade out at once: more of them are cut.
 const LEAVING_MAX: usize = 32;
@@ -127,7 +127,7 @@ pub struct Mixer {
     routes: Vec<Route>,
     groups: Vec<Glide>,
     rooms: Vec<Room>,
-    /// What goes into the rooms   (n_rooms · ROOM_FRAMES)
+    /// What goes into the rooms   (n_rooms · SPAN_FRAMES)
     sent: Vec<f64>,
     /// Of all channels.
     fade: Option<Curve>,
@@ -139,6 +139,8 @@ pub struct Mixer {
     frozen: Vec<Placed>,
     /// Frozen outputs of a mixer before this one that fade out   (FROZEN_LEAVING_MAX)
     frozen_leaving: Vec<Option<Placed>>,
+    /// Frozen outputs of one route in a span, added up   (SPAN_FRAMES)
+    beside: Vec<f64>,
     /// Whether a route has a fade.
     is_fading: bool,
     frame: u64,
@@ -175,6 +177,7 @@ impl Mixer {
             leaving: [const { None }; LEAVING_MAX],
             frozen: Vec::new(),
             frozen_leaving: vec![None; FROZEN_LEAVING_MAX],
+            beside: vec![0.0; SPAN_FRAMES],
             is_fading: false,
             frame: 0,
         }
@@ -316,7 +319,7 @@ impl Mixer {
             self.check_target(To::Channel(channel))?;
         }
         self.rooms.push(Room::new(spec, self.rate)?);
-        self.sent.resize(self.rooms.len() * ROOM_FRAMES, 0.0);
+        self.sent.resize(self.rooms.len() * SPAN_FRAMES, 0.0);
         Ok(self.rooms.len() - 1)
     }
 
@@ -428,10 +431,12 @@ impl Mixer {
             self.groups.iter_mut().for_each(|glide| glide.begin_due(n));
             let rests = self.begin_fades();
             let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
-            let most = if self.rooms.is_empty() {
+            let is_frozen =
+                !self.frozen.is_empty() || self.frozen_leaving.iter().any(Option::is_some);
+            let most = if self.rooms.is_empty() && !is_frozen {
                 u64::MAX
             } else {
-                ROOM_FRAMES as u64
+                SPAN_FRAMES as u64
             };
             let count = until(n, steady).min((n_frames - at) as u64).min(most) as usize;
             let span = at..at + count;
@@ -447,6 +452,7 @@ impl Mixer {
     /// Add all routes and rooms of a span in which no glide begins.
     fn add(&mut self, frames: &[f64], mixed: &mut [f64]) {
         let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
+        let n_frames = frames.len().checked_div(n_out).unwrap_or(0);
         self.sent.fill(0.0);
         let leaving = self.leaving.iter_mut().flatten();
         let leaving = leaving.filter(|route| !route.is_gone(first));
@@ -455,22 +461,25 @@ impl Mixer {
             let out = route.out;
             let (to, step) = match route.to {
                 To::Channel(channel) => (&mut mixed[channel..], n_channels),
-                To::Room(room) => (&mut self.sent[room * ROOM_FRAMES..], 1),
+                To::Room(room) => (&mut self.sent[room * SPAN_FRAMES..], 1),
             };
             let to = to.iter_mut().step_by(step);
             let from = frames.iter().skip(out).step_by(n_out).copied();
             let leaving = self.frozen_leaving.iter().flatten();
             let frozen = self.frozen.iter().chain(leaving);
-            let frozen = frozen.filter(|one| one.out == out);
-            if frozen.clone().next().is_some() {
-                let frozen = |n| frozen.clone().map(|one| one.at(n)).sum::<f64>();
-                let from = from.zip(first..).map(|(x, n)| x + frozen(n));
+            let mut frozen = frozen.filter(|one| one.out == out).peekable();
+            if frozen.peek().is_none() {
                 route.add(own, first, from, to);
-            } else {
-                route.add(own, first, from, to);
+                continue;
             }
+            self.beside.fill(0.0);
+            for one in frozen {
+                let sums = self.beside.iter_mut().zip(first..).take(n_frames);
+                sums.for_each(|(sum, n)| *sum += one.at(n));
+            }
+            route.add(own, first, from.zip(&self.beside).map(|(x, y)| x + y), to);
         }
-        for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(ROOM_FRAMES)) {
+        for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));
             frames.zip(sent).for_each(|(frame, &x)| room.next(x, frame));
         }
@@ -517,9 +526,7 @@ impl Route {
 
     /// Fade to a factor of its gain, from another one.
     fn fade(&mut self, rate: f64, from: f64, to: f64) {
-        let mut fade = Glide::new(rate, from);
-        fade.set(to);
-        self.fade = Some(fade);
+        self.fade = Some(Glide::between(rate, from, to));
     }
 
     /// Add the route's share from frame `first` of the piece on.
@@ -576,9 +583,7 @@ fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
 
 /// A gain that falls to nothing.
 fn falling(rate: f64, from: f64) -> Option<Glide> {
-    let mut rest = Glide::new(rate, from);
-    rest.set(0.0);
-    (from != 0.0).then_some(rest)
+    (from != 0.0).then(|| Glide::between(rate, from, 0.0))
 }
 
 /// The high-passed sample. A sample that is not finite counts as 0, for it would stay in the filter for ever and keep

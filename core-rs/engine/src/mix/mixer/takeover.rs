@@ -15,15 +15,15 @@ impl Mixer {
         self.frame = old.frame;
         let groups = self.groups.iter_mut().zip(&old.groups);
         groups.for_each(|(own, old)| *own = *old);
-        let out = |before: &Route| match outputs {
-            Some(outputs) => outputs.get(before.out).copied().flatten(),
-            None => Some(before.out),
+        let out = |before: usize| match outputs {
+            Some(outputs) => outputs.get(before).copied().flatten(),
+            None => Some(before),
         };
         // Routes come in about the same order: search after the previous one first.
         let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
         let (mut next, n) = (0, old.routes.len());
         for own in &mut self.routes {
-            let is_same = |&at: &usize| own.is_as(&old.routes[at], out(&old.routes[at]));
+            let is_same = |&at: &usize| own.is_as(&old.routes[at], out(old.routes[at].out));
             let Some(at) = in_turn(next, n).find(is_same) else {
                 // A delay that is empty gives nothing yet.
                 let lag = own.delay.as_ref().map_or(0, Delay::length);
@@ -64,10 +64,7 @@ impl Mixer {
             room.take_over(&old.rooms);
         }
         self.leave(old, out);
-        self.take_over_frozen(old, |before| match outputs {
-            Some(outputs) => outputs.get(before).copied().flatten(),
-            None => Some(before),
-        });
+        self.take_over_frozen(old, out);
         self.is_fading = true;
     }
 
@@ -77,13 +74,13 @@ impl Mixer {
             let is_same = |one: &&Placed| out(one.out).is_some_and(|here| own.is_as(one, here));
             own.fade = match old.frozen.iter().find(is_same) {
                 Some(before) => before.fade,
-                None => gliding(self.rate, 0.0, 1.0),
+                None => Glide::between(self.rate, 0.0, 1.0),
             };
         }
         let gone = old.frozen.iter().filter_map(|before| {
             let here = out(before.out)?;
             let goes_on = self.frozen.iter().any(|own| own.is_as(before, here));
-            let fade = gliding(self.rate, before.fade.at(old.frame), 0.0);
+            let fade = Glide::between(self.rate, before.fade.at(old.frame), 0.0);
             (!goes_on).then(|| before.fading(here, fade))
         });
         let leaving = old.frozen_leaving.iter().flatten();
@@ -94,14 +91,14 @@ impl Mixer {
     }
 
     /// Let routes of `old` fade out that have no successor here; their outputs here are `out`.
-    fn leave(&mut self, old: &mut Self, out: impl Fn(&Route) -> Option<usize>) {
+    fn leave(&mut self, old: &mut Self, out: impl Fn(usize) -> Option<usize>) {
         let (mut next, n) = (0, self.routes.len());
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
         let mut places = self.leaving.iter_mut();
         let gone = |route: &&mut Route| !route.is_gone(old.frame);
         let leaving = old.leaving.iter_mut().flatten().filter(gone);
         for before in leaving.chain(&mut old.routes) {
-            let here = out(before);
+            let here = out(before.out);
             let (Some(own), true) = (here, before.group < self.groups.len()) else {
                 continue;
             };
@@ -132,11 +129,4 @@ impl Mixer {
             *place = Some(route);
         }
     }
-}
-
-/// A gain on its way from one value to another.
-fn gliding(rate: f64, from: f64, to: f64) -> Glide {
-    let mut fade = Glide::new(rate, from);
-    fade.set(to);
-    fade
 }
