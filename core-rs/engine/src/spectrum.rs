@@ -13,7 +13,7 @@ pub(crate) mod sparse;
 pub(crate) mod springs;
 #[cfg(test)]
 mod tests;
-mod vector;
+pub(crate) mod vector;
 mod whole;
 
 pub(crate) use general::{General, general, inverse};

@@ -9,6 +9,7 @@ use super::part_body::Body;
 use crate::maths::sqrt;
 use crate::spectrum::sparse::{Factor, Pattern, Values};
 use crate::spectrum::springs::{self, Spring};
+use crate::spectrum::vector::{add, dot, norm, normalise, orthogonalise, units};
 use crate::spectrum::{Mode, general, whole};
 
 /// What damping makes of an undamped mode is the same mode, to this part of it: they are known to 1e-10.
@@ -50,9 +51,9 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
     })
 }
 
-/// The `count` poles of the smallest |s| that come of undamped modes.
-pub(super) fn swings(body: &Body, modes: &[Mode], count: usize) -> Vec<Swing> {
-    if !is_coupled(body, modes) {
+/// The `count` poles of the smallest |s| that come of undamped modes, which damping couples or does not.
+pub(super) fn swings(body: &Body, modes: &[Mode], is_coupled: bool, count: usize) -> Vec<Swing> {
+    if !is_coupled {
         let alone = |mode: &Mode| alone(mode, &times(&body.dampers, &mode.vector));
         return modes.iter().take(count).map(alone).collect();
     }
@@ -130,15 +131,11 @@ fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     let small = (0..k * k)
         .map(|at| dot(&answers[at / k], &images[at % k]))
         .collect();
-    let units: Vec<Vec<f64>> = (0..k)
-        .map(|i| (0..k).map(|j| f64::from(u8::from(i == j))).collect())
-        .collect();
-    if let Some((lambdas, seen)) = whole(small, &units) {
+    if let Some((lambdas, seen)) = whole(small, &units(k)) {
         for (at, lambda) in lambdas.into_iter().enumerate() {
             let mut vector = vec![0.0; n];
             for (answer, row) in answers.iter().zip(&seen) {
-                let along = answer.iter().zip(&mut vector);
-                along.for_each(|(x, sum)| *sum += row[at] * x);
+                add(row[at], answer, &mut vector);
             }
             all.push(Mode { lambda, vector });
         }
@@ -148,19 +145,11 @@ fn with_answers(body: &Body, modes: &[Mode]) -> Vec<Mode> {
 
 /// Add a vector's part outside an orthonormal basis to it and to `fresh`, unless that is too small.
 fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
-    let length = sqrt(dot(&vector, &vector));
-    for _ in 0..2 {
-        for direction in basis.iter() {
-            let along = dot(direction, &vector);
-            let each = vector.iter_mut().zip(direction);
-            each.for_each(|(x, d)| *x -= along * d);
-        }
-    }
-    let left = sqrt(dot(&vector, &vector));
-    if left <= NEW * length {
+    let length = norm(&vector);
+    orthogonalise(&mut vector, basis);
+    if normalise(&mut vector) <= NEW * length {
         return;
     }
-    vector.iter_mut().for_each(|x| *x /= left);
     basis.push(vector.clone());
     fresh.push(vector);
 }
@@ -315,8 +304,4 @@ fn times(dampers: &[Spring], x: &[f64]) -> Vec<f64> {
         }
     }
     y
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -90,9 +90,17 @@ impl Network {
     pub fn part_modes(&self, part: usize, range: ModeRange) -> Result<PartModes, TooManyModes> {
         let body = self.part_body(part);
         let n = body.mats.len();
-        let swings = |found: &Found, count| damped::swings(&body, &found.modes, count);
         // Damping couples each mode with others, of which some more are needed than are asked for.
-        let more = |count: usize| (2 * count + 20).min(n);
+        let search = |count: usize, find: &dyn Fn(usize) -> Found| {
+            let found = find(count);
+            let is_coupled = damped::is_coupled(&body, &found.modes);
+            match is_coupled {
+                true => (find((2 * count + 20).min(n)), is_coupled),
+                false => (found, is_coupled),
+            }
+        };
+        let lowest = |count| spectrum::lowest_modes(&body.springs, count);
+        let heard = |swing: &Swing| Tone::of(body.continuous(swing.pole)).f;
         let kept = |count: usize| -> Result<usize, TooManyModes> {
             let (count, most) = (count.min(n), KEPT / n);
             if count <= most {
@@ -108,31 +116,24 @@ impl Network {
             _ if n == 0 => (Vec::new(), true),
             ModeRange::Lowest(count) => {
                 let count = kept(count)?;
-                let mut found = spectrum::lowest_modes(&body.springs, count);
-                if damped::is_coupled(&body, &found.modes) {
-                    found = spectrum::lowest_modes(&body.springs, more(count));
-                }
-                (swings(&found, count), found.is_certified)
+                let (found, is_coupled) = search(count, &lowest);
+                let lowest = damped::swings(&body, &found.modes, is_coupled, count);
+                (lowest, found.is_certified)
             }
             ModeRange::Below(f) => {
                 let count = kept(spectrum::n_below(&body.springs, body.lambda(f)))?;
-                let mut found = spectrum::lowest_modes(&body.springs, count);
-                if damped::is_coupled(&body, &found.modes) {
-                    found = spectrum::lowest_modes(&body.springs, more(count));
-                }
-                let mut all = swings(&found, found.modes.len());
-                all.retain(|swing| Tone::of(body.continuous(swing.pole)).f <= f);
+                let (found, is_coupled) = search(count, &lowest);
+                let mut all = damped::swings(&body, &found.modes, is_coupled, found.modes.len());
+                all.retain(|swing| heard(swing) <= f);
                 (all, found.is_certified)
             }
             ModeRange::Around(f, count) => {
                 let count = kept(count)?;
                 let centre = body.lambda(f);
-                let mut found = spectrum::modes_around(&body.springs, centre, count);
-                if damped::is_coupled(&body, &found.modes) {
-                    found = spectrum::modes_around(&body.springs, centre, more(count));
-                }
-                let mut all = swings(&found, found.modes.len());
-                let far = |swing: &Swing| (Tone::of(body.continuous(swing.pole)).f - f).abs();
+                let around = |count| spectrum::modes_around(&body.springs, centre, count);
+                let (found, is_coupled) = search(count, &around);
+                let mut all = damped::swings(&body, &found.modes, is_coupled, found.modes.len());
+                let far = |swing: &Swing| (heard(swing) - f).abs();
                 all.sort_by(|a, b| far(a).total_cmp(&far(b)));
                 all.truncate(count);
                 (all, found.is_certified)
@@ -151,15 +152,13 @@ impl Network {
             let each = swing.shape.iter().zip(&body.root);
             each.map(|(x, root)| x * (sign / root)).collect()
         };
+        let each: Vec<Complex<f64>> = poles
+            .iter()
+            .map(|swing| body.continuous(swing.pole))
+            .collect();
         Ok(PartModes {
-            tones: poles
-                .iter()
-                .map(|swing| Tone::of(body.continuous(swing.pole)))
-                .collect(),
-            poles: poles
-                .iter()
-                .map(|swing| body.continuous(swing.pole))
-                .collect(),
+            tones: each.iter().map(|&s| Tone::of(s)).collect(),
+            poles: each,
             shapes: poles.iter().map(shape).collect(),
             mats: body.mats,
             is_certified,

@@ -7,7 +7,9 @@
 
 use super::sparse::Factor;
 use super::springs::Springs;
-use super::vector::{add, dot, norm, normalise, orthogonalise, scattered};
+use super::vector::{
+    add, dot, norm, normalise, orthogonalise, orthogonalise_once, scattered, units,
+};
 use super::{Mode, whole};
 use crate::interrupt;
 
@@ -205,27 +207,18 @@ fn lanczos(
     pairs.into_iter().map(ritz).collect()
 }
 
-fn orthogonalise_once(x: &mut [f64], basis: &[Vec<f64>]) {
-    for direction in basis {
-        let along = dot(direction, x);
-        add(-along, direction, x);
-    }
-}
-
 /// Vectors of the small matrix by falling |θ|, up to the first that is not known; and whether rounding is why no more are.
 fn known(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, bool) {
     let k = alphas.len();
     let mut small = vec![0.0; k * k];
-    let mut units = vec![vec![0.0; k]; k];
     for i in 0..k {
         small[i * k + i] = alphas[i];
-        units[i][i] = 1.0;
         if i + 1 < k {
             small[i * k + i + 1] = betas[i];
             small[(i + 1) * k + i] = betas[i];
         }
     }
-    let Some((values, seen)) = whole(small, &units) else {
+    let Some((values, seen)) = whole(small, &units(k)) else {
         return (Vec::new(), false);
     };
     let mut order: Vec<usize> = (0..k).collect();

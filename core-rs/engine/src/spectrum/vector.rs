@@ -6,7 +6,7 @@ use crate::maths::sqrt;
 const LANES: usize = 8;
 
 /// Sum of products.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
     let tail = a_chunks.remainder().iter().zip(b_chunks.remainder());
@@ -21,19 +21,19 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// y += factor·x.
-pub(super) fn add(factor: f64, x: &[f64], y: &mut [f64]) {
+pub(crate) fn add(factor: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += factor * x;
     }
 }
 
 /// Length.
-pub(super) fn norm(x: &[f64]) -> f64 {
+pub(crate) fn norm(x: &[f64]) -> f64 {
     sqrt(dot(x, x))
 }
 
 /// Bring to length 1; says the length it had. A zero vector stays.
-pub(super) fn normalise(x: &mut [f64]) -> f64 {
+pub(crate) fn normalise(x: &mut [f64]) -> f64 {
     let length = norm(x);
     if length > 0.0 {
         x.iter_mut().for_each(|x| *x /= length);
@@ -42,13 +42,23 @@ pub(super) fn normalise(x: &mut [f64]) -> f64 {
 }
 
 /// Take away the parts along the orthonormal `basis`; twice, which leaves rounding only (Kahan, Parlett).
-pub(super) fn orthogonalise(x: &mut [f64], basis: &[Vec<f64>]) {
-    for _ in 0..2 {
-        for direction in basis {
-            let along = dot(direction, x);
-            add(-along, direction, x);
-        }
+pub(crate) fn orthogonalise(x: &mut [f64], basis: &[Vec<f64>]) {
+    orthogonalise_once(x, basis);
+    orthogonalise_once(x, basis);
+}
+
+/// Take away the parts along the orthonormal `basis`, once.
+pub(super) fn orthogonalise_once(x: &mut [f64], basis: &[Vec<f64>]) {
+    for direction in basis {
+        let along = dot(direction, x);
+        add(-along, direction, x);
     }
+}
+
+/// The vectors (n) of length 1 along each axis.
+pub(crate) fn units(n: usize) -> Vec<Vec<f64>> {
+    let unit = |i: usize| (0..n).map(|j| f64::from(u8::from(i == j))).collect();
+    (0..n).map(unit).collect()
 }
 
 /// The orthonormal vectors that span `vectors`, those that depend on earlier ones left out.
