@@ -6,7 +6,7 @@ import gc
 import signal
 import sys
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,14 +57,14 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
 
-    version, clock, past, heard, disk, folder = _beginning(path, options, report)
-    piece = version.piece
+    first = _beginning(path, options, report)
+    version, piece = first.version, first.version.piece
     boards = boards_of(piece, options.live)
     real = {player: None for board in boards for _, player in board.axes}
-    folder, frozen = _frozen(version, folder, real, options, report)
+    folder, frozen = _frozen(version, first.frozen, real, options, report)
     boards = [ready(board, options.unchecked, report) for board in boards]
     with scores.staging(version.texts.load, report):
-        config = _config(piece, options, boards, heard, frozen, report)
+        config = _config(piece, options, boards, first.heard, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
     try:
@@ -74,7 +74,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     try:
         hands = free(journal.path.with_suffix(".take")) if real else None
         config = replace(config, record=hands, about={"journal": journal.path.name})
-        make, opening = _engine(version, clock, past, config, folder, report)
+        make, opening = _engine(version, first.clock, first.past, config, folder, report)
         with scores.staging(version.texts.load, report):
             session = Session(
                 version,
@@ -83,11 +83,11 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 journal=journal,
                 real=real,
                 store=of_user(),
-                clock=clock,
+                clock=first.clock,
                 hands=hands,
-                disk=disk,
+                disk=first.disk,
                 watches=options.watch,
-                past=past,
+                past=first.past,
                 frozen=frozen,
             )
     except BaseException:
@@ -113,11 +113,24 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     return session
 
 
-def _beginning(
-    path: str | None, options: SessionOptions, report: Report
-) -> tuple[Version, Clock, PastVersions | None, _Heard | None, Disk | None, FrozenFolder | None]:
-    """The first version, where its piece stands, those before it, the gain and the reference level
-    where they are known, the disk, and the frozen parts of a session that goes on."""
+@dataclass(frozen=True, slots=True)
+class _Beginning:
+    """What a session begins with: its first version, and where the piece stands.
+
+    Of a session that goes on: the versions before, the gain and the reference level at which it was
+    heard, the disk as it was, and its frozen parts.
+    """
+
+    version: Version
+    clock: Clock
+    past: PastVersions | None = None
+    heard: _Heard | None = None
+    disk: Disk | None = None
+    frozen: FrozenFolder | None = None
+
+
+def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Beginning:
+    """What a session of a score, or of the journal that it resumes, begins with."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.journal_content import read_journal
@@ -135,7 +148,7 @@ def _beginning(
             replay = read_journal(resume, path, resumes=True, trust=options.trust)
             opening = replay.opening
             heard = opening.gain, opening.reference
-            return *resumed(replay), heard, replay.disk, opening.frozen
+            return _Beginning(*resumed(replay), heard, replay.disk, opening.frozen)
         except JournalError as error:
             raise OptionError("resume", str(error)) from None
         except NotTakenError as error:
@@ -145,7 +158,7 @@ def _beginning(
     loaded = scores.read(path, ReadOptions(trust=options.trust), report, leave_out=("N401",))
     piece = scores.piece_of(loaded)
     texts = Texts.read(path, scores.bounds(path, options.trust))
-    return Version(0, "", texts, piece), Clock(), None, None, None, None
+    return _Beginning(Version(0, "", texts, piece), Clock())
 
 
 def _frozen(
@@ -158,7 +171,7 @@ def _frozen(
     """The folder of frozen parts, that of a session that goes on or the one asked for, and the
     parts that the version plays from there. Raises OptionError."""
     from ergon.exchange.frozen import NotFrozenError
-    from ergon.repl.session.frozen_parts import held, of_manifest
+    from ergon.repl.session.frozen_parts import held, of_frozen
     from ergon.scores.staging.scene import build_scene
 
     piece, option = version.piece, "frozen" if folder is None else "resume"
@@ -170,7 +183,7 @@ def _frozen(
             frozen = freeze.read(piece, path, None, report)
             freeze.are_free(piece, frozen, real)
             listening = build_scene(piece, frozenset(frozen.parts)).listening
-            folder = of_manifest(path, piece, listening)
+            folder = of_frozen(path, frozen, piece, listening)
         parts = held(folder, version, real)
     except NotFrozenError as error:
         raise OptionError(option, str(error)) from None

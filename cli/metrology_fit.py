@@ -97,6 +97,8 @@ def _gesture(console: Console, path: Path, hand: str | None) -> Gesture:
 
 def _say(console: Console, stage: Stage) -> None:
     """A row of the table."""
+    from ergon.metrology.mode_search import SCORE_MIN
+
     fit = stage.fit
     if console.json:
         console.record(
@@ -112,17 +114,11 @@ def _say(console: Console, stage: Stage) -> None:
         return
     name = stage.name if stage.name == "M K Z" else f"+ {stage.name}"
     what = _what(stage)
-    if stage.score is not None and not stage.kept and stage.score < _score_min():
-        what = f"none: the highest score is {stage.score:.0f} of {_score_min():.0f}"
+    if stage.score is not None and not stage.kept and stage.score < SCORE_MIN:
+        what = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
     elif not stage.kept:
         what += ", not kept"
     console.data(f"{name:14}{fit.rms * 1e6:7.4g} um{stage.replay * 1e6:7.4g} um   {what}\n")
-
-
-def _score_min() -> float:
-    from ergon.metrology.mode_search import SCORE_MIN
-
-    return SCORE_MIN
 
 
 def _numbers(stage: Stage) -> dict[str, dict[str, float]]:

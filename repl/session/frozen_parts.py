@@ -20,6 +20,7 @@ from ergon.scores.staging.frozen_content import content, joined
 from ergon.scores.staging.stage import Placed
 
 if TYPE_CHECKING:
+    from ergon.exchange.frozen import Frozen
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -76,12 +77,11 @@ class HeldPart:
     stems: tuple[tuple[_core.FrozenOutputs, tuple[str, ...]], ...]
 
 
-def of_manifest(folder: Path, piece: Piece, listening: Listening) -> FrozenFolder:
+def of_frozen(folder: Path, frozen: Frozen, piece: Piece, listening: Listening) -> FrozenFolder:
     """The parts of a folder that was frozen from a piece. Raises NotFrozenError.
 
-    `listening` has the taps of the piece.
+    `frozen` is what the folder's manifest says; `listening` has the taps of the piece.
     """
-    frozen = read_manifest(folder)
     for part in frozen.parts:
         own = [tap for stem in frozen.stems if stem.part == part for tap in stem.taps]
         if own != listening.taps(part):

@@ -10,7 +10,7 @@ import numpy as np
 from ergon.exchange import frozen as exchange
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.engine import SteppedEngine
-from ergon.repl.session.frozen_parts import held, of_manifest
+from ergon.repl.session.frozen_parts import held, of_frozen
 from ergon.repl.session.journal import Journal, free
 from ergon.repl.session.journal_content import SessionStart, read_journal
 from ergon.repl.session.replay import ReplayedSession, resumed
@@ -44,9 +44,9 @@ class Stepped:
         version = Version(0, "", texts, piece_of(texts))
         own = folder / "session.jsonl"
         if frozen is not None:
-            silent = frozenset(exchange.read(frozen).parts)
-            listening = build_scene(version.piece, silent).listening
-            frozen = of_manifest(frozen, version.piece, listening)
+            found = exchange.read(frozen)
+            listening = build_scene(version.piece, frozenset(found.parts)).listening
+            frozen = of_frozen(frozen, found, version.piece, listening)
         self._open(own, version, Clock(), None, None, journal, keeps, frozen)
 
     @classmethod
