@@ -53,16 +53,30 @@ class OptionError(ErgonError):
     the text of the value where one option has several.
     """
 
-    def __init__(self, option: str, reason: str, *, value: str | None = None) -> None:
-        """`reason` says what is wrong with `option`."""
-        self.option, self.reason, self.value = option, reason, value
-        super().__init__(f"{option}{'' if value is None else f'={value!r}'}: {reason}")
+    def __init__(
+        self,
+        option: str,
+        reason: str,
+        *,
+        value: str | None = None,
+        excludes: str | None = None,
+    ) -> None:
+        """`reason` says what is wrong with `option`, or what to do where it `excludes` another."""
+        self.option, self.value, self.excludes, self._advice = option, value, excludes, reason
+        self.reason = reason if excludes is None else f"excludes {excludes}{reason}"
+        super().__init__(f"{option}{'' if value is None else f'={value!r}'}: {self.reason}")
 
     @property
     def on_command_line(self) -> str:
         """The message with the option as the command line writes it: `--gain: …`."""
-        name = self.option.strip("_").replace("_", "-")
-        return f"--{name}{'' if self.value is None else f' {self.value}'}: {self.reason}"
+        name, reason = _flag(self.option), self.reason
+        if self.excludes is not None:
+            reason = f"excludes {_flag(self.excludes)}{self._advice}"
+        return f"{name}{'' if self.value is None else f' {self.value}'}: {reason}"
+
+
+def _flag(option: str) -> str:
+    return f"--{option.strip('_').replace('_', '-')}"
 
 
 class EngineExitError(ErgonError):

@@ -44,7 +44,7 @@ class ModesOptions(ReadOptions):
         if self.to is not None:
             for name, value in (("count", self.count), ("around", self.around)):
                 if value is not None:
-                    raise OptionError(name, "excludes to; give one of the two")
+                    raise OptionError(name, "; give one of the two", excludes="to")
             return {"to": _hertz("to", self.to)}
         count = COUNT if self.count is None else self.count
         if count < 1:

@@ -56,10 +56,11 @@ class AccuracyOptions(ReadOptions):
         given = {"method": self.method, "error": self.error, "cents": self.cents}
         names = [name for name, value in given.items() if value is not None]
         if len(names) > 1:
-            raise OptionError(names[1], f"excludes {names[0]}; give one of method, error and cents")
+            advice = "; give one of method, error and cents"
+            raise OptionError(names[1], advice, excludes=names[0])
         if self.draft and (names or self.plan is not None):
             other = names[0] if names else "plan"
-            raise OptionError("draft", f"excludes {other}: a draft has no accuracy; leave one out")
+            raise OptionError("draft", ": a draft has no accuracy; leave one out", excludes=other)
         if self.method is not None and self.method not in METHODS:
             close = nearest(self.method, METHODS)
             asked = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"

@@ -18,6 +18,7 @@ from ergon.api.modes import modes as find_modes
 from . import options
 from .console import Console, plural
 from .outcome import Refused
+from .tables import table as columns
 from .units import seconds
 
 if TYPE_CHECKING:
@@ -86,14 +87,10 @@ def modes(
 
 
 def _note(f: float) -> tuple[str, float]:
-    """The nearest note of equal temperament and the distance from it [cents]; none below C-1."""
-    from ergon.notation.tables.notes import name
+    """The nearest note and the distance from it [cents]; none below C-1."""
+    from ergon.notation.tables.notes import nearest_note
 
-    if f < _LOWEST:
-        return "", 0.0
-    semitones = 69 + 12 * math.log2(f / 440)
-    nearest = round(semitones)
-    return name(nearest), 100 * (semitones - nearest)
+    return nearest_note(f) if f >= _LOWEST else ("", 0.0)
 
 
 def _warn(console: Console, part: PartModes) -> None:
@@ -126,11 +123,7 @@ def _lines(part: PartModes) -> str:
                 *(_level(level, i) for level in levels),
             )
         )
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    lines = [
-        "  ".join(cell.rjust(widths[i]) for i, cell in enumerate(row)).rstrip() for row in rows
-    ]
-    return "\n".join([head, *lines]) + "\n"
+    return f"{head}\n{columns(rows, right=True)}"
 
 
 def _level(levels: NDArray[Any], mode: int) -> str:

@@ -13,6 +13,7 @@ from ergon.api.plan import plan as make_plan
 from . import options
 from .console import Console, plural
 from .outcome import Refused
+from .tables import table
 
 if TYPE_CHECKING:
     from ergon._core import PlanRow
@@ -135,12 +136,9 @@ def _fields(row: PlanRow) -> dict[str, object]:
 
 
 def _table(rows: list[PlanRow]) -> str:
-    lines = [_HEAD, *(_line(row) for row in rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(_HEAD))]
     is_heard = any(row.audible is not None for row in rows)
     columns = [i for i, head in enumerate(_HEAD) if is_heard or head != _HEARD]
-    shown = ("  ".join(line[i].ljust(widths[i]) for i in columns) for line in lines)
-    return "".join(f"{line.rstrip()}\n" for line in shown)
+    return table([line[i] for i in columns] for line in (_HEAD, *(_line(row) for row in rows)))
 
 
 def _line(row: PlanRow) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from math import ceil, isfinite, pi, sqrt
 from typing import Any
 
+from ergon.common.decay import LN_1000
 from ergon.instruments.materials import Material
 from ergon.instruments.stiff import INHARMONICITY_MAX
 from ergon.notation.tables.fields import Values
@@ -17,7 +18,6 @@ from ergon.notation.tables.fields import Values
 # Fields that say what a body is made of; what follows from them stands in the others.
 MATTER = ("material", "length", "diameter", "thickness", "tension")
 AUDIBLE_TOP = 5_000.0  # [Hz] bodies have masses enough to sound up to here
-_LN_1000 = 6.907755278982137
 _HELD = 2_000.0  # [Hz] where the second decay of a body holds, four times its pitch at least
 _AIR_DENSITY, _AIR_VISCOSITY = 1.204, 1.81e-5  # [kg/m³], [Pa·s] at 20 °C
 _STRING_MASSES, _MASSES = (40, 300), (150, 500)  # where no number is written
@@ -184,7 +184,7 @@ def _decays(f: float, loss: Any) -> Any:
     high = max(_HELD, 4.0 * f)
     if loss(f) <= 0.0:
         return None
-    low_t60, high_t60 = (_LN_1000 / (pi * at * loss(at)) for at in (f, high))
+    low_t60, high_t60 = (LN_1000 / (pi * at * loss(at)) for at in (f, high))
     ratio = high / f
     return (f, low_t60), (high, min(max(high_t60, low_t60 / (ratio * ratio)), low_t60))
 

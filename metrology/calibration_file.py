@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ergon.common.decay import LN_1000
+
 from .parameters import INDEX, OF_MODE, OWN, n_modes, of_mode, total_mass
 
 if TYPE_CHECKING:
@@ -13,12 +15,10 @@ if TYPE_CHECKING:
 
     from .stages import Measured
 
-_DECAY = 3 * np.log(10)  # σ·T60
-
 
 def t60(frequency: float, ratio: float) -> float:
     """Decay time by 60 dB [s] of a mode; inf without damping."""
-    return float(_DECAY / (2 * np.pi * frequency * ratio)) if ratio else float("inf")
+    return float(LN_1000 / (2 * np.pi * frequency * ratio)) if ratio else float("inf")
 
 
 def mass_deviation(measured: Measured) -> float:

@@ -17,6 +17,7 @@ import yaml
 from docs.generators.spectra import spectrogram
 from numpy.typing import NDArray
 
+from ergon.notation.tables.notes import nearest_note
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
@@ -29,7 +30,6 @@ SECONDS = 1.5  # of each stroke, which falls at 50 ms
 _HEARD = 0.55  # s, in which spectra are taken
 _FLOOR = -60.0  # dB below the strongest partial
 _TAIL = 0.35  # s after the beginning: no mallet touches any more
-_NAMES = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
 
 
 @dataclass(frozen=True)
@@ -198,10 +198,8 @@ def measured(family: str, name: str, card: dict[str, Any]) -> Card:
 
 def note(f: float) -> str:
     """A frequency as a note and cents."""
-    semitones = 12 * np.log2(f / 440) + 69
-    nearest = round(float(semitones))
-    away = round(100 * (float(semitones) - nearest))
-    name = f"{_NAMES[nearest % 12]}{nearest // 12 - 1}"
+    name, cents = nearest_note(f)
+    away = round(cents)
     return f"{name} {away:+d} cents".replace("-", "−") if away else name
 
 

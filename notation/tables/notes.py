@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -50,6 +51,7 @@ _LETTERS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
 _SHARP = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _FLAT = ("C", "Db", "D", "Eb", "E", "F", "Gb", "G", "Ab", "A", "Bb", "B")
+_USUAL = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
 _WORD = re.compile(r"\S+")
 _EXAMPLE = "D3 F3 A3, C3..C5 pentatonic, C3 minor count 8 or A3.min7"
 
@@ -66,6 +68,15 @@ def name(note: int, *, flat: bool = False) -> str:
     """The name of a note by its number, with a sharp or a flat."""
     octave, step = divmod(note, 12)
     return f"{(_FLAT if flat else _SHARP)[step]}{octave - 1}"
+
+
+def nearest_note(frequency: float) -> tuple[str, float]:
+    """The note of equal temperament (A4 = 440 Hz) next to a frequency [Hz], and how far above it
+    the frequency lies [cents]."""
+    semitones = 69 + 12 * math.log2(frequency / 440)
+    note = round(semitones)
+    octave, step = divmod(note, 12)
+    return f"{_USUAL[step]}{octave - 1}", 100 * (semitones - note)
 
 
 def read_note(word: str) -> int:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from ergon.common.decay import LN_1000
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS
@@ -35,7 +36,6 @@ _UNITS = {
     **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
     **{"X0": "m", "V0": "m/s", "hardening": "N/m3", "stretching": "N/m3"},
 }
-_LN_1000 = 6.907755278982137  # a decay by 60 dB
 _AMOUNT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.+-]*[^\s.+-]*)")
 
 Changes = Mapping[str, str | None]  # fields and their new texts; None: it goes
@@ -310,7 +310,7 @@ def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -
 def _plain(now: Mapping[str, object]) -> dict[str, float]:
     """K and Z from a damped frequency and its decay."""
     mass, f, t60 = (_number(now, name) for name in ("M", "f", "t60"))
-    sigma = _LN_1000 / t60 if t60 else 0.0
+    sigma = LN_1000 / t60 if t60 else 0.0
     omega = 2.0 * math.pi * f
     return {"K": mass * (omega * omega + sigma * sigma), "Z": 2.0 * mass * sigma}
 
@@ -322,7 +322,7 @@ def _tuned(now: Mapping[str, object], target: str) -> dict[str, float]:
     square = k / mass - sigma * sigma
     if square <= 0.0:
         raise EditError(f"{quote(target)}: it is overdamped and has no frequency; set K and Z")
-    return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": _LN_1000 / sigma if sigma else 0.0}
+    return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": LN_1000 / sigma if sigma else 0.0}
 
 
 def _number(now: Mapping[str, object], name: str) -> float:

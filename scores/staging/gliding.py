@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
+from ergon.common.decay import LN_1000
 from ergon.instruments.model import Instrument
 from ergon.instruments.module_kinds import LINKS
 
@@ -21,7 +22,6 @@ _Values = tuple[float, ...]
 _LEAVES = 0.02  # [s] in which a link that was removed lets go
 _POINTS = ("MAS", "CEL", "SOL")
 TWO_PI = 6.283185307179586
-LN_1000 = 6.907755278982137  # a decay by 60 dB
 _BODIES = ("STRING", "PLATE")
 _TUNING = ("f", "t60", "M", "X0", "V0")
 

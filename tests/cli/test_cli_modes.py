@@ -73,7 +73,7 @@ def test_as_a_file(capsys: Capture):
     [
         (["wirr"], "PART: no instrument or key is called 'wirr'; did you mean 'wire'?"),
         (["--to", "h3"], "--to: 'h3' is neither a frequency such as 220Hz nor a note"),
-        (["--to", "1kHz", "--count", "3"], "--count: excludes to; give one of the two"),
+        (["--to", "1kHz", "--count", "3"], "--count: excludes --to; give one of the two"),
         (["--shapes"], "--shapes needs --csv or --json: shapes are tables of numbers"),
     ],
 )

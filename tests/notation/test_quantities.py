@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ergon.notation.tables import notes
 from ergon.notation.tables import quantities as q
 from ergon.notation.text.errors import TextError
 
@@ -197,3 +198,9 @@ def test_a_gain_without_a_unit_is_asked_for_one():
     with pytest.raises(TextError, match=r"write x0\.5 for a factor, or 0\.5dB") as raised:
         q.gain("0.5")
     assert raised.value.suggestion == "x0.5"
+
+
+def test_the_note_next_to_a_frequency():
+    assert notes.nearest_note(440.0) == ("A4", 0.0)
+    assert notes.nearest_note(311.0) == ("Eb4", pytest.approx(-0.7004, abs=1e-3))
+    assert notes.nearest_note(8.0)[0] == "C-1"

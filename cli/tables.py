@@ -1,0 +1,20 @@
+"""Tables of words as a terminal shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+
+def table(rows: Iterable[Sequence[str]], *, right: bool = False) -> str:
+    """Rows of as many cells as the first, a line each, in columns as wide as their widest cell.
+
+    Cells stand to the left of their column, or to the `right`.
+    """
+    cells = list(rows)
+    widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
+    place = str.rjust if right else str.ljust
+    lines = (
+        "  ".join(place(cell, width) for cell, width in zip(row, widths, strict=True))
+        for row in cells
+    )
+    return "".join(f"{line.rstrip()}\n" for line in lines)

@@ -1,0 +1,9 @@
+"""Tables in the terminal."""
+
+from ergon.cli.tables import table
+
+
+def test_columns_are_as_wide_as_their_widest_cell():
+    rows = [("part", "cost"), ("a bell", "1"), ("b", "")]
+    assert table(rows) == "part    cost\na bell  1\nb\n"
+    assert table(rows, right=True) == "  part  cost\na bell     1\n     b\n"
