@@ -202,5 +202,5 @@ def test_a_gain_without_a_unit_is_asked_for_one():
 
 def test_the_note_next_to_a_frequency():
     assert notes.nearest_note(440.0) == ("A4", 0.0)
-    assert notes.nearest_note(311.0) == ("Eb4", pytest.approx(-0.7004, abs=1e-3))
+    assert notes.nearest_note(311.0) == ("Eb4", pytest.approx(-0.70674, abs=1e-4))
     assert notes.nearest_note(8.0)[0] == "C-1"
