@@ -1,9 +1,9 @@
-//! numpy, loaded before the core is given its first array; arrays of complex numbers.
+//! numpy, loaded before the core is given its first array; arrays of numbers.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use numpy::{Complex64, IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods};
+use numpy::{Complex64, Element, IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 
 /// Load numpy and its interface for C, once, in a thread of its own.
@@ -43,5 +43,19 @@ impl<'py> IntoPyObject<'py> for Complexes {
 
     fn into_pyobject(self, py: Python<'py>) -> PyResult<Self::Output> {
         self.values.into_pyarray(py).reshape(self.shape)
+    }
+}
+
+/// A row of numbers.
+#[derive(Clone)]
+pub(crate) struct Numbers<T>(pub(crate) Vec<T>);
+
+impl<'py, T: Element> IntoPyObject<'py> for Numbers<T> {
+    type Target = PyArray1<T>;
+    type Output = Bound<'py, Self::Target>;
+    type Error = PyErr;
+
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Self::Output> {
+        Ok(self.0.into_pyarray(py))
     }
 }

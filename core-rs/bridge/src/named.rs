@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::IntoPyDict;
 
-use crate::arrays::Complexes;
+use crate::arrays::{Complexes, Numbers};
 
 /// The class of a named tuple.
 struct Class {
@@ -86,6 +86,18 @@ results! {
         is_certified: bool,
         n_laws: usize,
         n_contacts: usize,
+    }
+    /// The masses and links of some parts by themselves, each link with the slots of its ends, -1 where it is held.
+    Elements {
+        mats: Vec<usize>,
+        masses: Numbers<f64>,
+        kinds: Vec<&'static str>,
+        a: Numbers<i64>,
+        b: Numbers<i64>,
+        stiffness: Numbers<f64>,
+        damping: Numbers<f64>,
+        n_held: usize,
+        ca_rate: Option<f64>,
     }
     /// Position [m], velocity [m/s] and acceleration [m/s²] of a path at one instant.
     PathPoint { x: f64, v: f64, a: f64 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use ergon_engine::generator::{self, BankCell, BankForm, Decay, GeneratorError, Shape, Topology};
-use ergon_engine::network::{self, Bristle, But, ModeRange, Term, Tie};
+use ergon_engine::network::{self, Bristle, But, ElementKind, ModeRange, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use numpy::{IntoPyArray, PyArray1};
@@ -12,10 +12,10 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::arrays::{Complexes, load_numpy};
+use crate::arrays::{Complexes, Numbers, load_numpy};
 use crate::error::{from_engine, hertz, refused, word};
 use crate::law::{Law, entry, named_row};
-use crate::named::{LawUse, Mode, PartModes, Place};
+use crate::named::{Elements, LawUse, Mode, PartModes, Place};
 use crate::words;
 use crate::work::computing;
 
@@ -493,6 +493,58 @@ impl Network {
         })
     }
 
+    /// The masses and links of some parts by themselves.
+    fn elements(&self, py: Python<'_>, parts: Vec<String>) -> PyResult<Elements> {
+        load_numpy(py);
+        let found = self.0.elements(&self.part_indices(&parts)?);
+        let end = |at: usize| -> Numbers<i64> {
+            let slot = |one: &network::Element| one.ends[at].map_or(-1, |slot| slot as i64);
+            Numbers(found.each.iter().map(slot).collect())
+        };
+        let kind = |one: &network::Element| match one.kind {
+            ElementKind::Tie => "CEL",
+            ElementKind::Ref if one.z == 0.0 => "RES",
+            ElementKind::Ref if one.k == 0.0 => "FRO",
+            ElementKind::Ref => "REF",
+            ElementKind::But => "BUT",
+            ElementKind::Lnl => "LNL",
+            ElementKind::Bristle => "BRISTLE",
+        };
+        Ok(Elements {
+            kinds: found.each.iter().map(kind).collect(),
+            a: end(0),
+            b: end(1),
+            stiffness: Numbers(found.each.iter().map(|one| one.k).collect()),
+            damping: Numbers(found.each.iter().map(|one| one.z).collect()),
+            n_held: found.n_held,
+            ca_rate: found.ca_rate.map(Rate::hertz),
+            mats: found.mats,
+            masses: Numbers(found.m),
+        })
+    }
+
+    /// Velocities of points over a force at one, of some parts by themselves   (n_heard, n_frequencies).
+    fn admittance(
+        &self,
+        py: Python<'_>,
+        parts: Vec<String>,
+        forced: Vec<usize>,
+        heard: Vec<Vec<usize>>,
+        frequencies: Vec<f64>,
+    ) -> PyResult<Complexes> {
+        load_numpy(py);
+        let indices = self.part_indices(&parts)?;
+        if !frequencies.iter().all(|f| *f > 0.0 && f.is_finite()) {
+            let why = "an admittance is asked for at frequencies above 0 Hz";
+            return Err(refused(&parts.join(" + "), why));
+        }
+        let shape = vec![heard.len(), frequencies.len()];
+        let values = computing(py, || {
+            self.0.admittance(&indices, &forced, &heard, &frequencies)
+        })?;
+        Ok(Complexes { values, shape })
+    }
+
     /// Whether the CA scheme is stable at `rate`.
     fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
         let rate = hertz(rate)?;
@@ -519,6 +571,10 @@ impl Network {
     fn part_index(&self, part: &str) -> PyResult<usize> {
         let index = self.0.parts().iter().position(|known| known.name == part);
         index.ok_or_else(|| refused(part, "no part has this name"))
+    }
+
+    fn part_indices(&self, parts: &[String]) -> PyResult<Vec<usize>> {
+        parts.iter().map(|part| self.part_index(part)).collect()
     }
 
     fn mesh(

@@ -251,6 +251,26 @@ class PartModes(NamedTuple):
     n_laws: int
     n_contacts: int
 
+class Elements(NamedTuple):
+    """The masses and links of some parts by themselves, laws at their slope at rest.
+
+    `mats` (n_masses,) are the indices of the masses, `masses` (n_masses,) are in kg. Of each link
+    `kinds` (n_links,) is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL or BRISTLE, `a` and `b`
+    (n_links,) are the slots of its ends among the masses, -1 where it is held, `stiffness` (n_links,)
+    is in N/m and `damping` (n_links,) in N·s/m; those of a BUT hold while it is closed. `n_held`
+    points are fixed or imposed. `ca_rate` [Hz] is the rate of a part with algorithmic values.
+    """
+
+    mats: list[int]
+    masses: _Floats
+    kinds: list[str]
+    a: NDArray[np.int64]
+    b: NDArray[np.int64]
+    stiffness: _Floats
+    damping: _Floats
+    n_held: int
+    ca_rate: float | None
+
 @final
 class ReachableScene:
     """The part of a scene that a hand can move, made linear and at rest, with all contacts closed."""
@@ -481,6 +501,25 @@ class Network:
         """
     def name_of(self, index: int) -> str:
         """The name of a MAT as in the score, e.g. `gong.12`."""
+    def elements(self, parts: Sequence[str]) -> Elements:
+        """The masses and links of some parts, with the links between them and without those to others.
+
+        Raises EngineError where no part has a name.
+        """
+    def admittance(
+        self,
+        parts: Sequence[str],
+        forced: Sequence[int],
+        heard: Sequence[Sequence[int]],
+        frequencies: Sequence[float],
+    ) -> NDArray[np.complex128]:
+        """Velocity of each of `heard` over a force at `forced`, (n_heard, n_frequencies) [(m/s)/N].
+
+        A point is one or more masses: each gets the force, and their velocities are added up. The
+        parts are taken by themselves, contacts open, laws at their slope at rest. Infinite at a
+        pole that nothing damps. Raises EngineError where no part has a name, or a frequency [Hz]
+        is not above 0.
+        """
     def certify(self, rate: float) -> Certificate:
         """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
     def modes(self, part: str, n_modes: int) -> list[Mode]:

@@ -208,14 +208,14 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
 }
 
 /// The whole network: stiffness and damping on one pattern.
-struct Whole {
-    pattern: Pattern,
+pub(super) struct Whole {
+    pub(super) pattern: Pattern,
     stiffness: Values<f64>,
     damping: Values<f64>,
 }
 
 impl Whole {
-    fn new(body: &Body) -> Self {
+    pub(super) fn new(body: &Body) -> Self {
         let n = body.springs.n();
         let all = body.springs.each().iter().chain(&body.dampers);
         let all: Vec<Spring> = all.copied().collect();
@@ -227,6 +227,11 @@ impl Whole {
         }
     }
 
+    /// P(s) = s² + s·Z + K.
+    pub(super) fn at(&self, s: Complex<f64>) -> Values<Complex<f64>> {
+        Values::of(&self.stiffness, &self.damping, s * s, |k, z| s * z + k)
+    }
+
     /// Newton's corrections of a pole, s −= xᵀx / xᵀy where P(s) y = P′(s) x, as long as its residual tells an error;
     /// `gap` is how far the next pole lies. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
     fn correct(&self, swing: &mut Swing, gap: f64) {
@@ -234,15 +239,13 @@ impl Whole {
         let mut image = vec![Complex::from(0.0); n];
         let (mut s, mut x) = (swing.pole, swing.shape.clone());
         let size = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
-        let at =
-            |s: Complex<f64>| Values::of(&self.stiffness, &self.damping, s * s, |k, z| s * z + k);
         let slope = |s: Complex<f64>| {
             Values::of(&self.stiffness, &self.damping, s * 2.0, |_, z| {
                 Complex::from(z)
             })
         };
         for round in 0..CORRECTIONS {
-            let matrix = at(s);
+            let matrix = self.at(s);
             if round == 0 {
                 matrix.times(&self.pattern, &x, &mut image);
                 let error = size(&image) / (2.0 * s.norm() * size(&x));

@@ -2,7 +2,8 @@
 
 use nalgebra::Complex;
 
-use super::{LinkKind, MatKind, Network};
+use super::Network;
+use super::elements::{ElementKind, Elements};
 use crate::maths::{atan2, log1p, sin};
 use crate::spectrum::springs::{End, Spring, Springs};
 use crate::units::Rate;
@@ -17,7 +18,7 @@ pub(super) struct Body {
     /// Dampers; of a discrete network with its springs once more, for its poles then are those of z − 1.
     pub(super) dampers: Vec<Spring>,
     /// The rate of the network whose numbers are the truth.
-    ca_rate: Option<Rate>,
+    pub(super) ca_rate: Option<Rate>,
     /// Links whose law was taken at its slope at rest.
     pub(super) n_laws: usize,
     /// Contacts that were taken as open.
@@ -26,70 +27,46 @@ pub(super) struct Body {
 
 impl Network {
     pub(super) fn part_body(&self, part: usize) -> Body {
-        let subset = self.part_alone(part, &[]);
-        let alone = &subset.network;
-        let own = alone.mats();
-        let moving: Vec<usize> = (0..alone.n_mat())
-            .filter(|&i| own.kind[i].moves())
-            .collect();
-        let root: Vec<f64> = moving.iter().map(|&i| own.m[i].sqrt()).collect();
-        let end = |mat: usize| -> Option<End> {
-            let slot = moving.binary_search(&mat).ok()?;
-            Some((slot, 1.0 / root[slot]))
-        };
-        let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
-        for (slot, &i) in moving.iter().enumerate() {
-            if own.kind[i] == MatKind::Cel {
-                springs.push(((slot, 1.0 / root[slot]), None, own.k[i]));
-                dampers.push(((slot, 1.0 / root[slot]), None, own.z[i]));
-            }
-        }
-        let (mut n_laws, mut n_contacts) = (0, 0);
-        for run in alone.runs() {
-            let (k, z) = match &run.kind {
-                LinkKind::Ref => (run.k, run.z),
-                LinkKind::Bristle(bristle) => {
-                    n_laws += run.len;
-                    (run.k, bristle.damping_at_rest())
-                }
-                LinkKind::Lnl(law) => {
-                    n_laws += run.len;
-                    (law.slope(0.0), law.damping_slope(0.0))
-                }
-                LinkKind::But(_) => {
-                    n_contacts += run.len;
-                    continue;
-                }
-            };
-            for (a, b) in (0..run.len).map(|i| (end(run.a + i), end(run.b + i))) {
-                let (Some(one), other) = (if a.is_some() { (a, b) } else { (b, a) }) else {
-                    continue;
-                };
-                springs.push((one, other, k));
-                dampers.push((one, other, z));
-            }
-        }
-        let ca_rate = self.parts[part].ca_rate;
-        if ca_rate.is_some() {
-            // x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1]) is w² + (Z + K) w + K = 0 at w = z − 1.
-            for (damper, spring) in dampers.iter_mut().zip(&springs) {
-                damper.2 += spring.2;
-            }
-        }
-        dampers.retain(|damper| damper.2 != 0.0);
-        Body {
-            mats: moving.iter().map(|&i| subset.mats[i] as usize).collect(),
-            springs: Springs::new(moving.len(), springs),
-            dampers,
-            root,
-            ca_rate,
-            n_laws,
-            n_contacts,
-        }
+        Body::new(self.elements(&[part]))
     }
 }
 
 impl Body {
+    /// Of the masses and links of some parts.
+    pub(super) fn new(elements: Elements) -> Self {
+        let root: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
+        let end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
+        let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
+        for one in &elements.each {
+            if one.kind == ElementKind::But {
+                continue;
+            }
+            let [a, b] = one.ends;
+            let (Some(a), other) = (if a.is_some() { (a, b) } else { (b, a) }) else {
+                continue;
+            };
+            let other = other.map(end);
+            springs.push((end(a), other, one.k));
+            // x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1]) is w² + (Z + K) w + K = 0 at w = z − 1.
+            let more = if elements.ca_rate.is_some() {
+                one.k
+            } else {
+                0.0
+            };
+            dampers.push((end(a), other, one.z + more));
+        }
+        dampers.retain(|damper| damper.2 != 0.0);
+        Self {
+            n_laws: elements.count(ElementKind::Lnl) + elements.count(ElementKind::Bristle),
+            n_contacts: elements.count(ElementKind::But),
+            springs: Springs::new(elements.mats.len(), springs),
+            mats: elements.mats,
+            dampers,
+            ca_rate: elements.ca_rate,
+            root,
+        }
+    }
+
     /// The eigenvalue of an undamped mode of frequency `f` [Hz].
     pub(super) fn lambda(&self, f: f64) -> f64 {
         match self.ca_rate {

@@ -1,0 +1,100 @@
+//! The steady answer of parts to a force that swings: mechanical admittances, by a solution at each frequency.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::Complex;
+
+use super::Network;
+use super::damped::Whole;
+use super::part_body::Body;
+use crate::maths::{cos, sin};
+use crate::spectrum::sparse::Factor;
+
+/// Solutions on what the one before left of the force: the first takes rounding off, the second finds no more.
+const REFINEMENTS: usize = 2;
+
+impl Network {
+    /// Velocity of each of `heard` over a force at `forced`, of some parts by themselves, contacts open and laws at their
+    /// slope at rest   (n_heard · n_frequencies) [(m/s)/N]; infinite at a pole that nothing damps.
+    ///
+    /// A point is one or more masses, by their indices: each gets the force, and their velocities are added up. Of a
+    /// part under `units: ca` the force stays the same for one sample.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::network::Tie;
+    ///
+    /// let mut network = Network::new();
+    /// network.part("key", None);
+    /// network.cel("", 0.4, Tie::Physical { k: 60.0, z: 1.2 }, [0.0, 0.0], 0.0)?;
+    /// let resonance = (60.0_f64 / 0.4).sqrt() / std::f64::consts::TAU;
+    /// let found = network.admittance(&[0], &[0], &[vec![0]], &[resonance]);
+    /// assert!((found[0].re - 1.0 / 1.2).abs() < 1e-12 && found[0].im.abs() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn admittance(
+        &self,
+        parts: &[usize],
+        forced: &[usize],
+        heard: &[Vec<usize>],
+        frequencies: &[f64],
+    ) -> Vec<Complex<f64>> {
+        let body = Body::new(self.elements(parts));
+        let n = body.mats.len();
+        let own = |mats: &[usize]| -> Vec<usize> {
+            let slots = mats.iter().map(|mat| body.mats.binary_search(mat));
+            slots.filter_map(Result::ok).collect()
+        };
+        let heard: Vec<Vec<usize>> = heard.iter().map(|mats| own(mats)).collect();
+        let mut force = vec![Complex::from(0.0); n];
+        for slot in own(forced) {
+            force[slot] += 1.0 / body.root[slot];
+        }
+        let whole = Whole::new(&body);
+        let mut found = vec![Complex::from(0.0); heard.len() * frequencies.len()];
+        for (at, &f) in frequencies.iter().enumerate() {
+            let (s, gain) = point(&body, f);
+            let answer = answer(&whole, s, &force);
+            for (row, slots) in heard.iter().enumerate() {
+                let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
+                    slots.iter().map(|&slot| x[slot] / body.root[slot]).sum()
+                };
+                found[row * frequencies.len() + at] = match &answer {
+                    Some(x) => position(x) * Complex::new(0.0, TAU * f) * gain,
+                    None => Complex::from(f64::INFINITY),
+                };
+            }
+        }
+        found
+    }
+}
+
+/// Where P(s) is solved at a frequency [Hz], and what its solution is times.
+fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
+    let Some(rate) = body.ca_rate else {
+        return (Complex::new(0.0, TAU * f), Complex::from(1.0));
+    };
+    // z − 1, whose real part does not cancel; the force is one of a second difference of samples.
+    let half = PI * f / rate.hertz();
+    let lifted = Complex::new(0.0, 2.0 * sin(half)) * Complex::new(cos(half), sin(half));
+    let by = (lifted + 1.0) / (rate.hertz() * rate.hertz());
+    (lifted, by)
+}
+
+/// x of P(s) x = force; `None` at a pole.
+fn answer(whole: &Whole, s: Complex<f64>, force: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
+    let matrix = whole.at(s);
+    let factor = Factor::new(&whole.pattern, &matrix, Complex::from(0.0))?;
+    let mut x = factor.solve(force);
+    let mut image = vec![Complex::from(0.0); x.len()];
+    for _ in 0..REFINEMENTS {
+        matrix.times(&whole.pattern, &x, &mut image);
+        let left: Vec<Complex<f64>> = force.iter().zip(&image).map(|(f, y)| f - y).collect();
+        for (x, more) in x.iter_mut().zip(factor.solve(&left)) {
+            *x += more;
+        }
+    }
+    x.iter()
+        .all(|x| x.re.is_finite() && x.im.is_finite())
+        .then_some(x)
+}

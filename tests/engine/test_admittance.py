@@ -1,0 +1,144 @@
+"""Admittances of parts against closed forms, dense solutions and what the engine plays."""
+
+import numpy as np
+import pytest
+from tests.engine.test_part_modes import Body, random
+
+from ergon import _core
+
+
+def dense(body: Body, forced: list[int], heard: list[int], f: np.ndarray) -> np.ndarray:
+    """The same by a dense solution at each frequency [(m/s)/N]."""
+    push = np.zeros(len(body.m))
+    push[forced] += 1.0
+    found = []
+    for omega in 2 * np.pi * f:
+        matrix = body.K + 1j * omega * body.Z - omega**2 * np.diag(body.m)
+        found.append(1j * omega * np.linalg.solve(matrix, push)[heard].sum())
+    return np.array(found)
+
+
+def largest(found: np.ndarray, wanted: np.ndarray) -> float:
+    assert found.shape == wanted.shape
+    return float((np.abs(found - wanted) / np.abs(wanted)).max())
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("damping", [0.01, 0.3])
+def test_random_networks_against_dense_solutions(seed: int, damping: float):
+    body = random(seed, damping)
+    rng = np.random.default_rng(seed)
+    f = np.concatenate([np.geomspace(1.0, 3e3, 30), body.undamped()[::10]])
+    forced, first, second = [int(i) for i in rng.choice(100, 3, replace=False)]
+    points = [[forced], [first], [first, second]]
+    mats = [[body.mats[i] for i in point] for point in points]
+    found = body.network.admittance(["b"], [body.mats[forced]], mats, f)
+    for row, point in zip(found, points, strict=True):
+        assert largest(row, dense(body, [forced], point, f)) < 1e-9
+    # Force and velocity may be exchanged (reciprocity).
+    back = body.network.admittance(["b"], mats[1], [mats[0]], f)
+    assert largest(back[0], found[1]) < 1e-9
+    # What a force does at its own point takes energy and gives none.
+    assert found[0].real.min() >= 0.0
+
+
+def test_a_key_and_a_free_mass_in_closed_form():
+    network = _core.Network()
+    network.part("key")
+    key = network.cel("", M=0.4, K=60.0, Z=1.2)
+    network.part("free")
+    free = network.mas("", M=0.02)
+    f = np.geomspace(0.1, 500.0, 300)
+    s = 2j * np.pi * f
+    assert (
+        largest(network.admittance(["key"], [key], [[key]], f)[0], 1 / (0.4 * s + 1.2 + 60.0 / s))
+        < 1e-12
+    )
+    assert largest(network.admittance(["free"], [free], [[free]], f)[0], 1 / (0.02 * s)) < 1e-12
+
+
+def test_a_string_in_closed_form():
+    """A row of masses between walls: sin(iθ)·sin((n+1−j)θ) / (k·sin θ·sin((n+1)θ))."""
+    n, m, k = 50, 1e-4, 2e3
+    body = Body(np.full(n, m))
+    for i in range(n - 1):
+        body.link(i, i + 1, k)
+    body.link(0, None, k)
+    body.link(n - 1, None, k)
+    f = np.linspace(20.0, 1400.0, 137)
+    omega = 2 * np.pi * f
+    theta = np.arccos(1 - m * omega**2 / (2 * k))
+    i, j = 8, 31
+    position = np.sin(i * theta) * np.sin((n + 1 - j) * theta)
+    position /= k * np.sin(theta) * np.sin((n + 1) * theta)
+    found = body.network.admittance(["b"], [body.mats[i - 1]], [[body.mats[j - 1]]], f)
+    assert largest(found[0], 1j * omega * position) < 1e-9
+
+
+def test_parts_together_and_what_links_them():
+    network = _core.Network()
+    network.part("one")
+    one = network.cel("", M=0.1, K=50.0, Z=0.2)
+    network.part("two")
+    two = network.cel("", M=0.3, K=90.0, Z=0.1)
+    network.ref("link", one, two, K=40.0, Z=0.3)
+    f = np.array([1.0, 3.0, 10.0])
+    K, Z = np.array([[90.0, -40.0], [-40.0, 130.0]]), np.array([[0.5, -0.3], [-0.3, 0.4]])
+    for own, omega in zip(
+        network.admittance(["one", "two"], [one], [[two]], f)[0], 2 * np.pi * f, strict=True
+    ):
+        inverse = np.linalg.inv(K + 1j * omega * Z - omega**2 * np.diag([0.1, 0.3]))
+        assert own == pytest.approx(1j * omega * inverse[1, 0], rel=1e-12)
+    alone = network.admittance(["one"], [one], [[one], [two]], f)
+    s = 2j * np.pi * f
+    assert largest(alone[0], 1 / (0.1 * s + 0.2 + 50.0 / s)) < 1e-12
+    assert np.all(alone[1] == 0.0)  # it is no mass of this part
+
+
+def test_a_pole_that_nothing_damps_answers_without_bound():
+    network = _core.Network()
+    network.part("b")
+    m = network.mas("m", M=1.0)
+    network.ref("r", m, network.sol("wall"), K=(2 * np.pi * 5.0) ** 2, Z=0.0)
+    assert np.isinf(network.admittance(["b"], [m], [[m]], [5.0])[0, 0])
+
+
+def test_a_discrete_network_is_driven_as_its_scheme_is():
+    rate, f = 1000.0, np.array([3.0, 90.0, 101.0, 400.0])
+    network = _core.Network()
+    network.part("b", ca_rate=rate)
+    m = network.cel("m", M=2.0, K=0.4, Z=0.01)
+    z = np.exp(2j * np.pi * f / rate)
+    # M (x[n+1] − 2x[n] + x[n−1]) = −K x[n] − Z (x[n] − x[n−1]) + F[n]/rate²
+    position = rate**-2 / (2.0 * (z - 2 + 1 / z) + 0.4 + 0.01 * (1 - 1 / z))
+    found = network.admittance(["b"], [m], [[m]], f)
+    assert largest(found[0], 2j * np.pi * f * position) < 1e-12
+
+
+def test_elements_are_those_of_the_part_alone():
+    network = _core.Network()
+    network.part("b")
+    wall = network.sol("wall")
+    m, n = network.mas("m", M=0.01), network.cel("n", M=0.02, K=7.0, Z=0.1)
+    network.ref("r", m, n, K=100.0, Z=0.0)
+    network.but("c", m, wall, K=1e4, gap=1e-3)
+    network.part("other")
+    other = network.mas("x", M=1.0)
+    network.ref("s", m, other, K=5.0, Z=0.0)
+    found = network.elements(["b"])
+    assert found.mats == [m, n]
+    assert found.masses.tolist() == [0.01, 0.02]
+    assert found.kinds == ["CEL", "RES", "BUT"]
+    assert (found.a.tolist(), found.b.tolist()) == ([1, 0, 0], [-1, 1, -1])
+    assert found.stiffness.tolist() == [7.0, 100.0, 1e4]
+    assert (found.n_held, found.ca_rate) == (1, None)
+    assert len(network.elements(["b", "other"]).kinds) == 4
+
+
+def test_what_cannot_be_asked_for_is_refused():
+    body = random(0, 0.1)
+    for frequency in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(_core.EngineError, match="above 0 Hz"):
+            body.network.admittance(["b"], [0], [[0]], [frequency])
+    with pytest.raises(_core.EngineError, match="no part has this name"):
+        body.network.elements(["x"])
