@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.decay import LN_1000
 from ergon.common.report import Report
 
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
+from .parts import hertz, named
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,12 +47,12 @@ class ModesOptions(ReadOptions):
             for name, value in (("count", self.count), ("around", self.around)):
                 if value is not None:
                     raise OptionError(name, "; give one of the two", excludes="to")
-            return {"to": _hertz("to", self.to)}
+            return {"to": hertz("to", self.to)}
         count = COUNT if self.count is None else self.count
         if count < 1:
             raise OptionError("count", f"is {count}; it must be at least 1")
         if self.around is not None:
-            return {"count": count, "around": _hertz("around", self.around)}
+            return {"count": count, "around": hertz("around", self.around)}
         return {"count": count}
 
 
@@ -109,35 +111,10 @@ def modes(
     asked = options.asked()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = _parts(piece, options.parts)
+    names = named(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         scene = prepare(piece).scene
         return tuple(_modes(piece, scene, name, asked, loaded.inputs) for name in names)
-
-
-def _hertz(option: str, value: float | str) -> float:
-    from ergon.notation.tables.quantities import frequency
-    from ergon.notation.text.errors import TextError
-
-    try:
-        return frequency(value if isinstance(value, str) else f"{value!r}Hz")
-    except TextError as found:
-        asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
-        raise OptionError(option, f"{found.message}{asked}") from None
-
-
-def _parts(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
-    """The parts that are asked for. Raises OptionError."""
-    from ergon.notation.text.spelling import nearest
-
-    known = (*piece.keys, *piece.instruments)
-    for name in asked:
-        if name not in known:
-            close = nearest(name, known)
-            there = f"there are {', '.join(known)}" if known else "the score has none"
-            reason = f"did you mean '{close}'?" if close else there
-            raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
-    return tuple(dict.fromkeys(asked)) or known
 
 
 def _modes(
@@ -153,7 +130,7 @@ def _modes(
     found = _asked(network, name, asked)
     decay = -found.poles.real
     with np.errstate(divide="ignore"):
-        t60 = np.where(decay > 0, 3 * np.log(10.0) / np.where(decay > 0, decay, 1.0), np.inf)
+        t60 = np.where(decay > 0, LN_1000 / np.where(decay > 0, decay, 1.0), np.inf)
     slots = {mat: slot for slot, mat in enumerate(found.mats)}
     points = {}
     for text, targets in _points(piece, name):

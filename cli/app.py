@@ -52,6 +52,16 @@ COMMANDS: Table = {
         "modes",
         "Say at which pitches instruments and keys vibrate, how long, and how much where.",
     ),
+    "tune": (
+        "tune",
+        "tune",
+        "Find values of an instrument that bring its modes to given frequencies.",
+    ),
+    "admittance": (
+        "admittance",
+        "admittance",
+        "Say how fast points of an instrument move for a force, by its frequency.",
+    ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),
     "stability": (

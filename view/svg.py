@@ -57,11 +57,7 @@ def plot(
         axis([x for curve in curves for x in curve.x], 6),
     )
     parts = [axes(frame, t_label, x_label)]
-    for curve, (colour, dash) in zip(curves, _STROKES, strict=False):
-        parts.append(
-            f"<path d='{_path(curve, frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
-            f"stroke-linejoin='round'{_dash(dash)}/>"
-        )
+    parts += [curve_path(curve, frame, number) for number, curve in enumerate(curves)]
     parts.append(_legend(curves, frame))
     parts.append(text(frame.left, 20, short(title), weight="bold"))
     return document(width, height, title, parts)
@@ -104,6 +100,24 @@ def axes(frame: Frame, t_label: str, x_label: str) -> str:
     return "\n".join(parts)
 
 
+def curve_path(curve: Curve, frame: Frame, number: int) -> str:
+    """A curve in a frame, in the stroke of its number, below CURVES_MAX."""
+    colour, dash = _STROKES[number]
+    return (
+        f"<path d='{_path(curve, frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
+        f"stroke-linejoin='round'{_dash(dash)}/>"
+    )
+
+
+def key_line(x: float, y: float, number: int) -> str:
+    """A short line in the stroke of a curve's number, below CURVES_MAX."""
+    colour, dash = _STROKES[number]
+    return (
+        f"<line x1='{x:g}' y1='{y:g}' x2='{x + 28:g}' y2='{y:g}' stroke='{colour}' "
+        f"stroke-width='2'{_dash(dash)}/>"
+    )
+
+
 def short(title: str) -> str:
     """A title that leaves room for what stands beside it."""
     return title if len(title) <= _TITLE_MAX else title[: _TITLE_MAX - 1] + "…"
@@ -141,11 +155,8 @@ def _path(curve: Curve, frame: Frame) -> str:
 
 def _legend(curves: Sequence[Curve], frame: Frame) -> str:
     parts, at = [], frame.right
-    for curve, (colour, dash) in reversed(list(zip(curves, _STROKES, strict=False))):
+    for number, curve in reversed(list(enumerate(curves))):
         at -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
-        parts.append(
-            f"<line x1='{at:g}' y1='26' x2='{at + 28:g}' y2='26' stroke='{colour}' "
-            f"stroke-width='2'{_dash(dash)}/>"
-        )
+        parts.append(key_line(at, 26, number))
         parts.append(text(at + 33, 30, curve.name))
     return "\n".join(parts)

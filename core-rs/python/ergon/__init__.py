@@ -8,6 +8,7 @@ docs/library.md shows each.
 TYPE_CHECKING = False  # as `typing` has it, which would have to be imported
 if TYPE_CHECKING:
     from ergon._core import PlanRow
+    from ergon.api.admittance import Admittance, AdmittanceOptions, admittance
     from ergon.api.check import Checked, check
     from ergon.api.errors import (
         DeviceError,
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
     from ergon.api.open_session import Session, open_session
+    from ergon.api.tune import Tuned, TunedValue, TuneOptions, tune
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AccuracyOptions",
+    "Admittance",
+    "AdmittanceOptions",
     "Checked",
     "DeviceError",
     "Diagnostic",
@@ -63,6 +67,10 @@ __all__ = [
     "Session",
     "SessionOptions",
     "State",
+    "TuneOptions",
+    "Tuned",
+    "TunedValue",
+    "admittance",
     "check",
     "freeze",
     "modes",
@@ -70,11 +78,14 @@ __all__ = [
     "plan",
     "render",
     "render_to_file",
+    "tune",
 ]
 
 # Where each is found when it is asked for: `ergon --help` needs none of them.
 _PLACES = {
     "AccuracyOptions": "api.options",
+    "Admittance": "api.admittance",
+    "AdmittanceOptions": "api.admittance",
     "Checked": "api.check",
     "DeviceError": "api.errors",
     "Diagnostic": "notation.text.errors",
@@ -104,6 +115,10 @@ _PLACES = {
     "Session": "api.open_session",
     "SessionOptions": "api.options",
     "State": "repl.session_protocol",
+    "TuneOptions": "api.tune",
+    "Tuned": "api.tune",
+    "TunedValue": "api.tune",
+    "admittance": "api.admittance",
     "check": "api.check",
     "freeze": "api.freeze",
     "modes": "api.modes",
@@ -111,6 +126,7 @@ _PLACES = {
     "plan": "api.plan",
     "render": "api.render",
     "render_to_file": "api.files",
+    "tune": "api.tune",
 }
 
 

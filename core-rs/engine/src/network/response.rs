@@ -74,11 +74,10 @@ fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
     let Some(rate) = body.ca_rate else {
         return (Complex::new(0.0, TAU * f), Complex::from(1.0));
     };
-    // z − 1, whose real part does not cancel; the force is one of a second difference of samples.
+    // z − 1, whose real part does not cancel, where P(s) is z times the scheme.
     let half = PI * f / rate.hertz();
     let lifted = Complex::new(0.0, 2.0 * sin(half)) * Complex::new(cos(half), sin(half));
-    let by = (lifted + 1.0) / (rate.hertz() * rate.hertz());
-    (lifted, by)
+    (lifted, lifted + 1.0)
 }
 
 /// x of P(s) x = force; `None` at a pole.

@@ -1,0 +1,183 @@
+"""Mechanical admittances: how fast points move for a force that swings, by its frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .errors import OptionError
+from .options import ReadOptions
+from .parts import hertz, point
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon import _core
+    from ergon.instruments.model import Target
+
+COUNT = 1000
+LOW, HIGH = 20.0, 5000.0  # [Hz]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdmittanceOptions(ReadOptions):
+    """At which frequencies an admittance is computed.
+
+    They are `count` from `low` to `high`, even by logarithm, or in Hz where they are `linear`; both
+    ends are numbers [Hz] or texts such as "5kHz" and "A3". With `peaks` those of the modes between
+    are added, so that no resonance falls between two. `frequencies` (n,) [Hz] replace all of these.
+    """
+
+    low: float | str = LOW
+    high: float | str = HIGH
+    count: int = COUNT
+    linear: bool = False
+    peaks: bool = False
+    frequencies: Sequence[float] | NDArray[np.float64] | None = None
+
+    def axis(self) -> NDArray[np.float64]:
+        """The frequencies [Hz] (n,), without those of modes. Raises OptionError."""
+        import numpy as np
+
+        if self.frequencies is not None:
+            asked = np.asarray(self.frequencies, dtype=float)
+            if asked.ndim != 1 or not np.all(np.isfinite(asked) & (asked > 0)):
+                raise OptionError("frequencies", "must be a row of numbers above 0 [Hz]")
+            return asked
+        low, high = hertz("low", self.low), hertz("high", self.high)
+        if not low < high:
+            raise OptionError("high", f"is {high:g} Hz; it must be above low, {low:g} Hz")
+        if self.count < 2:
+            raise OptionError("count", f"is {self.count}; it must be at least 2")
+        even = np.linspace if self.linear else np.geomspace
+        return np.asarray(even(low, high, self.count))
+
+
+@dataclass(frozen=True, slots=True)
+class Admittance:
+    """Velocities of points over a force at one, of parts by themselves.
+
+    `values` (n_heard, n_frequencies) [(m/s)/N] are complex: the velocity leads the force by their
+    angle. `frequencies` (n_frequencies,) [Hz] rise. `forced` is the name of the point where the
+    force acts, `heard` those whose velocity is told; of several masses each gets the force, and
+    their velocities are added up. A value is infinite at a resonance that nothing damps.
+
+    `n_laws` links with a law were taken at their slope at rest, `n_contacts` contacts as open.
+    `inputs` are the files that the admittance was computed from.
+    """
+
+    parts: tuple[str, ...]
+    forced: str
+    heard: tuple[str, ...]
+    frequencies: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    n_laws: int
+    n_contacts: int
+    inputs: tuple[Path, ...]
+
+    @property
+    def decibels(self) -> NDArray[np.float64]:
+        """Levels above 1 (m/s)/N [dB] (n_heard, n_frequencies)."""
+        import numpy as np
+
+        with np.errstate(divide="ignore"):
+            return 20 * np.log10(np.abs(self.values))
+
+    @property
+    def phases(self) -> NDArray[np.float64]:
+        """By how much the velocity leads the force [degrees] (n_heard, n_frequencies)."""
+        import numpy as np
+
+        return np.degrees(np.angle(self.values))
+
+    def peaks(self, row: int) -> NDArray[np.intp]:
+        """Which frequencies are local maxima of a point's level, from the highest level down."""
+        import numpy as np
+
+        size = np.abs(self.values[row])
+        inside = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1
+        return inside[np.argsort(-size[inside], kind="stable")]
+
+
+def admittance(
+    score: str | Path,
+    forced: str,
+    heard: str | Sequence[str] = (),
+    options: AdmittanceOptions | None = None,
+    *,
+    report: Report | None = None,
+) -> Admittance:
+    """The velocity of points `heard` over a force at one, its own where none is, by frequency.
+
+    The parts of these points are taken by themselves, with the links between them, contacts open
+    and laws at their slope at rest, by a solution of the whole network at each frequency. Raises
+    ScoreError and OptionError.
+    """
+    from ergon.scores.staging.stage import prepare
+
+    options = options or AdmittanceOptions()
+    axis = options.axis()
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    names = (heard,) if isinstance(heard, str) else tuple(heard) or (forced,)
+    at = point(piece, "forced", forced)
+    ends = [point(piece, "heard", name) for name in names]
+    parts = tuple(dict.fromkeys(end.part for end in (at, *ends)))
+    with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
+        scene = prepare(piece).scene
+        network = scene.network
+        each = [network.elements([part]) for part in parts]
+        if len({one.ca_rate for one in each}) > 1:
+            reason = "lies in a part whose `units` or rate differ from those of the force's part"
+            raise OptionError("heard", reason)
+        if options.peaks and options.frequencies is None:
+            axis = _with_peaks(network, parts, axis)
+        mats = [
+            _masses("heard" if number else "forced", end, scene.assembly.members(end), each)
+            for number, end in enumerate((at, *ends))
+        ]
+        values = network.admittance(list(parts), mats[0], mats[1:], axis)  # type: ignore[arg-type]
+        together = network.elements(list(parts)).kinds
+    return Admittance(
+        parts,
+        forced,
+        names,
+        axis,
+        values,
+        sum(kind in ("LNL", "BRISTLE") for kind in together),
+        together.count("BUT"),
+        tuple(loaded.inputs),
+    )
+
+
+def _masses(
+    option: str, target: Target, found: Sequence[int], parts: Sequence[_core.Elements]
+) -> list[int]:
+    """Those of some MATs that move. Raises OptionError where none does."""
+    moving = {mat for part in parts for mat in part.mats}
+    own = [mat for mat in found if mat in moving]
+    if not own:
+        raise OptionError(option, f"{target.text} is held: no force moves it")
+    return own
+
+
+def _with_peaks(
+    network: _core.Network, parts: Sequence[str], axis: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The frequencies and those between them of damped modes. Raises OptionError."""
+    import numpy as np
+
+    if len(parts) > 1:
+        raise OptionError("peaks", f"needs points of one part; these lie in {', '.join(parts)}")
+    poles = network.part_modes(parts[0], to=float(axis[-1])).poles
+    swinging = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
+    # A velocity is largest where the frequency is that of the mode without its damping.
+    resonances = np.abs(swinging) / (2 * np.pi)
+    inside = resonances[(resonances > axis[0]) & (resonances < axis[-1])]
+    return np.unique(np.concatenate([axis, inside]))

@@ -1,0 +1,50 @@
+"""Parts of a score, points in them and frequencies, as options name them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Target
+    from ergon.scores.reading.piece import Piece
+
+
+def hertz(option: str, value: float | str) -> float:
+    """A frequency [Hz] as a number or a text such as "5kHz" and "A3". Raises OptionError."""
+    from ergon.notation.tables.quantities import frequency
+    from ergon.notation.text.errors import TextError
+
+    try:
+        return frequency(value if isinstance(value, str) else f"{value!r}Hz")
+    except TextError as found:
+        asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
+        raise OptionError(option, f"{found.message}{asked}") from None
+
+
+def named(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
+    """The parts that are asked for, all without a name. Raises OptionError."""
+    from ergon.notation.text.spelling import nearest
+
+    known = (*piece.keys, *piece.instruments)
+    for name in asked:
+        if name not in known:
+            close = nearest(name, known)
+            there = f"there are {', '.join(known)}" if known else "the score has none"
+            reason = f"did you mean '{close}'?" if close else there
+            raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
+    return tuple(dict.fromkeys(asked)) or known
+
+
+def point(piece: Piece, option: str, text: str) -> Target:
+    """The masses that a name reaches, such as `bell.m` and `string.s.12`. Raises OptionError."""
+    from ergon.notation.text.errors import TextError
+    from ergon.scores.reading.named_points import named_point
+
+    try:
+        return named_point(piece, text)
+    except TextError as found:
+        asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
+        raise OptionError(option, f"{found.message}{asked}") from None

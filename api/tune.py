@@ -1,0 +1,455 @@
+"""Values of an instrument that bring its modes to frequencies that are asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .errors import OptionError
+from .options import ReadOptions
+from .parts import hertz, named
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon import _core
+    from ergon.scores.edits.texts import Texts
+    from ergon.scores.edits.tunable import TunablePart, Value
+    from ergon.scores.reading.load import Loaded
+
+REACHED = 1e-6  # [cents] within which a target counts as reached
+_EXACT = 1e-10  # [cents] where nothing is gained any more
+_STEPS = 80
+_STRIDE = 0.4  # a value is at most multiplied by e^0.4 in one step
+_FARTHEST = math.log(1000.0)
+_NUDGE = 1e-4  # for derivatives of masses and springs by a value
+_CENTS = 1200.0 / math.log(2.0)
+_FLAT = 1e-5  # a slope below this is rounding, or tunes nothing
+_WORDS = {"masses": "M", "springs": "K", "pitches": "f"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuneOptions(ReadOptions):
+    """By which values modes are tuned.
+
+    `by` are fields of all modules of the part ("M", "K", "f"; "masses", "springs" and "pitches"
+    mean these) or of one ("m1.M"); without one all that move its modes. Where targets are ratios,
+    `base` is the frequency of ratio 1 (440.0 [Hz], "A3"); without it the values change least.
+    """
+
+    by: Sequence[str] = ()
+    base: float | str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TunedValue:
+    """A value of the score: its name such as `bell.m.K`, numbers before and after [SI], and `text`,
+    what is to be written."""
+
+    name: str
+    before: float
+    after: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """Values that bring modes of a part to targets, or as near as can be.
+
+    `modes` (n_targets,) count from the lowest that swings, 1; a free body's motion as a whole is
+    none. `before`, `targets` and `frequencies` (n_targets,) [Hz] are theirs, the last computed anew
+    with the values as their texts say them. `values` are those that change. `rank` is in how many
+    independent directions the values move the modes at the end. `edited` is the score's text with
+    the values in it; where that could not be written it is None, and `trouble` says why.
+    """
+
+    part: str
+    modes: tuple[int, ...]
+    before: NDArray[np.float64]
+    targets: NDArray[np.float64]
+    frequencies: NDArray[np.float64]
+    values: tuple[TunedValue, ...]
+    rank: int
+    edited: str | None
+    trouble: str
+    inputs: tuple[Path, ...]
+
+    @property
+    def cents(self) -> NDArray[np.float64]:
+        """How far above its target each mode lies [cents] (n_targets,)."""
+        import numpy as np
+
+        return 1200 * np.log2(self.frequencies / self.targets)
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether every target is reached within 1e-6 cents."""
+        return bool(abs(self.cents).max() <= REACHED)
+
+
+def tune(
+    score: str | Path,
+    part: str,
+    targets: str | Mapping[int, float | str] | Sequence[float | str],
+    options: TuneOptions | None = None,
+    *,
+    report: Report | None = None,
+) -> Tuned:
+    """Values of a part of a score that bring its lowest modes to `targets`, changed least.
+
+    `targets` are ratios ("1:2.76:5.4", "_" for a mode that is left alone), frequencies [Hz] or
+    texts such as "A3" for the modes from the lowest on, or frequencies by the number of the mode.
+    The part is taken by itself, contacts open, laws at their slope at rest. Nothing is written.
+    Raises ScoreError and OptionError.
+    """
+    from ergon.scores.edits.tunable import TunablePart
+
+    options = options or TuneOptions()
+    wanted, is_free = _wanted(targets, options.base)
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    (name,) = named(piece, (part,))
+    own = TunablePart(piece, name)
+    chosen = _chosen(own, options.by)
+    with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):
+        search = _Search(own, chosen, wanted, is_free)
+        found = search.run()
+    before = search.begun
+    after = [replace(value, number=x) for value, x in zip(search.values, found, strict=True)]
+    changed = [
+        (old, new)
+        for old, new in zip(search.values, after, strict=True)
+        if old.number != new.number
+    ]
+    texts, trouble = _edited(score, options, loaded, own, [new for _, new in changed])
+    frequencies = search.frequencies({(v.module, v.field): v.number for v in after})
+    if texts is not None and (written := texts.load().piece) is not None:
+        frequencies = _Search(TunablePart(written, name), (), wanted, is_free).begun
+    numbers = tuple(wanted)
+    return Tuned(
+        name,
+        numbers,
+        before,
+        search.targets(frequencies),
+        frequencies,
+        tuple(
+            TunedValue(own.target(new), old.number, new.number, own.text(new))
+            for old, new in changed
+        ),
+        search.rank,
+        None if texts is None else texts.text,
+        trouble,
+        tuple(loaded.inputs),
+    )
+
+
+def _wanted(
+    targets: str | Mapping[int, float | str] | Sequence[float | str], base: float | str | None
+) -> tuple[dict[int, float], bool]:
+    """Frequency [Hz], or ratio where the pitch is free, by the number of the mode."""
+    if isinstance(targets, str) and ":" in targets:
+        ratios = {
+            number: _ratio(word)
+            for number, word in enumerate(targets.split(":"), 1)
+            if word.strip() != "_"
+        }
+        if len(ratios) < (2 if base is None else 1):
+            raise OptionError("targets", f"'{targets}' names no ratio; write for instance 1:2.76")
+        if base is None:
+            return ratios, True
+        pitch = hertz("base", base)
+        return {number: pitch * ratio for number, ratio in ratios.items()}, False
+    if base is not None:
+        raise OptionError("base", "is for ratios, such as 1:2.76:5.4; leave it out")
+    if isinstance(targets, Mapping):
+        pairs = list(targets.items())
+    else:
+        each = targets.split() if isinstance(targets, str) else targets
+        pairs = [(n, one) for n, one in enumerate(each, 1) if one != "_"]
+    if not pairs:
+        raise OptionError("targets", "are missing; write ratios (1:2.76), frequencies or notes")
+    found = {}
+    for number, one in sorted(pairs):
+        if number < 1:
+            raise OptionError("targets", f"name mode {number}; modes count from 1")
+        found[number] = hertz("targets", one)
+    if any(a >= b for a, b in zip(list(found.values()), list(found.values())[1:], strict=False)):
+        raise OptionError("targets", "must rise from mode to mode: modes count by their pitch")
+    return found, False
+
+
+def _ratio(word: str) -> float:
+    try:
+        ratio = float(word)
+    except ValueError:
+        ratio = math.nan
+    if not 0 < ratio < math.inf:
+        reason = f"'{word}' is no ratio above 0; write for instance 1:2.76:5.4"
+        raise OptionError("targets", reason)
+    return ratio
+
+
+def _chosen(own: TunablePart, by: Sequence[str]) -> list[Value]:
+    """The values that are meant. Raises OptionError."""
+    from ergon.notation.text.spelling import nearest
+
+    known = list(own.values())
+    if not known:
+        raise OptionError("part", f"{own.name} has no value above 0 that moves its modes")
+    if not by:
+        return known
+    names: dict[str, list[Value]] = {}
+    for value in known:
+        full = own.target(value)
+        for name in (value.field, full, full.removeprefix(f"{own.name}.")):
+            names.setdefault(name, []).append(value)
+    found: dict[Value, None] = {}
+    for word in by:
+        meant = names.get(_WORDS.get(word, word))
+        if meant is None:
+            close = nearest(word, [*names, *_WORDS])
+            asked = f"did you mean '{close}'?" if close else f"there are {', '.join(names)}"
+            raise OptionError("by", f"{own.name} has no value '{word}' above 0; {asked}")
+        found.update(dict.fromkeys(meant))
+    return list(found)
+
+
+def _edited(
+    score: str | Path,
+    options: TuneOptions,
+    loaded: Loaded,
+    own: TunablePart,
+    values: Sequence[Value],
+) -> tuple[Texts | None, str]:
+    """The texts with the values in them; or why they could not be written."""
+    from ergon.notation.text.edit import EditError
+    from ergon.scores.edits.texts import Texts
+
+    path = str(score)
+    texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
+    texts = begun = texts.complete()
+    try:
+        for value in values:
+            texts = own.edit(texts, value)
+    except EditError as error:
+        return None, str(error)
+    others = [file for file, text in texts.overlay.items() if begun.overlay.get(file) != text]
+    if others:
+        where = ", ".join(others)
+        return None, f"{own.name} is written in {where}, which other scores may use: set it there"
+    return texts, ""
+
+
+class _Search:
+    """Gauss-Newton with steps of least change in the logarithms of the values.
+
+    Derivatives are those of the poles: (s²M + sZ + K) x = 0 gives ds = -xᵀ(s²·dM + s·dZ + dK)x /
+    xᵀ(2sM + Z)x (Fox & Kapoor 1968, with damping).
+    """
+
+    def __init__(
+        self, own: TunablePart, values: Sequence[Value], wanted: Mapping[int, float], is_free: bool
+    ) -> None:
+        import numpy as np
+
+        self.own, self.wanted, self.is_free = own, wanted, is_free
+        self.values: list[Value] = []
+        self.log_targets = np.log(list(wanted.values()))
+        self.rank = 0
+        poles, shapes, found = self._modes({})
+        self.begun = poles.imag / (2 * np.pi)
+        # Values that no mode feels change nothing.
+        for value in values:
+            slope = self._slope(poles, shapes, found, value, value.number, {})
+            if np.abs(slope).max() > _FLAT:
+                self.values.append(value)
+        if values and not self.values:
+            names = ", ".join(own.target(value) for value in values)
+            raise OptionError("by", f"no mode feels {names}; name others, or leave `by` out")
+
+    def targets(self, frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The frequencies that are asked for [Hz]; of ratios those next to what is reached."""
+        import numpy as np
+
+        free = np.mean(np.log(frequencies) - self.log_targets) if self.is_free else 0.0
+        return np.asarray(np.exp(self.log_targets + free))
+
+    def frequencies(self, values: Mapping[tuple[str, str], float]) -> NDArray[np.float64]:
+        """Of the modes that have targets [Hz]."""
+        import numpy as np
+
+        return np.asarray(self._modes(values)[0].imag / (2 * np.pi))
+
+    def run(self) -> list[float]:
+        """The values that bring the modes nearest to their targets."""
+        import numpy as np
+
+        begin = np.log([value.number for value in self.values])
+        at, size = begin.copy(), math.inf
+        state = self._modes(self._numbers(at))
+        for _ in range(_STEPS):
+            poles = state[0]
+            left = np.log(poles.imag / (2 * np.pi)) - self.log_targets
+            left = left - left.mean() if self.is_free else left
+            size = float(np.abs(left).max())
+            slopes = self._slopes(state, at)
+            if self.is_free:
+                slopes = slopes - slopes.mean(axis=0)
+            step, self.rank = _least_step(slopes, left)
+            if size * _CENTS <= _EXACT:
+                break
+            most = float(np.abs(step).max())
+            if most <= 1e-15:
+                break
+            step *= min(1.0, _STRIDE / most)
+            moved = self._better(at, begin, step, float(left @ left))
+            if moved is None:
+                break
+            at, state = moved
+        return [
+            value.number if x == b else float(np.exp(x))
+            for value, x, b in zip(self.values, at, begin, strict=True)
+        ]
+
+    def _better(
+        self,
+        at: NDArray[np.float64],
+        begin: NDArray[np.float64],
+        step: NDArray[np.float64],
+        size: float,
+    ) -> tuple[NDArray[np.float64], _State] | None:
+        """The step, or a shorter one, by which less is left; None where none is."""
+        import numpy as np
+
+        for _ in range(14):
+            there = np.clip(at + step, begin - _FARTHEST, begin + _FARTHEST)
+            state = self._modes(self._numbers(there))
+            left = np.log(state[0].imag / (2 * np.pi)) - self.log_targets
+            left = left - left.mean() if self.is_free else left
+            if float(left @ left) < size * (1 - 1e-9):
+                return there, state
+            step = step / 2
+        return None
+
+    def _numbers(self, at: NDArray[np.float64]) -> dict[tuple[str, str], float]:
+        import numpy as np
+
+        return {
+            (value.module, value.field): float(np.exp(x))
+            for value, x in zip(self.values, at, strict=True)
+        }
+
+    def _modes(self, values: Mapping[tuple[str, str], float]) -> _State:
+        """Poles (n_targets,) and shapes (n_targets, n_masses) of the modes that have targets."""
+        import numpy as np
+
+        from ergon import _core
+
+        network = self.own.network(values)
+        elements = network.elements([self.own.name])
+        n, last = len(elements.mats), max(self.wanted)
+        count = last + 2
+        while True:
+            try:
+                found = network.part_modes(self.own.name, count=count)
+            except _core.EngineError as error:
+                raise OptionError("targets", str(error)) from None
+            swings = _swinging(found, elements)
+            if len(swings) >= last or count >= n:
+                break
+            count = min(n, 2 * count)
+        if len(swings) < last:
+            has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
+            raise OptionError("targets", f"name mode {last}, but {self.own.name} has {has}")
+        rows = swings[np.array(list(self.wanted)) - 1]
+        return found.poles[rows], found.shapes[rows], elements
+
+    def _slopes(self, state: _State, at: NDArray[np.float64]) -> NDArray[np.float64]:
+        """∂ln f by the logarithm of each value (n_targets, n_values)."""
+        import numpy as np
+
+        numbers = self._numbers(at)
+        columns = [
+            self._slope(*state, value, numbers[value.module, value.field], numbers)
+            for value in self.values
+        ]
+        return np.column_stack(columns)
+
+    def _slope(
+        self,
+        poles: NDArray[np.complex128],
+        shapes: NDArray[np.complex128],
+        elements: _core.Elements,
+        value: Value,
+        number: float,
+        numbers: Mapping[tuple[str, str], float],
+    ) -> NDArray[np.float64]:
+        import numpy as np
+
+        where = (value.module, value.field)
+
+        def matrices(factor: float) -> _core.Elements:
+            network = self.own.network({**numbers, where: number * factor})
+            return network.elements([self.own.name])
+
+        up, down = matrices(math.exp(_NUDGE)), matrices(math.exp(-_NUDGE))
+        dm, dk, dz = (
+            (getattr(up, name) - getattr(down, name)) / (2 * _NUDGE)
+            for name in ("masses", "stiffness", "damping")
+        )
+        open_ = np.array([kind == "BUT" for kind in elements.kinds])
+        stretch = np.where(open_, 0.0, _stretches(shapes, elements) ** 2)
+        rate, k, z = elements.ca_rate, elements.stiffness, elements.damping
+        s = poles if rate is None else np.exp(poles / rate) - 1
+        if rate is not None:
+            k_z, dz = k + z, dz + dk  # w² + (Z + K) w + K = 0 at w = z - 1
+        else:
+            k_z = z
+        squares = shapes**2
+        bent = s**2 * (squares @ dm) + s * (stretch @ dz) + stretch @ dk
+        ds = -bent / (2 * s * (squares @ elements.masses) + stretch @ k_z)
+        if rate is not None:
+            ds = rate * ds / (1 + s)
+        return np.asarray(ds.imag / poles.imag)
+
+
+def _least_step(
+    slopes: NDArray[np.float64], left: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], int]:
+    """The smallest step that leaves least by these slopes, and their rank."""
+    import numpy as np
+
+    u, sizes, v = np.linalg.svd(slopes, full_matrices=False)
+    told = sizes > _FLAT
+    weights = (u.T @ -left)[told] / sizes[told]
+    return np.asarray(v[told].T @ weights), int(told.sum())
+
+
+def _stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.complex128]:
+    """How far apart the ends of each link go in each mode (n_modes, n_links)."""
+    import numpy as np
+
+    held = np.column_stack([shapes, np.zeros(len(shapes))])  # slot -1 is the last
+    return np.asarray(held[:, elements.a] - held[:, elements.b])
+
+
+def _swinging(found: _core.PartModes, elements: _core.Elements) -> NDArray[np.intp]:
+    """Which modes swing: neither those beyond critical damping nor a free body as a whole."""
+    import numpy as np
+
+    held = np.column_stack([found.shapes, np.zeros(len(found.shapes))])
+    weight = np.array([kind != "BUT" for kind in elements.kinds]) * elements.stiffness
+    stretched = np.abs(_stretches(found.shapes, elements)) ** 2 @ weight
+    moved = (np.abs(held[:, elements.a]) ** 2 + np.abs(held[:, elements.b]) ** 2) @ weight
+    return np.flatnonzero((found.poles.imag > 0) & (stretched > 1e-12 * moved))
+
+
+if TYPE_CHECKING:
+    _State = tuple[NDArray[np.complex128], NDArray[np.complex128], _core.Elements]

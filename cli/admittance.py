@@ -1,0 +1,173 @@
+"""`ergon admittance`: how fast points move for a force, by its frequency."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ergon.api.admittance import COUNT, Admittance, AdmittanceOptions
+from ergon.api.admittance import admittance as find_admittance
+from ergon.api.errors import OptionError
+
+from . import options
+from .console import Console, plural
+from .outcome import Refused
+from .tables import table as columns
+
+_SHOWN = 12  # peaks in the terminal
+_ARGUMENTS = {"forced": "FROM", "heard": "TO"}
+
+
+@click.command()
+@options.score
+@click.argument("forced", metavar="FROM")
+@click.argument("heard", metavar="[TO]...", nargs=-1)
+@click.option("--low", metavar="FREQUENCY", default="20Hz", show_default=True, help="The lowest.")
+@click.option("--high", metavar="FREQUENCY", default="5kHz", show_default=True, help="The highest.")
+@click.option("--count", type=click.IntRange(2), default=COUNT, show_default=True, help="How many.")
+@click.option("--linear", is_flag=True, help="Frequencies even in Hz, not by logarithm.")
+@click.option("--peaks", is_flag=True, help="Add the frequencies of the modes between.")
+@click.option("--csv", "table", metavar="FILE", help="Write all numbers into a CSV file.")
+@click.option("--npz", metavar="FILE", help="Write all numbers as arrays into an npz file.")
+@click.option("--svg", metavar="FILE", help="Draw the levels into an SVG picture.")
+@options.force
+@options.trust
+@options.speaking
+def admittance(
+    console: Console,
+    score_path: str,
+    forced: str,
+    heard: tuple[str, ...],
+    table: str | None,
+    npz: str | None,
+    svg: str | None,
+    force: bool,
+    **given: Any,
+) -> None:
+    """Say how fast points move for a force, by its frequency, in dB re 1 (m/s)/N.
+
+    The force acts at FROM, a key or a mass such as bell.m or string.s.12; the velocity is that of
+    each TO, without one that of FROM. Their parts are taken by themselves, with the links between
+    them, contacts open and laws at their slope at rest.
+    """
+    try:
+        found = find_admittance(
+            score_path, forced, heard, AdmittanceOptions(**given), report=console
+        )
+    except OptionError as error:
+        if error.option not in _ARGUMENTS:
+            raise
+        raise Refused(f"{_ARGUMENTS[error.option]}: {error.reason}") from None
+    parts = " + ".join(found.parts)
+    if found.n_laws:
+        laws = plural(found.n_laws, "link")
+        console.warn(f"{parts}: the law of {laws} was taken at its slope at rest")
+    if found.n_contacts:
+        console.warn(f"{parts}: {plural(found.n_contacts, 'contact')} counted as open")
+    _write(console, found, table, npz, svg, force)
+    if console.json:
+        _records(console, found)
+    elif not (table or npz or svg):
+        console.data("".join(_peaks(found, row) for row in range(len(found.heard))))
+
+
+def _write(
+    console: Console,
+    found: Admittance,
+    table: str | None,
+    npz: str | None,
+    svg: str | None,
+    force: bool,
+) -> None:
+    import numpy as np
+
+    from ergon.exchange.safe import write_text, writing
+
+    if table is not None:
+        out = io.StringIO()
+        csv.writer(out, lineterminator="\n").writerows(_rows(found))
+        write_text(table, out.getvalue(), force=force, inputs=found.inputs)
+    if npz is not None:
+        with writing(Path(npz), binary=True, force=force, inputs=found.inputs) as file:
+            np.savez(
+                file,
+                frequency_hz=found.frequencies,
+                admittance=found.values,
+                forced=np.array(found.forced),
+                heard=np.array(found.heard),
+            )
+    if svg is not None:
+        write_text(svg, _picture(found), force=force, inputs=found.inputs)
+    for path in (table, npz, svg):
+        if path is not None:
+            console.say(f"wrote {path}")
+
+
+def _picture(found: Admittance) -> str:
+    from ergon.view.curve import CURVES_MAX, Curve
+    from ergon.view.structure import admittance as draw
+
+    if len(found.heard) > CURVES_MAX:
+        raise Refused(f"--svg draws at most {CURVES_MAX} points; name fewer TO")
+    f = found.frequencies.tolist()
+    levels = found.decibels.tolist()
+    curves = [
+        Curve(f"velocity of {name}", f, row) for name, row in zip(found.heard, levels, strict=True)
+    ]
+    return draw(curves, title=f"Admittance: force at {found.forced}")
+
+
+def _peaks(found: Admittance, row: int) -> str:
+    """The highest peaks of a point, from the lowest frequency on."""
+    from ergon.notation.tables.notes import nearest_note
+
+    head = f"velocity of {found.heard[row]} for a force at {found.forced}"
+    f, levels, phases = found.frequencies, found.decibels[row], found.phases[row]
+    all_peaks = found.peaks(row)
+    peaks = sorted(all_peaks[:_SHOWN].tolist())
+    span = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
+    if not peaks:
+        ends = f"{levels[0]:.1f} dB at {f[0]:g} Hz, {levels[-1]:.1f} dB at {f[-1]:g} Hz"
+        return f"{head}: no peak from {span}: {ends}\n"
+    some = f"the highest {_SHOWN} of {len(all_peaks):,} peaks" if all_peaks[_SHOWN:].size else ""
+    rows = [("", "note", "cents", "frequency", "level", "phase")]
+    for number, i in enumerate(peaks, 1):
+        note, cents = nearest_note(float(f[i]))
+        level = "no bound" if math.isinf(levels[i]) else f"{levels[i]:.1f} dB"
+        turned = "" if math.isinf(levels[i]) else f"{round(phases[i]):+d}°"
+        rows.append((str(number), note, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned))
+    return f"{head}: {some or 'peaks'} from {span}\n{columns(rows, right=True)}"
+
+
+def _records(console: Console, found: Admittance) -> None:
+    for i, name in enumerate(found.heard):
+        levels = found.decibels[i].tolist()
+        console.record(
+            "admittance",
+            forced=found.forced,
+            heard=name,
+            parts=list(found.parts),
+            frequency_hz=found.frequencies.tolist(),
+            level_db=[None if math.isinf(level) else level for level in levels],
+            phase_deg=[None if math.isnan(x) else x for x in found.phases[i].tolist()],
+        )
+
+
+def _rows(found: Admittance) -> Iterator[Sequence[object]]:
+    head = ["frequency_hz"]
+    for name in found.heard:
+        head += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
+    yield head
+    levels = found.decibels
+    for at, f in enumerate(found.frequencies.tolist()):
+        row: list[object] = [repr(f)]
+        for i in range(len(found.heard)):
+            value = complex(found.values[i, at])
+            row += [f"{levels[i, at]:.6f}", repr(value.real), repr(value.imag)]
+        yield row

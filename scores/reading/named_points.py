@@ -1,0 +1,30 @@
+"""Points of a piece by their names, for what looks at it from outside."""
+
+from __future__ import annotations
+
+from ergon.instruments.model import Target
+from ergon.instruments.names import Part, Scene
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.errors import Collector, TextError
+from ergon.notation.text.spelling import nearest
+from ergon.scores.reading.piece import Piece
+
+
+def named_point(piece: Piece, text: str) -> Target:
+    """The masses that a name reaches: a key, `bell.m`, `string.s.12`. Raises TextError."""
+    collector = Collector()
+    parts = {
+        name: Part(name, {module.name: module for module in own.modules}, struck=own.struck)
+        for name, own in piece.keys.items()
+    }
+    for name, made in piece.instruments.items():
+        parts[name] = Part(name, {module.name: module for module in made.modules})
+    found = Scene(collector, parts).target(Name(text, piece.place), "mats", "point")
+    if found is None:
+        mistake = collector.finish()[0]
+        message = mistake.message.removeprefix("point: ")
+        close = mistake.suggestion
+        if close is None and mistake.code == "E301":
+            close = nearest(text.partition(".")[0], parts)
+        raise TextError(message, suggestion=close)
+    return found

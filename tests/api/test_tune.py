@@ -1,0 +1,194 @@
+"""`ergon.tune`: targets reached to 1e-6 cents, those that cannot be, and what is written."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ergon
+
+
+def chain(n: int, *, is_held: bool) -> str:
+    modules = {f"m{i}": f"{{MAS: {{M: {3 + i % 3}g}}}}" for i in range(n)}
+    modules |= {
+        f"r{i}": f"{{REF: {{between: [m{i}, m{i + 1}], K: 20kN/m, Z: 0.02Ns/m}}}}"
+        for i in range(n - 1)
+    }
+    if is_held:
+        modules |= {"wall": "{SOL: {}}", "hold": "{REF: {between: [m0, wall], K: 9kN/m, Z: 1Ns/m}}"}
+    return "".join(f"      {name}: {module}  # its own\n" for name, module in modules.items())
+
+
+SCORE = f"""\
+ergon: 1
+keys: {{k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}}}
+laws: {{cubic: {{law: k*d + q*d**3, k: 200N/m, q: 4e7N/m3}}}}
+instruments:
+  bar:
+    modules:
+{chain(8, is_held=True)}    out: {{SOX: m7}}
+  free:
+    modules:
+{chain(6, is_held=False)}    out: {{SOX: m5}}
+  wire: {{modules: {{s: {{STRING: {{masses: 24, M: 4g, f: D4, t60: 2s}}}}}}, out: {{SOX: s.17}}}}
+  soft:
+    modules:
+      m: {{MAS: {{M: 20g}}}}
+      floor: {{SOL: {{}}}}
+      l: {{LNL: {{between: [m, floor], law: cubic}}}}
+    out: {{SOX: m}}
+  discrete:
+    units: ca
+    at: 44100Hz
+    modules: {{m: {{CEL: {{M: 1, K: 0.002, Z: 0.0005}}}}, n: {{CEL: {{M: 2, K: 0.01, Z: 0.0001}}}}}}
+    out: {{SOX: m}}
+  wall: {{modules: {{w: {{SOL: {{}}}}}}}}
+strikes: {{a: {{to: [bar.m3], at: 0.1s, impulse: 1mNs}}}}
+render: {{tail: 0.5s}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(own_folder: Path) -> Path:
+    Path("bars.yaml").write_text(SCORE)
+    return own_folder
+
+
+def tune(part: str, targets: object, *by: str, **options: object) -> ergon.Tuned:
+    return ergon.tune("bars.yaml", part, targets, ergon.TuneOptions(by=by, **options))  # type: ignore[arg-type]
+
+
+def pitches(found: ergon.Tuned, count: int = 12) -> np.ndarray:
+    """The modes of the part as the edited text says it, by `ergon.modes`."""
+    assert found.edited is not None
+    options = ergon.ModesOptions(text=found.edited, parts=[found.part], count=count)
+    (part,) = ergon.modes("bars.yaml", options)
+    return part.frequencies[part.frequencies > 1.0]
+
+
+@pytest.mark.parametrize(
+    ("part", "by"),
+    [("bar", ()), ("bar", ("masses",)), ("bar", ("springs",)), ("free", ()), ("free", ("masses",))],
+)
+def test_ratios_are_reached(part: str, by: tuple[str, ...]):
+    found = tune(part, "1:2.76:5.4", *by)
+    assert found.is_reached
+    assert found.modes == (1, 2, 3)
+    own = pitches(found)[:3]
+    assert np.abs(1200 * np.log2(own / own[0] / [1, 2.76, 5.4])).max() < 1e-6
+    assert own == pytest.approx(found.frequencies, rel=1e-12)
+    assert all(value.name.endswith(".M") for value in found.values) or by != ("masses",)
+
+
+def test_the_base_of_ratios_and_modes_that_are_left_alone():
+    found = tune("bar", "1:_:5", base="A3")
+    assert found.modes == (1, 3)
+    assert np.abs(1200 * np.log2(pitches(found)[[0, 2]] / [220.0, 1100.0])).max() < 1e-6
+    again = tune("bar", {1: "A3", 3: 1100.0})
+    assert again.values == found.values
+
+
+def test_one_value_in_closed_form():
+    found = tune("wire", ["A3"])
+    assert [(value.name, value.before) for value in found.values] == [
+        ("wire.s.f", pytest.approx(293.66476791740756))
+    ]
+    assert found.values[0].after == pytest.approx(220.0, rel=1e-12)
+    found = tune("k1", [3.0], "K")
+    (value,) = found.values
+    assert value.name == "k1.K"
+    assert value.after == pytest.approx(0.4 * ((2 * np.pi * 3.0) ** 2 + 1.5**2), rel=1e-10)
+    found = tune("soft", [20.0], "k")
+    assert found.values[0].after == pytest.approx(0.02 * (2 * np.pi * 20.0) ** 2, rel=1e-10)
+
+
+def test_a_discrete_network():
+    found = tune("discrete", [300.0, 600.0], "K")
+    assert found.is_reached
+    assert [value.text for value in found.values] == [repr(value.after) for value in found.values]
+    assert np.abs(1200 * np.log2(pitches(found) / [300.0, 600.0])).max() < 1e-6
+
+
+def test_values_change_least():
+    """Of all small changes that reach the targets none has smaller logarithms."""
+    found = tune("bar", [58.4, 178.5], "masses")
+    change = np.log([value.after / value.before for value in found.values])
+    slopes = []
+    for value in found.values:  # by differences, from the first score
+        name = value.name.removeprefix("bar.").removesuffix(".M")
+        line = next(one for one in SCORE.splitlines() if one.startswith(f"      {name}: {{MAS"))
+        heavier = SCORE.replace(
+            line, f"      {name}: {{MAS: {{M: {value.before * 1.0001!r}kg}}}}", 1
+        )
+        (part,) = ergon.modes("bars.yaml", ergon.ModesOptions(text=heavier, parts=["bar"], count=2))
+        slopes.append(np.log(part.frequencies / found.before) / np.log(1.0001))
+    slopes = np.array(slopes).T
+    least = np.linalg.pinv(slopes) @ slopes @ change
+    assert change == pytest.approx(least, abs=0.02 * np.abs(change).max())
+
+
+def test_what_cannot_be_reached_together_is_told():
+    found = tune("wire", "1:2.1:3.3")
+    assert not found.is_reached
+    assert found.rank < 2
+    assert np.abs(found.cents).max() > 80.0
+    found = tune("bar", ["A3", "E5"], "m1.M")
+    assert not found.is_reached
+    assert found.rank == 1
+    assert np.abs(found.cents).max() > 1.0
+
+
+def test_the_text_is_edited_and_comments_stay():
+    found = tune("bar", {2: 170.0}, "m3.M")
+    (value,) = found.values
+    assert found.edited == SCORE.replace(
+        "m3: {MAS: {M: 3g}}", f"m3: {{MAS: {{M: {value.text}}}}}", 1
+    )
+
+
+def test_values_in_a_file_that_is_used_are_told_and_stay():
+    Path("tools.yaml").write_text(
+        "ergon: 1\ninstruments:\n  bar: {modules: {m: {CEL: {M: 1g, f: 200Hz}}}}\n"
+    )
+    Path("used.yaml").write_text(
+        "ergon: 1\nuse: [tools.yaml]\nstrikes: {a: {to: [bar], at: 0s, impulse: 1mNs}}\n"
+    )
+    found = ergon.tune("used.yaml", "bar", ["A3"])
+    assert found.is_reached
+    assert found.values[0].after == pytest.approx(220.0)
+    if found.edited is None:
+        assert "tools.yaml" in found.trouble
+
+
+@pytest.mark.parametrize(
+    ("part", "targets", "options", "message"),
+    [
+        ("barr", "1:2", {}, "parts: no instrument or key is called 'barr'; did you mean 'bar'?"),
+        ("bar", "1:x", {}, "targets: 'x' is no ratio above 0"),
+        ("bar", "1:_", {}, "targets: '1:_' names no ratio"),
+        ("bar", [], {}, "targets: are missing"),
+        ("bar", ["A3", "A2"], {}, "targets: must rise from mode to mode"),
+        ("bar", {0: "A3"}, {}, "targets: name mode 0; modes count from 1"),
+        ("bar", {9: "A3"}, {}, "targets: name mode 9, but bar has 8 modes that swing"),
+        ("bar", ["h3"], {}, "targets: 'h3' is neither a frequency"),
+        ("bar", ["A3"], {"base": "A3"}, "base: is for ratios"),
+        (
+            "bar",
+            "1:2",
+            {"by": ["mases"]},
+            "by: bar has no value 'mases' above 0; did you mean 'masses'?",
+        ),
+        ("wire", "1:2", {"by": ["M"]}, "by: no mode feels wire.s.M"),
+        ("wall", "1:2", {}, "part: wall has no value above 0 that moves its modes"),
+    ],
+)
+def test_what_cannot_be_asked_for(part: str, targets: object, options: dict, message: str):
+    with pytest.raises(ergon.OptionError) as refused:
+        ergon.tune("bars.yaml", part, targets, ergon.TuneOptions(**options))  # type: ignore[arg-type]
+    assert str(refused.value).startswith(message)
+
+
+def test_ratios_rise_as_the_modes_do():
+    own = pitches(tune("bar", "1:2:3:4:5"))[:5]
+    assert all(a < b for a, b in pairwise(own))

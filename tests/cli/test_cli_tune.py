@@ -1,0 +1,78 @@
+"""`ergon tune` as it is typed."""
+
+from pathlib import Path
+
+import pytest
+from commands import records
+from tests.api.test_tune import SCORE
+
+from ergon.cli import app
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(own_folder: Path) -> Path:
+    Path("bars.yaml").write_text(SCORE)
+    return own_folder
+
+
+def test_what_is_to_be_written_is_printed(capsys: Capture):
+    assert app.run(["tune", "bars.yaml", "wire", "A3"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "wire: 1 mode"
+    assert lines[2].split()[1:7:2] == ["293.665", "220.000", "220.000"]
+    assert lines[2].endswith("  0 cents")
+    assert lines[-1].split()[:3] == ["wire.s.f", "293.665", "0.749154"]
+    assert Path("bars.yaml").read_text() == SCORE
+
+
+def test_into_the_score_and_into_another(capsys: Capture):
+    typed = ["tune", "bars.yaml", "bar", "2=170Hz", "--by", "m3.M"]
+    assert app.run([*typed, "-o", "new.yaml"]) == 0
+    assert app.run([*typed, "-o", "-"]) == 0
+    assert capsys.readouterr().out.endswith(Path("new.yaml").read_text())
+    assert app.run([*typed, "--write"]) == 0
+    assert Path("bars.yaml").read_text() == Path("new.yaml").read_text() != SCORE
+    assert capsys.readouterr().err.endswith("wrote 1 value into bars.yaml\n")
+    assert app.run(["tune", "bars.yaml", "bar", "2=170Hz", "--by", "m3.M"]) == 0
+    assert "no value changes" in capsys.readouterr().out
+
+
+def test_what_cannot_be_reached_is_told_and_not_written(capsys: Capture):
+    assert app.run(["tune", "bars.yaml", "wire", "1:2.1:3.3", "--write"]) == 2
+    assert (
+        "the targets cannot be reached together: mode 1 stays 87.34 cents above its target"
+        in capsys.readouterr().err
+    )
+    assert Path("bars.yaml").read_text() == SCORE
+
+
+def test_as_records(capsys: Capture):
+    assert app.run(["tune", "bars.yaml", "bar", "1:3", "--by", "springs", "--json"]) == 0
+    *values, last = records(capsys)
+    assert {row["event"] for row in values} == {"value"}
+    assert (last["event"], last["modes"], last["reached"], last["rank"]) == (
+        "tuned",
+        [1, 2],
+        True,
+        1,
+    )
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        (["barr", "A3"], "PART: no instrument or key is called 'barr'; did you mean 'bar'?"),
+        (["bar", "h3"], "TARGET: 'h3' is neither a frequency"),
+        (["bar", "1:2", "A3"], "TARGET: give one list of ratios"),
+        (["bar", "1=A3", "A4"], "TARGET: 'A4' is not MODE=FREQUENCY, such as 3=A5"),
+        (["bar", "1=A3", "1=A4"], "TARGET: mode 1 is given twice"),
+        (["bar", "A3", "--base", "A3"], "--base: is for ratios"),
+        (["bar", "A3", "--by", "m9.M"], "--by: bar has no value 'm9.M' above 0"),
+        (["bar", "A3", "--write", "-o", "x.yaml"], "--write excludes -o"),
+    ],
+)
+def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):
+    assert app.run(["tune", "bars.yaml", *typed]) == 2
+    assert message in capsys.readouterr().err

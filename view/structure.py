@@ -1,0 +1,216 @@
+"""Pictures of what a structure is: admittances over frequency, modes by pitch, shapes of modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor, hypot, isfinite, log2, log10
+
+from .curve import CURVES_MAX, Axis, Curve, axis
+from .svg import Frame, axes, curve_path, document, key_line, short, text
+
+STAVE_MAX = 60  # modes of one part: more cannot be read
+SHAPES_MAX = 12  # modes of one part
+_DOTS_MAX = 2500  # masses of one shape
+_WIDTH = 800  # pixels
+_LETTER, _LINE = 7.0, 15.0  # pixels that a wide letter and a line of text take
+_UP, _DOWN, _LEADER = "#0072b2", "#d55e00", "#999999"
+_MIDDLE_C = 60.0  # semitones
+
+
+@dataclass(frozen=True, slots=True)
+class PitchedMode:
+    """A mode on a stave: frequency above 0 [Hz], cents from the nearest note, and words."""
+
+    frequency: float
+    cents: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """How masses move in a mode: `x`, `y` [m] where each lies, and `moves`, all (n_masses,)."""
+
+    words: str
+    x: Sequence[float]
+    y: Sequence[float]
+    moves: Sequence[float]
+
+
+def admittance(curves: Sequence[Curve], *, title: str, height: int = 400) -> str:
+    """Levels `x` [dB] of curves over frequencies `t` [Hz], by logarithm, as an SVG document."""
+    if not 1 <= len(curves) <= CURVES_MAX:
+        raise ValueError(f"a picture has 1 to {CURVES_MAX} curves, not {len(curves)}")
+    spread = [Curve(one.name, [log10(f) for f in one.t], one.x) for one in curves]
+    t_axis = _frequencies(min(one.t[0] for one in curves), max(one.t[-1] for one in curves))
+    x_axis = axis([x for one in curves for x in one.x], 8)
+    names, rows = _key([one.name for one in curves])
+    top = 36 + _LINE * rows
+    frame = Frame(64, top, _WIDTH - 24, height - 48, t_axis, x_axis)
+    parts = [text(64, 20, short(title), weight="bold"), *names]
+    parts.append(axes(frame, "frequency [Hz]", "velocity over force [dB re 1 (m/s)/N]"))
+    parts += [curve_path(one, frame, number) for number, one in enumerate(spread)]
+    return document(_WIDTH, height, title, parts)
+
+
+def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: str) -> str:
+    """The modes of each part by pitch and cents from the nearest note, as an SVG document.
+
+    Of a part with more than STAVE_MAX modes the first ones are drawn.
+    """
+    drawn, top = [text(64, 20, short(title), weight="bold")], 32.0
+    for name, modes in parts:
+        shown = sorted(modes[:STAVE_MAX], key=lambda mode: -mode.frequency)
+        bottom = top + 24 + max(180.0, _LINE * (len(shown) + 1))
+        left_out = f" (the first {len(shown)} of {len(modes)} modes)" if modes[STAVE_MAX:] else ""
+        drawn.append(text(64, top + 14, short(name) + left_out))
+        drawn.append(_stave_of(shown, top + 24, bottom))
+        top = bottom + 60
+    return document(_WIDTH, int(top), title, drawn)
+
+
+def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
+    """How masses move in the modes of each part, where they lie on the bench, as an SVG document.
+
+    Of a part with more than SHAPES_MAX modes the first ones are drawn. Masses in a row are drawn as
+    a line that is moved up and down; others as dots as large as they move, full upwards and hollow
+    downwards.
+    """
+    drawn, top = [text(24, 20, short(title), weight="bold")], 32.0
+    columns, size = 4, 184.0
+    for name, own in parts:
+        shown = own[:SHAPES_MAX]
+        left_out = f" (the first {len(shown)} of {len(own)} modes)" if own[SHAPES_MAX:] else ""
+        drawn.append(text(24, top + 14, short(name) + left_out))
+        flat = all(_is_row(shape) for shape in shown)
+        height = 90.0 if flat else size - 24
+        for number, shape in enumerate(shown):
+            row, column = divmod(number, columns)
+            left, upper = 24 + column * (size + 6), top + 24 + row * (height + 30)
+            words = shape.words[: int(size / _LETTER)]
+            drawn.append(text(left + size / 2, upper + 12, words, anchor="middle"))
+            drawn.append(_shape(shape, left, upper + 18, size - 8, height - 8))
+        top += 40 + (height + 30) * ceil(len(shown) / columns)
+    return document(_WIDTH, int(top), title, drawn)
+
+
+def _frequencies(low: float, high: float) -> Axis:
+    """An axis by logarithm, its ticks 1, 2 and 5 times powers of ten; more on a short one."""
+    low, high = (low, high) if high > low else (0.9 * low, 1.1 * high)
+    decades = range(floor(log10(low)), ceil(log10(high)) + 1)
+    for factors in ((1, 2, 5), (1, 2, 3, 4, 5, 6, 7, 8, 9)):
+        ticks = [by * 10.0**power for power in decades for by in factors]
+        ticks = [f for f in ticks if low * (1 - 1e-9) <= f <= high * (1 + 1e-9)]
+        if len(ticks) >= 3:
+            break
+    if len(ticks) < 3:
+        ticks = list(axis([low, high], 6, tight=True).ticks)
+    if len(ticks) > 16:
+        ticks = [f for f in ticks if abs(log10(f) - round(log10(f))) < 1e-9]
+    names = tuple(f"{f / 1000:.6g}k" if f >= 1000 else f"{f:.6g}" for f in ticks)
+    return Axis(log10(low), log10(high), tuple(log10(f) for f in ticks), 0, names)
+
+
+def _key(names: Sequence[str]) -> tuple[list[str], int]:
+    """Which line is whose, below the title, and the number of rows that this takes."""
+    parts, at, row = [], 64.0, 0
+    room = _WIDTH - 24 - 64
+    for number, name in enumerate(names):
+        words = name[: int((room - 44) / _LETTER)]
+        width = 44 + _LETTER * len(words)
+        if at > 64 and at + width > _WIDTH - 24:
+            at, row = 64.0, row + 1
+        y = 38 + _LINE * row
+        parts += [key_line(at, y - 4, number), text(at + 33, y, words)]
+        at += width + 12
+    return parts, row + 1
+
+
+def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
+    """Modes, the highest first: dots in a frame, and a column of words to its right."""
+    column = 7 + _LETTER * max([len(mode.words) for mode in modes], default=0)
+    right = max(_WIDTH - 24 - column - 40, _WIDTH / 2)
+    pitches = [69 + 12 * log2(mode.frequency / 440) for mode in modes]
+    low = 12 * floor(min(pitches, default=_MIDDLE_C) / 12)
+    high = 12 * ceil((max(pitches, default=_MIDDLE_C) + 1e-9) / 12)
+    step = max(1, ceil((high - low) / 12 / ((bottom - top) / _LINE)))
+    octaves = range(int(low), int(high) + 1, 12 * step)
+    names = tuple(f"C{octave // 12 - 1}".replace("-", "−") for octave in octaves)
+    ticks = tuple(float(octave) for octave in octaves)
+    cents = Axis(-55.0, 55.0, (-50.0, -25.0, 0.0, 25.0, 50.0), 0)
+    frame = Frame(64, top, right, bottom, cents, Axis(float(low), float(high), ticks, 0, names))
+    parts = [axes(frame, "cents from the nearest note", "pitch")]
+    at = [frame.down(pitch) for pitch in pitches]
+    for mode, y, label in zip(modes, at, _apart(at, top + 10, bottom), strict=True):
+        x = frame.across(mode.cents)
+        parts.append(
+            f"<path d='M{x:.1f} {y:.1f}L{right:.1f} {y:.1f}L{right + 30:.1f} {label - 4:.1f}' "
+            f"fill='none' stroke='{_LEADER}' stroke-width='0.6'/>"
+        )
+        parts.append(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='3.5' fill='{_UP}'/>")
+        parts.append(text(right + 36, label, mode.words))
+    return "\n".join(parts)
+
+
+def _apart(wanted: Sequence[float], top: float, bottom: float) -> list[float]:
+    """Places of lines of text near those wanted, which rise, none nearer to another than a line."""
+    places: list[float] = []
+    for y in wanted:
+        places.append(max(y + 4, places[-1] + _LINE if places else top))
+    over = bottom
+    for i in range(len(places) - 1, -1, -1):
+        places[i] = min(places[i], over)
+        over = places[i] - _LINE
+    return places
+
+
+def _is_row(shape: Shape) -> bool:
+    wide = max(shape.x, default=0.0) - min(shape.x, default=0.0)
+    return max(shape.y, default=0.0) - min(shape.y, default=0.0) <= 1e-9 * wide
+
+
+def _shape(shape: Shape, left: float, top: float, width: float, height: float) -> str:
+    most = max((abs(move) for move in shape.moves if isfinite(move)), default=0.0) or 1.0
+    box = (
+        f"<rect x='{left:.1f}' y='{top:.1f}' width='{width:.1f}' height='{height:.1f}' "
+        "fill='none' stroke='#dddddd'/>"
+    )
+    every = max(1, ceil(len(shape.x) / _DOTS_MAX))
+    each = sorted(zip(shape.x, shape.y, shape.moves, strict=True))[::every]
+    low_x, low_y = min(shape.x), min(shape.y)
+    wide, tall = max(shape.x) - low_x, max(shape.y) - low_y
+    room_x, room_y = width - 16, height - 16
+    if _is_row(shape):
+        across = [left + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in each]
+        middle = top + height / 2
+        down = [middle - 0.5 * room_y * move / most for _, _, move in each]
+        line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
+        dots = "".join(
+            f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP}'/>"
+            for x, y in zip(across, down, strict=True)
+            if len(each) <= 120
+        )
+        rest = f"M{left:.1f} {middle:.1f}h{width:.1f}"
+        return (
+            f"{box}\n<path d='{rest}' fill='none' stroke='#dddddd'/>\n"
+            f"<path d='M{line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
+        )
+    scale = min(room_x / wide if wide else room_y / tall, room_y / tall if tall else room_x / wide)
+    largest = min(7.0, max(1.2, 0.5 * scale * hypot(wide, tall) / len(each) ** 0.5))
+    centre_x, centre_y = left + width / 2, top + height / 2
+    dots = "".join(
+        _dot(
+            centre_x + scale * (x - low_x - wide / 2),
+            centre_y - scale * (y - low_y - tall / 2),
+            largest * (abs(move) / most) ** 0.5,
+            move > 0,
+        )
+        for x, y, move in each
+        if abs(move) > 1e-3 * most
+    )
+    return f"{box}\n{dots}"
+
+
+def _dot(x: float, y: float, radius: float, is_up: bool) -> str:
+    paint = f"fill='{_UP}'" if is_up else f"fill='#ffffff' stroke='{_DOWN}' stroke-width='0.8'"
+    return f"<circle cx='{x:.1f}' cy='{y:.1f}' r='{max(radius, 0.3):.2f}' {paint}/>"
