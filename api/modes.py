@@ -114,16 +114,17 @@ def modes(
     names = named(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         scene = prepare(piece).scene
-        return tuple(_modes(piece, scene, name, asked, loaded.inputs) for name in names)
+        return tuple(modes_of(piece, scene, name, asked, loaded.inputs) for name in names)
 
 
-def _modes(
+def modes_of(
     piece: Piece,
     scene: Scene,
     name: str,
     asked: Mapping[str, float | int],
     inputs: Sequence[Path],
 ) -> PartModes:
+    """Modes of a part of a scene, in the range that the engine is `asked` for. Raises OptionError."""
     import numpy as np
 
     network = scene.network
@@ -131,14 +132,8 @@ def _modes(
     decay = -found.poles.real
     with np.errstate(divide="ignore"):
         t60 = np.where(decay > 0, LN_1000 / np.where(decay > 0, decay, 1.0), np.inf)
-    slots = {mat: slot for slot, mat in enumerate(found.mats)}
-    points = {}
-    for text, targets in _points(piece, name):
-        mats = [mat for target in targets for mat in scene.assembly.members(target)]
-        own = [slots[mat] for mat in mats if mat in slots]
-        if own:
-            label = text or (network.name_of(mats[0]) if len(mats) == 1 else targets[0].text)
-            points[label] = found.shapes[:, own].sum(axis=1)
+    slots = points_of(piece, scene, name, found.mats)
+    points = {label: found.shapes[:, own].sum(axis=1) for label, own in slots.items()}
     places = [network.position_of(mat) for mat in found.mats]
     return PartModes(
         name,
@@ -164,6 +159,22 @@ def _asked(network: _core.Network, name: str, asked: Mapping[str, float | int]) 
         return network.part_modes(name, **asked)  # type: ignore[arg-type]
     except _core.EngineError as error:
         raise OptionError("to" if "to" in asked else "count", str(error)) from None
+
+
+def points_of(
+    piece: Piece, scene: Scene, name: str, mats: Sequence[int]
+) -> Mapping[str, Sequence[int]]:
+    """Where a part is struck, touched or heard: of each point its slots among the masses `mats`."""
+    slots = {mat: slot for slot, mat in enumerate(mats)}
+    points = {}
+    for text, targets in _points(piece, name):
+        all_mats = [mat for target in targets for mat in scene.assembly.members(target)]
+        own = [slots[mat] for mat in all_mats if mat in slots]
+        if own:
+            is_one = len(all_mats) == 1
+            label = text or (scene.network.name_of(all_mats[0]) if is_one else targets[0].text)
+            points[label] = own
+    return points
 
 
 def _points(piece: Piece, name: str) -> Iterator[tuple[str, Sequence[Target]]]:

@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING
 from .errors import OptionError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon import _core
     from ergon.instruments.model import Target
     from ergon.scores.reading.piece import Piece
 
@@ -48,3 +52,23 @@ def point(piece: Piece, option: str, text: str) -> Target:
     except TextError as found:
         asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
         raise OptionError(option, f"{found.message}{asked}") from None
+
+
+def stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.complex128]:
+    """How far apart the ends of each link go in each mode (n_modes, n_links)."""
+    import numpy as np
+
+    held = np.column_stack([shapes, np.zeros(len(shapes))])  # slot -1 is the last
+    return np.asarray(held[:, elements.a] - held[:, elements.b])
+
+
+def is_free(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.bool_]:
+    """Which modes stretch no spring, as the motion of a free body as a whole (n_modes,)."""
+    import numpy as np
+
+    held = np.column_stack([shapes, np.zeros(len(shapes))])
+    weight = np.array([kind != "BUT" for kind in elements.kinds], dtype=float)
+    weight *= elements.stiffness
+    stretched = np.abs(stretches(shapes, elements)) ** 2 @ weight
+    moved = (np.abs(held[:, elements.a]) ** 2 + np.abs(held[:, elements.b]) ** 2) @ weight
+    return np.asarray(stretched <= 1e-12 * moved)

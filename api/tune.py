@@ -13,7 +13,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import hertz, named
+from .parts import hertz, is_free, named, stretches
 
 if TYPE_CHECKING:
     import numpy as np
@@ -361,7 +361,7 @@ class _Search:
                 found = network.part_modes(self.own.name, count=count)
             except _core.EngineError as error:
                 raise OptionError("targets", str(error)) from None
-            swings = _swinging(found, elements)
+            swings = np.flatnonzero((found.poles.imag > 0) & ~is_free(found.shapes, elements))
             if len(swings) >= last or count >= n:
                 break
             count = min(n, 2 * count)
@@ -405,7 +405,7 @@ class _Search:
             for name in ("masses", "stiffness", "damping")
         )
         open_ = np.array([kind == "BUT" for kind in elements.kinds])
-        stretch = np.where(open_, 0.0, _stretches(shapes, elements) ** 2)
+        stretch = np.where(open_, 0.0, stretches(shapes, elements) ** 2)
         rate, k, z = elements.ca_rate, elements.stiffness, elements.damping
         s = poles if rate is None else np.exp(poles / rate) - 1
         if rate is not None:
@@ -430,25 +430,6 @@ def _least_step(
     told = sizes > _FLAT
     weights = (u.T @ -left)[told] / sizes[told]
     return np.asarray(v[told].T @ weights), int(told.sum())
-
-
-def _stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.complex128]:
-    """How far apart the ends of each link go in each mode (n_modes, n_links)."""
-    import numpy as np
-
-    held = np.column_stack([shapes, np.zeros(len(shapes))])  # slot -1 is the last
-    return np.asarray(held[:, elements.a] - held[:, elements.b])
-
-
-def _swinging(found: _core.PartModes, elements: _core.Elements) -> NDArray[np.intp]:
-    """Which modes swing: neither those beyond critical damping nor a free body as a whole."""
-    import numpy as np
-
-    held = np.column_stack([found.shapes, np.zeros(len(found.shapes))])
-    weight = np.array([kind != "BUT" for kind in elements.kinds]) * elements.stiffness
-    stretched = np.abs(_stretches(found.shapes, elements)) ** 2 @ weight
-    moved = (np.abs(held[:, elements.a]) ** 2 + np.abs(held[:, elements.b]) ** 2) @ weight
-    return np.flatnonzero((found.poles.imag > 0) & (stretched > 1e-12 * moved))
 
 
 if TYPE_CHECKING:

@@ -62,6 +62,11 @@ COMMANDS: Table = {
         "admittance",
         "Say how fast points of an instrument move for a force, by its frequency.",
     ),
+    "stats": (
+        "stats",
+        "stats",
+        "Count the masses, links and modes of instruments, and the energy of each mode.",
+    ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),
     "stability": (

@@ -41,8 +41,11 @@ _LOWEST = 8.0  # [Hz] a free body moves as a whole at next to nothing, which is 
     "--around", metavar="FREQUENCY", help="The modes next to a frequency or note, such as A3."
 )
 @click.option("--csv", "table", metavar="FILE", help="Write the table into a CSV file.")
+@click.option("--svg", metavar="FILE", help="Draw modes by pitch and cents into an SVG picture.")
 @click.option(
-    "--shapes", is_flag=True, help="With --csv or --json: how each mass moves in each mode."
+    "--shapes",
+    is_flag=True,
+    help="With --csv, --json or --svg: how each mass moves in each mode.",
 )
 @options.force
 @options.trust
@@ -52,6 +55,7 @@ def modes(
     score_path: str,
     parts: tuple[str, ...],
     table: str | None,
+    svg: str | None,
     shapes: bool,
     force: bool,
     **given: Any,
@@ -64,26 +68,31 @@ def modes(
     """
     from ergon.exchange.safe import write_text
 
-    if shapes and table is None and not console.json:
-        raise Refused("--shapes needs --csv or --json: shapes are tables of numbers")
+    if shapes and table is None and svg is None and not console.json:
+        raise Refused("--shapes needs --csv, --json or --svg: shapes are many numbers, or pictures")
     try:
         found = find_modes(score_path, ModesOptions(parts=parts, **given), report=console)
     except OptionError as error:
         if error.option != "parts":
             raise
         raise Refused(f"PART: {error.reason}") from None
+    inputs = found[0].inputs if found else (Path(score_path),)
     if table is not None:
-        inputs = found[0].inputs if found else (Path(score_path),)
         write_text(table, _csv(found, shapes), force=force, inputs=inputs)
+    if svg is not None:
+        name = Path(score_path).name
+        picture = _shapes(found, name) if shapes else _stave(found, name)
+        write_text(svg, picture, force=force, inputs=inputs)
     for part in found:
         if console.json:
             _records(console, part, shapes)
         else:
             _warn(console, part)
-            if table is None:
+            if table is None and svg is None:
                 console.data(_lines(part))
-    if table is not None:
-        console.say(f"wrote {table}")
+    for path in (table, svg):
+        if path is not None:
+            console.say(f"wrote {path}")
 
 
 def _note(f: float) -> tuple[str, float]:
@@ -91,6 +100,46 @@ def _note(f: float) -> tuple[str, float]:
     from ergon.notation.tables.notes import nearest_note
 
     return nearest_note(f) if f >= _LOWEST else ("", 0.0)
+
+
+def _stave(found: Sequence[PartModes], name: str) -> str:
+    from ergon.view.structure import PitchedMode, stave
+
+    parts = []
+    for part in found:
+        each = zip(part.frequencies, part.t60, strict=True)
+        modes = [
+            PitchedMode(float(f), _note(float(f))[1], _words(number, float(f), float(t60)))
+            for number, (f, t60) in enumerate(each, 1)
+            if f >= _LOWEST
+        ]
+        parts.append((part.part, modes))
+    return stave(parts, title=f"Modes of {name}")
+
+
+def _shapes(found: Sequence[PartModes], name: str) -> str:
+    import numpy as np
+
+    from ergon.view.structure import Shape, shapes
+
+    parts = []
+    for part in found:
+        x, y = part.places[:, 0].tolist(), part.places[:, 1].tolist()
+        own = []
+        for number, shape in enumerate(part.shapes, 1):
+            # Masses do not swing in phase where damping is uneven: the instant of most motion.
+            turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
+            f, t60 = float(part.frequencies[number - 1]), float(part.t60[number - 1])
+            own.append(Shape(_words(number, f, t60), x, y, turned.real.tolist()))
+        if part.masses:
+            parts.append((part.part, own))
+    return shapes(parts, title=f"Shapes of the modes of {name}")
+
+
+def _words(number: int, f: float, t60: float) -> str:
+    note, cents = _note(f)
+    pitch = f"{note} {cents:+.1f}" if note else f"{f:.3g} Hz"
+    return f"{number}  {pitch}  {'no loss' if math.isinf(t60) else seconds(t60)}"
 
 
 def _warn(console: Console, part: PartModes) -> None:

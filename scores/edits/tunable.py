@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import HOLDERS, LINKS
 from ergon.scores.edits.matter import quantities, said, set_value
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Key, Piece
+
+if TYPE_CHECKING:
+    from ergon import _core
 
 # What moves the modes of a part, but for constants of laws; only numbers above 0 are moved.
 _FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")

@@ -74,7 +74,10 @@ def test_as_a_file(capsys: Capture):
         (["wirr"], "PART: no instrument or key is called 'wirr'; did you mean 'wire'?"),
         (["--to", "h3"], "--to: 'h3' is neither a frequency such as 220Hz nor a note"),
         (["--to", "1kHz", "--count", "3"], "--count: excludes --to; give one of the two"),
-        (["--shapes"], "--shapes needs --csv or --json: shapes are tables of numbers"),
+        (
+            ["--shapes"],
+            "--shapes needs --csv, --json or --svg: shapes are many numbers, or pictures",
+        ),
     ],
 )
 def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):

@@ -1,6 +1,7 @@
 """Ergon: write the gesture, hear the matter.
 
-`check`, `plan`, `modes`, `render`, `render_to_file` and `freeze` take the path of a score, and options;
+`check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze` take
+the path of a score, and options;
 `open_session` plays one while it is changed. Whatever is refused is an `ErgonError`. The page
 docs/library.md shows each.
 """
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
     from ergon.api.open_session import Session, open_session
+    from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
     from ergon.api.tune import Tuned, TunedValue, TuneOptions, tune
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
@@ -47,12 +49,15 @@ __all__ = [
     "FileOptions",
     "FreezeOptions",
     "Frozen",
+    "LinkStats",
     "ModesOptions",
     "NotTaken",
     "OptionError",
     "PartModes",
+    "PartStats",
     "Plan",
     "PlanRow",
+    "PointStats",
     "PrintedReport",
     "Progress",
     "ReadOptions",
@@ -67,6 +72,7 @@ __all__ = [
     "Session",
     "SessionOptions",
     "State",
+    "StatsOptions",
     "TuneOptions",
     "Tuned",
     "TunedValue",
@@ -78,6 +84,7 @@ __all__ = [
     "plan",
     "render",
     "render_to_file",
+    "stats",
     "tune",
 ]
 
@@ -95,12 +102,15 @@ _PLACES = {
     "FileOptions": "api.render",
     "FreezeOptions": "api.freeze",
     "Frozen": "exchange.frozen",
+    "LinkStats": "api.stats",
     "ModesOptions": "api.modes",
     "NotTaken": "repl.session.api",
     "OptionError": "api.errors",
     "PartModes": "api.modes",
+    "PartStats": "api.stats",
     "Plan": "api.plan",
     "PlanRow": "_core",
+    "PointStats": "api.stats",
     "PrintedReport": "common.report",
     "Progress": "common.report",
     "ReadOptions": "api.options",
@@ -115,6 +125,7 @@ _PLACES = {
     "Session": "api.open_session",
     "SessionOptions": "api.options",
     "State": "repl.session_protocol",
+    "StatsOptions": "api.stats",
     "TuneOptions": "api.tune",
     "Tuned": "api.tune",
     "TunedValue": "api.tune",
@@ -126,6 +137,7 @@ _PLACES = {
     "plan": "api.plan",
     "render": "api.render",
     "render_to_file": "api.files",
+    "stats": "api.stats",
     "tune": "api.tune",
 }
 

@@ -1,0 +1,232 @@
+"""Counts and totals of the parts of a score: masses, links, modes by third octave, energies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .modes import PartModes, modes_of, points_of
+from .options import ReadOptions
+from .parts import hertz, is_free, named
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon import _core
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.scene import Scene
+
+TO = 5000.0  # [Hz]
+_STATIC = 1e-5  # of the lowest mode: masses answer there as springs do, to the square of this
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatsOptions(ReadOptions):
+    """Of which parts figures are told, all without a name.
+
+    Modes count up to the frequency `to`, a number [Hz] or a text such as "5kHz" and "A7".
+    """
+
+    parts: Sequence[str] = ()
+    to: float | str = TO
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStats:
+    """Links of one kind: how many, and the lowest and the highest K [N/m] and Z [N·s/m] of them.
+
+    `kind` is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL or BRISTLE. Laws have those at
+    rest, a BUT those while it is closed.
+    """
+
+    kind: str
+    count: int
+    stiffness: tuple[float, float]
+    damping: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class PointStats:
+    """A point where a part is struck, touched or heard.
+
+    `mass` [kg] is what it is made of, `compliance` [m/N] how far it goes for 1 N that stays,
+    infinite where nothing holds the part. `shares` (n_modes,) say which part of the energy of a
+    blow there goes into each mode, and `centroid` [Hz] is the mean of their frequencies by it.
+    """
+
+    name: str
+    mass: float
+    compliance: float
+    shares: NDArray[np.float64]
+    centroid: float
+
+
+@dataclass(frozen=True, slots=True)
+class PartStats:
+    """Figures of one part by itself, contacts open and laws at their slope at rest.
+
+    `masses` [kg] are the lightest and the heaviest, `n_held` the fixed and imposed points. `modes`
+    are those up to the frequency asked for; the first `n_free` of them stretch no spring, as the
+    motion of a free body as a whole. `third_octaves` (n_bands,) [Hz] are the middles of the bands
+    that the others lie in, `counts` (n_bands,) how many lie in each. `highest` [Hz] is |s|/2π of
+    the highest of all modes. `guarantee` says of the scheme at the score's rate, stepped
+    `oversampling` times a frame, that it is "proved" or "guarded" or was "tried", and is None where
+    no number of steps up to 16 is known to be stable.
+    """
+
+    part: str
+    n_masses: int
+    n_held: int
+    mass: float
+    masses: tuple[float, float]
+    links: tuple[LinkStats, ...]
+    modes: PartModes
+    n_free: int
+    third_octaves: NDArray[np.float64]
+    counts: NDArray[np.intp]
+    highest: float
+    guarantee: str | None
+    oversampling: int
+    points: tuple[PointStats, ...]
+    inputs: tuple[Path, ...]
+
+
+def stats(
+    score: str | Path, options: StatsOptions | None = None, *, report: Report | None = None
+) -> tuple[PartStats, ...]:
+    """Counts and totals of parts of a score, each without its links to others.
+
+    Raises ScoreError and OptionError.
+    """
+    from ergon.scores.staging.stage import prepare
+
+    options = options or StatsOptions()
+    to = hertz("to", options.to)
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    names = named(piece, options.parts)
+    with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
+        scene = prepare(piece).scene
+        return tuple(_stats(piece, scene, name, to, loaded.inputs) for name in names)
+
+
+def _stats(piece: Piece, scene: Scene, name: str, to: float, inputs: Sequence[Path]) -> PartStats:
+    import numpy as np
+
+    own = scene.network.elements([name])
+    modes = modes_of(piece, scene, name, {"to": to}, inputs)
+    n_free = int(is_free(modes.shapes, own).sum())
+    swinging = modes.frequencies[n_free:]
+    middles, counts = _bands(swinging[swinging > 0])
+    guarantee, oversampling = _certificate(piece, name)
+    mats = own.mats
+    points = points_of(piece, scene, name, mats)
+    return PartStats(
+        name,
+        len(mats),
+        own.n_held,
+        float(own.masses.sum()),
+        (float(own.masses.min()), float(own.masses.max())) if mats else (0.0, 0.0),
+        tuple(_links(own)),
+        modes,
+        n_free,
+        middles,
+        counts,
+        _highest(scene.network, name, own),
+        guarantee,
+        oversampling,
+        tuple(
+            _point(scene.network, name, own, modes, label, np.array(slots))
+            for label, slots in points.items()
+        ),
+        tuple(inputs),
+    )
+
+
+def _links(own: _core.Elements) -> Sequence[LinkStats]:
+    import numpy as np
+
+    kinds = np.array(own.kinds)
+    found = []
+    for kind in dict.fromkeys(own.kinds):
+        k, z = own.stiffness[kinds == kind], own.damping[kinds == kind]
+        k_range, z_range = ((float(x.min()), float(x.max())) for x in (k, z))
+        found.append(LinkStats(kind, len(k), k_range, z_range))
+    return found
+
+
+def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Middles of third octaves from the lowest frequency to the highest, and how many each has."""
+    import numpy as np
+
+    if not frequencies.size:
+        return np.zeros(0), np.zeros(0, dtype=np.intp)
+    number = np.round(3 * np.log2(frequencies / 1000)).astype(int)
+    low = int(number.min())
+    counts = np.bincount(number - low)
+    return 1000 * 2 ** ((low + np.arange(len(counts))) / 3), counts
+
+
+def _highest(network: _core.Network, name: str, own: _core.Elements) -> float:
+    """Frequency of the highest mode [Hz] without damping: the one next to a bound of all."""
+    import numpy as np
+
+    if not own.mats:
+        return 0.0
+    stiffness = np.where([kind == "BUT" for kind in own.kinds], 0.0, own.stiffness)
+    ties = np.zeros(len(own.mats) + 1)  # slot -1 is held
+    np.add.at(ties, own.a, stiffness)
+    np.add.at(ties, own.b, stiffness)
+    highest = float((ties[:-1] / own.masses).max())  # λ is at most twice this (Gershgorin)
+    if highest <= 0:
+        return 0.0
+    rate = own.ca_rate
+    bound = np.sqrt(2.002 * highest)
+    f = bound / (2 * np.pi) if rate is None else rate * np.arcsin(min(1.0, bound / 2)) / np.pi
+    pole = network.part_modes(name, around=float(f), count=1).poles[0]
+    return float(abs(pole) if rate is None else abs(pole.imag)) / (2 * np.pi)
+
+
+def _certificate(piece: Piece, name: str) -> tuple[str | None, int]:
+    """The word of the certificate of a part by itself, and the steps of a frame it holds for."""
+    from ergon import _core
+    from ergon.scores.edits.tunable import TunablePart
+
+    network = TunablePart(piece, name).network({})
+    for oversampling in (1, 2, 4, 8, 16):
+        try:
+            found = network.certify(piece.rate * oversampling)
+        except (_core.UnstableError, _core.UnsureError):
+            continue
+        return found.guarantee, oversampling * found.oversampling
+    return None, 1
+
+
+def _point(
+    network: _core.Network,
+    name: str,
+    own: _core.Elements,
+    modes: PartModes,
+    label: str,
+    slots: NDArray[np.intp],
+) -> PointStats:
+    import numpy as np
+
+    masses = own.masses[slots]
+    shares = np.abs(modes.points[label]) ** 2 / np.sum(1 / masses)
+    told = float(shares.sum())
+    centroid = float(shares @ modes.frequencies / told) if told > 0 else 0.0
+    mats = [own.mats[slot] for slot in slots]
+    compliance = np.inf
+    lowest = network.part_modes(name, count=1)
+    if not is_free(lowest.shapes, own).any():
+        f = _STATIC * float(abs(lowest.poles[0])) / (2 * np.pi)
+        answer = network.admittance([name], mats, [mats], [f])[0, 0]
+        compliance = float((answer / (2j * np.pi * f)).real)
+    return PointStats(label, float(masses.sum()), compliance, shares, centroid)

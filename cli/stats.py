@@ -1,0 +1,169 @@
+"""`ergon stats`: masses, links, modes and energies of the parts of a score, in figures."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from ergon.api.errors import OptionError
+from ergon.api.stats import PartStats, PointStats, StatsOptions
+from ergon.api.stats import stats as find_stats
+
+from . import options
+from .console import Console, plural
+from .outcome import Refused
+from .tables import table
+from .units import metres, seconds
+
+_LARGEST = 3  # shares of modes that are told of a point
+
+
+@click.command()
+@options.score
+@click.argument("parts", metavar="[PART]...", nargs=-1)
+@click.option(
+    "--to",
+    metavar="FREQUENCY",
+    default="5kHz",
+    show_default=True,
+    help="Count modes up to this frequency.",
+)
+@options.trust
+@options.speaking
+def stats(console: Console, score_path: str, parts: tuple[str, ...], **given: Any) -> None:
+    """Say what instruments and keys are made of, and how their modes and energies are spread.
+
+    Each part is taken by itself, without its links to others, its contacts open and its laws at
+    their slope at rest. The answer of a point is how far it goes for a force of 1 N that stays;
+    its modes are those that take most of the energy of a blow there.
+    """
+    try:
+        found = find_stats(score_path, StatsOptions(parts=parts, **given), report=console)
+    except OptionError as error:
+        if error.option != "parts":
+            raise
+        raise Refused(f"PART: {error.reason}") from None
+    if console.json:
+        for part in found:
+            _record(console, part)
+    else:
+        console.data("\n".join(_lines(part) for part in found))
+
+
+def _lines(part: PartStats) -> str:
+    held = plural(part.n_held, "fixed point")
+    if not part.n_masses:
+        return f"{part.part}: {held}; nothing in it moves\n"
+    masses = "1 mass" if part.n_masses == 1 else f"{part.n_masses:,} masses"
+    each = _range(part.masses, _kilograms)
+    text = f"{part.part}: {masses} of {each}, {_kilograms(part.mass)} in all; {held}\n"
+    if part.links:
+        rows = [("links", "count", "stiffness", "damping")]
+        for link in part.links:
+            stiffness = _range(link.stiffness, lambda k: f"{k:.4g} N/m")
+            damping = _range(link.damping, lambda z: f"{z:.4g} N·s/m")
+            rows.append((link.kind, f"{link.count:,}", stiffness, damping))
+        text += f"\n{table(rows)}"
+    return f"{text}\n{_modes(part)}{_points(part)}"
+
+
+def _modes(part: PartStats) -> str:
+    f, t60 = part.modes.frequencies[part.n_free :], part.modes.t60[part.n_free :]
+    told = f"{plural(len(f), 'mode')} in this range"
+    if len(f):
+        low, high = (float(t60.min()), float(t60.max()))
+        ends = "no loss" if math.isinf(low) else _range((low, high), _seconds)
+        told += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {ends}"
+    if part.n_free:
+        told += f", and {plural(part.n_free, 'motion')} that no spring resists"
+    stable = "not known to be stable by up to 16 steps a frame"
+    if part.guarantee is not None:
+        steps = part.oversampling
+        often = "one step a frame" if steps == 1 else f"{steps} steps a frame"
+        stable = f"stable by {often} ({part.guarantee})"
+    text = f"{told}; highest of all {part.highest:.2f} Hz; {stable}\n"
+    bands = zip(part.third_octaves, part.counts, strict=True)
+    each = [f"{middle:.0f} Hz: {count}" for middle, count in bands if count]
+    return text + (f"modes by third octave: {', '.join(each)}\n" if each else "")
+
+
+def _points(part: PartStats) -> str:
+    if not part.points:
+        return ""
+    rows = [("point", "mass", "answer to 1 N", "mean frequency", "modes with most energy")]
+    for point in part.points:
+        answer = "no bound" if math.isinf(point.compliance) else metres(point.compliance)
+        mean = f"{point.centroid:.1f} Hz"
+        rows.append((point.name, _kilograms(point.mass), answer, mean, _most(part, point)))
+    return f"\n{table(rows)}"
+
+
+def _most(part: PartStats, point: PointStats) -> str:
+    order = sorted(range(len(point.shares)), key=lambda i: -point.shares[i])[:_LARGEST]
+    return ", ".join(
+        f"{part.modes.frequencies[i]:.1f} Hz {100 * point.shares[i]:.3g}%"
+        for i in order
+        if point.shares[i] >= 5e-4
+    )
+
+
+def _range(ends: tuple[float, float], said: Any) -> str:
+    low, high = said(ends[0]), said(ends[1])
+    return str(low) if low == high else f"{low} to {high}"
+
+
+def _kilograms(value: float) -> str:
+    for factor, unit in ((1.0, "kg"), (1e-3, "g"), (1e-6, "mg")):
+        if abs(value) >= factor:
+            return f"{value / factor:.4g} {unit}"
+    return f"{value:.4g} kg"
+
+
+def _seconds(value: float) -> str:
+    return "no loss" if math.isinf(value) else seconds(value)
+
+
+def _record(console: Console, part: PartStats) -> None:
+    def finite(x: float) -> float | None:
+        return None if math.isinf(x) else x
+
+    f, t60 = part.modes.frequencies[part.n_free :], part.modes.t60[part.n_free :]
+    console.record(
+        "stats",
+        part=part.part,
+        masses=part.n_masses,
+        held=part.n_held,
+        mass_kg=part.mass,
+        mass_range_kg=list(part.masses),
+        links=[
+            {
+                "kind": link.kind,
+                "count": link.count,
+                "stiffness_n_per_m": list(link.stiffness),
+                "damping_ns_per_m": list(link.damping),
+            }
+            for link in part.links
+        ],
+        modes=len(f),
+        certified=part.modes.is_certified,
+        free_motions=part.n_free,
+        frequency_range_hz=[float(f[0]), float(f[-1])] if len(f) else [],
+        t60_range_s=[finite(float(t60.min())), finite(float(t60.max()))] if len(t60) else [],
+        third_octaves_hz=part.third_octaves.tolist(),
+        modes_by_third_octave=part.counts.tolist(),
+        highest_hz=part.highest,
+        certificate=part.guarantee,
+        times=part.oversampling,
+        points=[
+            {
+                "name": point.name,
+                "mass_kg": point.mass,
+                "compliance_m_per_n": finite(point.compliance),
+                "centroid_hz": point.centroid,
+                "energy_shares": point.shares.tolist(),
+            }
+            for point in part.points
+        ],
+    )

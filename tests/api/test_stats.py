@@ -1,0 +1,96 @@
+"""`ergon.stats`: counts, totals, static answers and energies, against closed forms."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.api.test_tune import SCORE
+
+import ergon
+
+
+@pytest.fixture(autouse=True)
+def folder(own_folder: Path) -> Path:
+    Path("bars.yaml").write_text(SCORE)
+    return own_folder
+
+
+def stats(part: str, **options: object) -> ergon.PartStats:
+    (found,) = ergon.stats("bars.yaml", ergon.StatsOptions(parts=[part], **options))  # type: ignore[arg-type]
+    return found
+
+
+def test_masses_and_links_of_a_chain():
+    bar = stats("bar")
+    assert (bar.n_masses, bar.n_held, bar.n_free) == (8, 1, 0)
+    assert bar.mass == pytest.approx(31e-3)
+    assert bar.masses == (3e-3, 5e-3)
+    (springs,) = bar.links
+    assert springs == ergon.LinkStats("REF", 8, (9e3, 20e3), (0.02, 1.0))
+    assert len(bar.modes.poles) == bar.counts.sum() == 8
+    assert bar.highest == pytest.approx(np.abs(bar.modes.poles[-1]) / (2 * np.pi), rel=1e-9)
+    assert (bar.guarantee, bar.oversampling) == ("proved", 1)
+
+
+def test_bands_are_third_octaves():
+    bar = stats("bar")
+    lowest, highest = bar.modes.frequencies[[0, -1]]
+    assert bar.third_octaves[0] / 2 ** (1 / 6) <= lowest <= bar.third_octaves[0] * 2 ** (1 / 6)
+    assert bar.third_octaves[-1] / 2 ** (1 / 6) <= highest
+    assert bar.third_octaves[1:] / bar.third_octaves[:-1] == pytest.approx(2 ** (1 / 3))
+
+
+def test_how_far_points_go_for_a_newton():
+    out, struck = stats("bar").points  # through 9 kN/m and seven, or three, of 20 kN/m
+    assert out.compliance == pytest.approx(1 / 9e3 + 7 / 20e3, rel=1e-8)
+    assert struck.compliance == pytest.approx(1 / 9e3 + 3 / 20e3, rel=1e-8)
+    assert (out.mass, struck.mass, struck.name) == (4e-3, 3e-3, "bar.m3")
+    assert stats("k1").points == ()  # nothing plays it
+
+
+def test_a_body_that_nothing_holds():
+    free = stats("free")
+    assert (free.n_held, free.n_free) == (0, 1)
+    assert np.isinf(free.points[0].compliance)
+    assert free.counts.sum() == 5
+    assert free.points[0].shares[0] == pytest.approx(5e-3 / 24e-3, rel=1e-6)  # as one mass
+
+
+def test_all_energy_of_a_blow_goes_into_the_modes():
+    for point in stats("wire").points:
+        assert point.shares.sum() == pytest.approx(1.0, rel=1e-6)
+    part = stats("wire", to="1kHz")
+    assert len(part.modes.poles) == len(part.points[0].shares) == 3
+    shape = np.sin(np.pi * np.arange(1, 4) * 18 / 25) ** 2 * 2 / 25
+    assert part.points[0].shares == pytest.approx(shape, rel=1e-6)
+    wanted = shape @ part.modes.frequencies / shape.sum()
+    assert part.points[0].centroid == pytest.approx(wanted, rel=1e-6)
+
+
+def test_every_part_and_what_has_no_mass():
+    found = ergon.stats("bars.yaml")
+    assert [part.part for part in found] == [
+        "k1",
+        "bar",
+        "free",
+        "wire",
+        "soft",
+        "discrete",
+        "wall",
+    ]
+    wall = found[-1]
+    assert (wall.n_masses, wall.n_held, wall.mass, wall.highest) == (0, 1, 0.0, 0.0)
+    assert found[4].links[0].kind == "LNL"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"parts": ["barr"]}, "parts: no instrument or key is called 'barr'; did you mean 'bar'?"),
+        ({"to": "h3"}, "to: 'h3' is neither a frequency"),
+    ],
+)
+def test_what_cannot_be_asked_for(options: dict, message: str):
+    with pytest.raises(ergon.OptionError) as refused:
+        ergon.stats("bars.yaml", ergon.StatsOptions(**options))
+    assert str(refused.value).startswith(message)
