@@ -124,7 +124,7 @@ def modes_of(
     asked: Mapping[str, float | int],
     inputs: Sequence[Path],
 ) -> PartModes:
-    """Modes of a part of a scene, in the range that the engine is `asked` for. Raises OptionError."""
+    """Modes of a part of a scene, in the range `asked` of the engine. Raises OptionError."""
     import numpy as np
 
     network = scene.network
