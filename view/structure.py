@@ -15,7 +15,6 @@ _DOTS_MAX = 2500  # masses of one shape
 _WIDTH = 800  # pixels
 _LETTER, _LINE = 7.0, 15.0  # pixels that a wide letter and a line of text take
 _UP, _DOWN, _LEADER = "#0072b2", "#d55e00", "#999999"
-_MIDDLE_C = 60.0  # semitones
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +59,10 @@ def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: str) -> 
     """
     drawn, top = [text(64, 20, short(title), weight="bold")], 32.0
     for name, modes in parts:
+        if not modes:
+            drawn.append(text(64, top + 14, f"{short(name)}: none of its modes is a note"))
+            top += 30
+            continue
         shown = sorted(modes[:STAVE_MAX], key=lambda mode: -mode.frequency)
         bottom = top + 24 + max(180.0, _LINE * (len(shown) + 1))
         left_out = f" (the first {len(shown)} of {len(modes)} modes)" if modes[STAVE_MAX:] else ""
@@ -128,11 +131,10 @@ def _key(names: Sequence[str]) -> tuple[list[str], int]:
 
 def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
     """Modes, the highest first: dots in a frame, and a column of words to its right."""
-    column = 7 + _LETTER * max([len(mode.words) for mode in modes], default=0)
+    column = 7 + _LETTER * max(len(mode.words) for mode in modes)
     right = max(_WIDTH - 24 - column - 40, _WIDTH / 2)
     pitches = [69 + 12 * log2(mode.frequency / 440) for mode in modes]
-    low = 12 * floor(min(pitches, default=_MIDDLE_C) / 12)
-    high = 12 * ceil((max(pitches, default=_MIDDLE_C) + 1e-9) / 12)
+    low, high = 12 * floor(min(pitches) / 12), 12 * ceil((max(pitches) + 1e-9) / 12)
     step = max(1, ceil((high - low) / 12 / ((bottom - top) / _LINE)))
     octaves = range(int(low), int(high) + 1, 12 * step)
     names = tuple(f"C{octave // 12 - 1}".replace("-", "−") for octave in octaves)

@@ -15,6 +15,7 @@ COMMANDS = {
     "render": ["render", "s.yaml", "-o", "x.wav", "-f"],
     "info": ["info", "s.yaml"],
     "modes": ["modes", "s.yaml"],
+    "stats": ["stats", "s.yaml"],
     "compile": ["compile", "s.yaml", "-o", "ergons.csv", "-f"],
     "plot": ["plot", "s.yaml", "go"],
     "export": ["export", "s.yaml", "-o", "exported", "-f"],

@@ -71,6 +71,7 @@ def test_a_stave(count: int):
         [("bell", modes), ("other-bell", modes[:2])], title="Modes of bells.yaml"
     )
     labels_are_apart(picture)
+    assert ("bell: none of its modes is a note" in picture) == (count == 0)
     circles = list(ET.fromstring(picture).iter(f"{SVG}circle"))
     assert len(circles) == min(count, 60) + min(count, 2)
     assert ("the first 60 of 90 modes" in picture) == (count == 90)
