@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 REACHED = 1e-6  # [cents] within which a target counts as reached
 _EXACT = 1e-10  # [cents] where nothing is gained any more
+_DIGITS = 12  # of a value: a last digit more moves a mode by 1e-9 cents at most
 _STEPS = 80
 _STRIDE = 0.4  # a value is at most multiplied by e^0.4 in one step
 _FARTHEST = math.log(1000.0)
@@ -41,7 +42,8 @@ class TuneOptions(ReadOptions):
 
     `by` are fields of all modules of the part ("M", "K", "f"; "masses", "springs" and "pitches"
     mean these) or of one ("m1.M"); without one all that move its modes. Where targets are ratios,
-    `base` is the frequency of ratio 1 (440.0 [Hz], "A3"); without it the values change least.
+    `base` is the frequency of ratio 1 (440.0 [Hz], "A3"); without it the first mode of the ratios
+    stays where it is.
     """
 
     by: Sequence[str] = ()
@@ -109,17 +111,23 @@ def tune(
     The part is taken by itself, contacts open, laws at their slope at rest. Nothing is written.
     Raises ScoreError and OptionError.
     """
+    import numpy as np
+
     from ergon.scores.edits.tunable import TunablePart
 
     options = options or TuneOptions()
-    wanted, is_free = _wanted(targets, options.base)
+    wanted, is_ratios = _wanted(targets, options.base)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     (name,) = named(piece, (part,))
     own = TunablePart(piece, name)
     chosen = _chosen(own, options.by)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):
-        search = _Search(own, chosen, wanted, is_free)
+        if is_ratios:
+            first = next(iter(wanted))
+            base = _Search(own, (), {first: 1.0}).begun[0] / wanted[first]
+            wanted = {number: float(base * ratio) for number, ratio in wanted.items()}
+        search = _Search(own, chosen, wanted)
         found = search.run()
     before = search.begun
     after = [replace(value, number=x) for value, x in zip(search.values, found, strict=True)]
@@ -131,13 +139,13 @@ def tune(
     texts, trouble = _edited(score, options, loaded, own, [new for _, new in changed])
     frequencies = search.frequencies({(v.module, v.field): v.number for v in after})
     if texts is not None and (written := texts.load().piece) is not None:
-        frequencies = _Search(TunablePart(written, name), (), wanted, is_free).begun
+        frequencies = _Search(TunablePart(written, name), (), wanted).begun
     numbers = tuple(wanted)
     return Tuned(
         name,
         numbers,
         before,
-        search.targets(frequencies),
+        np.array(list(wanted.values())),
         frequencies,
         tuple(
             TunedValue(own.target(new), old.number, new.number, own.text(new))
@@ -153,7 +161,7 @@ def tune(
 def _wanted(
     targets: str | Mapping[int, float | str] | Sequence[float | str], base: float | str | None
 ) -> tuple[dict[int, float], bool]:
-    """Frequency [Hz], or ratio where the pitch is free, by the number of the mode."""
+    """Frequency [Hz], or ratio where no base is given, by the number of the mode."""
     if isinstance(targets, str) and ":" in targets:
         ratios = {
             number: _ratio(word)
@@ -232,7 +240,7 @@ def _edited(
     from ergon.notation.text.edit import EditError
     from ergon.scores.edits.texts import Texts
 
-    path = str(score)
+    path = str(Path(score))
     texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
     texts = begun = texts.complete()
     try:
@@ -255,11 +263,11 @@ class _Search:
     """
 
     def __init__(
-        self, own: TunablePart, values: Sequence[Value], wanted: Mapping[int, float], is_free: bool
+        self, own: TunablePart, values: Sequence[Value], wanted: Mapping[int, float]
     ) -> None:
         import numpy as np
 
-        self.own, self.wanted, self.is_free = own, wanted, is_free
+        self.own, self.wanted = own, wanted
         self.values: list[Value] = []
         self.log_targets = np.log(list(wanted.values()))
         self.rank = 0
@@ -273,13 +281,6 @@ class _Search:
         if values and not self.values:
             names = ", ".join(own.target(value) for value in values)
             raise OptionError("by", f"no mode feels {names}; name others, or leave `by` out")
-
-    def targets(self, frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The frequencies that are asked for [Hz]; of ratios those next to what is reached."""
-        import numpy as np
-
-        free = np.mean(np.log(frequencies) - self.log_targets) if self.is_free else 0.0
-        return np.asarray(np.exp(self.log_targets + free))
 
     def frequencies(self, values: Mapping[tuple[str, str], float]) -> NDArray[np.float64]:
         """Of the modes that have targets [Hz]."""
@@ -297,11 +298,8 @@ class _Search:
         for _ in range(_STEPS):
             poles = state[0]
             left = np.log(poles.imag / (2 * np.pi)) - self.log_targets
-            left = left - left.mean() if self.is_free else left
             size = float(np.abs(left).max())
             slopes = self._slopes(state, at)
-            if self.is_free:
-                slopes = slopes - slopes.mean(axis=0)
             step, self.rank = _least_step(slopes, left)
             if size * _CENTS <= _EXACT:
                 break
@@ -314,7 +312,7 @@ class _Search:
                 break
             at, state = moved
         return [
-            value.number if x == b else float(np.exp(x))
+            value.number if x == b else float(f"{math.exp(x):.{_DIGITS}g}")
             for value, x, b in zip(self.values, at, begin, strict=True)
         ]
 
@@ -328,11 +326,16 @@ class _Search:
         """The step, or a shorter one, by which less is left; None where none is."""
         import numpy as np
 
+        from ergon import _core
+
         for _ in range(14):
             there = np.clip(at + step, begin - _FARTHEST, begin + _FARTHEST)
-            state = self._modes(self._numbers(there))
+            try:
+                state = self._modes(self._numbers(there))
+            except _core.EngineError:  # no module has such values: not so far
+                step = step / 2
+                continue
             left = np.log(state[0].imag / (2 * np.pi)) - self.log_targets
-            left = left - left.mean() if self.is_free else left
             if float(left @ left) < size * (1 - 1e-9):
                 return there, state
             step = step / 2
@@ -393,13 +396,18 @@ class _Search:
     ) -> NDArray[np.float64]:
         import numpy as np
 
+        from ergon import _core
+
         where = (value.module, value.field)
 
         def matrices(factor: float) -> _core.Elements:
             network = self.own.network({**numbers, where: number * factor})
             return network.elements([self.own.name])
 
-        up, down = matrices(math.exp(_NUDGE)), matrices(math.exp(-_NUDGE))
+        try:
+            up, down = matrices(math.exp(_NUDGE)), matrices(math.exp(-_NUDGE))
+        except _core.EngineError:  # at the border of what it may be: it stays
+            return np.zeros(len(poles))
         dm, dk, dz = (
             (getattr(up, name) - getattr(down, name)) / (2 * _NUDGE)
             for name in ("masses", "stiffness", "damping")

@@ -29,7 +29,11 @@ _ARGUMENTS = {"parts": "PART", "part": "PART", "targets": "TARGET"}
     metavar="VALUE",
     help="Tune by these: masses, springs, pitches, a field (M) or a value (m1.M); repeatable.",
 )
-@click.option("--base", metavar="FREQUENCY", help="The frequency of ratio 1, such as A3.")
+@click.option(
+    "--base",
+    metavar="FREQUENCY",
+    help="The frequency of ratio 1, such as A3; without it the first mode stays.",
+)
 @click.option("--write", is_flag=True, help="Write the values into the score.")
 @options.target("Write the score with the values into this file; - is stdout.")
 @options.force
@@ -69,6 +73,8 @@ def tune(
         console.data(_lines(found))
     if not found.is_reached:
         raise Refused(_unreached(found))
+    if found.edited is None and not (write or output is not None):
+        console.warn(f"--write would leave the score as it is: {found.trouble}")
     if write or output is not None:
         _write(console, score_path, found, output, force)
 

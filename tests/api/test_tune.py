@@ -78,6 +78,7 @@ def test_ratios_are_reached(part: str, by: tuple[str, ...]):
     own = pitches(found)[:3]
     assert np.abs(1200 * np.log2(own / own[0] / [1, 2.76, 5.4])).max() < 1e-6
     assert own == pytest.approx(found.frequencies, rel=1e-12)
+    assert own[0] == pytest.approx(found.before[0], rel=1e-9)
     assert all(value.name.endswith(".M") for value in found.values) or by != ("masses",)
 
 
@@ -192,3 +193,15 @@ def test_what_cannot_be_asked_for(part: str, targets: object, options: dict, mes
 def test_ratios_rise_as_the_modes_do():
     own = pitches(tune("bar", "1:2:3:4:5"))[:5]
     assert all(a < b for a, b in pairwise(own))
+
+
+def test_the_path_may_be_written_in_any_way():
+    for path in ("./bars.yaml", Path("bars.yaml").absolute()):
+        assert ergon.tune(path, "wire", ["A3"]).edited is not None
+
+
+def test_a_value_at_the_border_of_what_it_may_be_stays_there():
+    stiff = SCORE.replace("masses: 24, M: 4g", "masses: 40, M: 4g, inharmonicity: 1e-4")
+    found = tune("wire", "1:2.3", text=stiff)
+    assert not found.is_reached
+    assert 0.09 < next(v.after for v in found.values if v.name.endswith("inharmonicity")) <= 0.1
