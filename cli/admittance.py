@@ -132,6 +132,8 @@ def _peaks(found: Admittance, row: int) -> str:
     all_peaks = found.peaks(row)
     peaks = sorted(all_peaks[:_SHOWN].tolist())
     span = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
+    if not found.values[row].any():
+        return f"{head}: nothing leads there, it does not move\n"
     if not peaks:
         ends = f"{levels[0]:.1f} dB at {f[0]:g} Hz, {levels[-1]:.1f} dB at {f[-1]:g} Hz"
         return f"{head}: no peak from {span}: {ends}\n"
