@@ -25,7 +25,7 @@ from benches.measure import Row
 from benches.mesh import mesh
 from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
-from benches.part_modes import part_modes
+from benches.part_modes import admittance, part_modes
 from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
@@ -53,6 +53,7 @@ def main(arguments: list[str]) -> int:
         "check": reading.check,
         "planning": planning,
         "part_modes": part_modes,
+        "admittance": admittance,
         "start": reading.start,
         "repl": repl,
         "edits": edits,
