@@ -55,17 +55,17 @@ COMMANDS: Table = {
     "tune": (
         "tune",
         "tune",
-        "Find values of an instrument that bring its modes to given frequencies.",
+        "Find values of an instrument or a key that bring its modes to given frequencies.",
     ),
     "admittance": (
         "admittance",
         "admittance",
-        "Say how fast points of an instrument move for a force, by its frequency.",
+        "Say how fast points move for a force, by its frequency, in dB re 1 (m/s)/N.",
     ),
     "stats": (
         "stats",
         "stats",
-        "Count the masses, links and modes of instruments, and the energy of each mode.",
+        "Say what instruments and keys are made of, and how their modes and energies are spread.",
     ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),
