@@ -52,6 +52,11 @@ COMMANDS: Table = {
         "modes",
         "Say at which pitches instruments and keys vibrate, how long, and how much where.",
     ),
+    "bell": (
+        "bell",
+        "bell",
+        "Make an instrument of a struck object, from recordings of strokes or resonances.",
+    ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),
     "stability": (

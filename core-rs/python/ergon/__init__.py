@@ -1,13 +1,14 @@
 """Ergon: write the gesture, hear the matter.
 
 `check`, `plan`, `modes`, `render`, `render_to_file` and `freeze` take the path of a score, and options;
-`open_session` plays one while it is changed. Whatever is refused is an `ErgonError`. The page
+`open_session` plays one while it is changed; `bell` finds the modes of what was struck. Whatever is refused is an `ErgonError`. The page
 docs/library.md shows each.
 """
 
 TYPE_CHECKING = False  # as `typing` has it, which would have to be imported
 if TYPE_CHECKING:
     from ergon._core import PlanRow
+    from ergon.api.bell import BellOptions, bell
     from ergon.api.check import Checked, check
     from ergon.api.errors import (
         DeviceError,
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
     from ergon.api.open_session import Session, open_session
+    from ergon.bells.bell import Bell
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AccuracyOptions",
+    "Bell",
+    "BellOptions",
     "Checked",
     "DeviceError",
     "Diagnostic",
@@ -62,6 +66,7 @@ __all__ = [
     "ScoreError",
     "Session",
     "SessionOptions",
+    "bell",
     "State",
     "check",
     "freeze",
@@ -75,6 +80,8 @@ __all__ = [
 # Where each is found when it is asked for: `ergon --help` needs none of them.
 _PLACES = {
     "AccuracyOptions": "api.options",
+    "Bell": "bells.bell",
+    "BellOptions": "api.bell",
     "Checked": "api.check",
     "DeviceError": "api.errors",
     "Diagnostic": "notation.text.errors",
@@ -104,6 +111,7 @@ _PLACES = {
     "Session": "api.open_session",
     "SessionOptions": "api.options",
     "State": "repl.session_protocol",
+    "bell": "api.bell",
     "check": "api.check",
     "freeze": "api.freeze",
     "modes": "api.modes",

@@ -728,9 +728,7 @@ class Timeline:
         """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
         `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
         """
-    def retune(
-        self, mat: int, points: Sequence[tuple[float, float, float]], *, n: int = 1
-    ) -> None:
+    def retune(self, mat: int, points: Sequence[tuple[float, float, float]], *, n: int = 1) -> None:
         """Let `n` CELs from `mat` on go through points (t [s], square of the factor of their
         frequencies, factor of their decay rates), which rise. They go linearly between points, on
         multiples of GRID frames, and stay before the first and after the last. Raises EngineError
