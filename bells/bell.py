@@ -15,6 +15,9 @@ from ergon.bells.stroke import NotAStrokeError, Stroke
 LEFT = 0.25  # of the energy that modes may leave (-6 dB)
 _SAME = 5.0  # standard deviations within which two strokes have one mode
 _LEAST_APART = 0.02  # [Hz]
+_NEAR = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
+_ONE = 0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
+_FAINT = 1e-7  # of the energy of every stroke: what other modes left
 _FIRST = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
 
 
@@ -70,9 +73,10 @@ def of_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) 
         found.append((own, uncertainty(own, rest, one.rate)))
     f, d = _joined(found)
     fits = [_fit(one, f, d) for _, one in strokes]
-    shares = np.stack([fit.energy for fit in fits])
-    if count is not None and count < f.size:
-        kept = np.sort(np.argsort(shares.max(axis=0))[::-1][:count])
+    shares = np.stack([fit.energy for fit in fits]).max(axis=0)
+    loudest = np.argsort(shares)[::-1][:count]
+    kept = np.sort(loudest[shares[loudest] > _FAINT])
+    if kept.size < f.size:
         f, d = f[kept], d[kept]
         fits = [_fit(one, f, d) for _, one in strokes]
     return _bell([place for place, _ in strokes], [one for _, one in strokes], fits)
@@ -110,9 +114,9 @@ def _joined(found: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
         near = [
             group
             for group in groups[-4:]
-            if row[4] not in {one[4] for one in group}
+            if (row[4] not in {one[4] for one in group} or row[0] - group[0][0] < _ONE * row[1])
             and abs(row[0] - group[0][0])
-            <= max(_SAME * float(np.hypot(row[2], group[0][2])), _LEAST_APART)
+            <= max(_SAME * float(np.hypot(row[2], group[0][2])), _LEAST_APART, _NEAR * row[1])
         ]
         if near:
             min(near, key=lambda group: abs(row[0] - group[0][0])).append(row)

@@ -13,6 +13,7 @@ SPEED = 1.0  # at which it strikes [m/s]
 LENGTH = 1e-4  # of a contact, where strokes do not tell it: hardly heard [s]
 _TRIED = np.geomspace(5e-5, 1e-2, 80)  # lengths [s]
 _REACH = 1.2  # f·length up to which the spectrum of a push is that of half a sine
+_LEAST = 3  # modes that tell a length
 _KNOWN = 0.03  # levels are no better than this, relatively
 
 
@@ -89,8 +90,11 @@ def _both(a: Array, b: Array) -> Array:
 
 
 def _apart(logs: Array, weights: Array) -> float:
-    """How far levels differ, apart from a common factor; few modes tell nothing."""
-    if np.count_nonzero(weights) < 3:
+    """How far levels differ, apart from a common factor; the fewer modes tell it, the less it is
+    believed."""
+    known = np.count_nonzero(weights)
+    if known < max(_LEAST, logs.size / 3.0):
         return np.inf
     mean = np.sum(weights * logs) / np.sum(weights)
-    return float(np.sum(weights * (logs - mean) ** 2) / np.count_nonzero(weights) * logs.size)
+    square = float(np.sum(weights * (logs - mean) ** 2) / np.sum(weights))
+    return (square + _KNOWN * _KNOWN) * (logs.size / known) ** 2
