@@ -55,7 +55,7 @@ COMMANDS: Table = {
     "bell": (
         "bell",
         "bell",
-        "Make an instrument of a struck object, from recordings of strokes or resonances.",
+        "Find the modes of a struck object, and write it as an instrument.",
     ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),

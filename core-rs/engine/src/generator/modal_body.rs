@@ -32,8 +32,8 @@ pub struct ModalBody {
 /// ```
 /// use ergon_engine::generator::modal_body;
 ///
-/// let body = modal_body(0.5, &[(4e4, 3.0)], &[vec![1.0]], (1e10, 9.0))?;
-/// assert_eq!((body.masses, body.stiffness, body.damping), (vec![0.5], vec![2e4], vec![1.5]));
+/// let body = modal_body(0.25, &[(4e4, 3.0)], &[vec![1.0]], (1e10, 9.0))?;
+/// assert_eq!((body.masses, body.stiffness, body.damping), (vec![0.25], vec![1e4], vec![0.75]));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
