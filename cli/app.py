@@ -67,6 +67,11 @@ COMMANDS: Table = {
         "stats",
         "Say what instruments and keys are made of, and how their modes and energies are spread.",
     ),
+    "bell": (
+        "bell",
+        "bell",
+        "Find the modes of a struck object, and write it as an instrument.",
+    ),
     "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),
     "stability": (

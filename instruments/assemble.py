@@ -10,7 +10,7 @@ from ergon import _core
 from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
-from ergon.instruments.module_kinds import HOLDERS, LINKS, Start
+from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start
 
 _Fields = Mapping[str, Any]
 
@@ -49,8 +49,9 @@ class Assembly:
                 n_links = self.network.n_lia
                 first = _MATS[module.kind](self, module.name, fields)
                 self.mats[name, module.name] = first
-                if module.kind not in ("MAS", "SOL", "CEL"):
+                if module.kind in GENERATORS:
                     self.bodies[name, module.name] = (n_links, self.network.n_lia - n_links)
+                if "X0" in fields and module.kind in GENERATORS:
                     self._starts(first, fields)
 
     def joins(
@@ -195,6 +196,12 @@ def _bank(assembly: Assembly, name: str, f: _Fields) -> int:
     )
 
 
+def _modes(assembly: Assembly, name: str, f: _Fields) -> int:
+    modes = list(zip(f["f"], f["t60"], strict=True))
+    levels = list(zip(*(levels for _, levels in f["places"]), strict=True))
+    return assembly.network.modal(name, M=f["M"], modes=modes, levels=levels)
+
+
 def _ref(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
     return assembly.network.ref(name, a, b, **_pick(f, "K", "Z", "rest"))
 
@@ -221,6 +228,7 @@ _MATS: dict[str, Callable[[Assembly, str, _Fields], int]] = {
     "STRING": _string,
     "PLATE": _plate,
     "BANK": _bank,
+    "MODES": _modes,
 }
 _LINKS: dict[str, Callable[[Assembly, str, int, int, _Fields, float], int]] = {
     "RES": _ref,

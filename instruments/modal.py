@@ -1,20 +1,30 @@
-"""BANKs whose modes are known one by one: as lists in the score, or as rows of a CSV file."""
+"""BANK and MODES whose modes are known one by one: lists in the score, or rows of a CSV file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ergon import _core
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.shapes import MISSING, Context, Either, ListOf, Text
+from ergon.notation.tables.shapes import (
+    MISSING,
+    NAME,
+    Context,
+    Either,
+    ListOf,
+    NamesOf,
+    Text,
+)
 from ergon.notation.text.document import Document, Node
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place
 
 MAX_MODES = 100_000  # of a list or a file
 _MAX_LINE = 1_000  # characters
+DEFAULT_PLACE = "point"  # of MODES without named places
 
 
 class Each(tuple[float, ...]):
@@ -93,46 +103,55 @@ def from_file(
     moved: Callable[[str, Any, Any], Any],
     collector: Collector,
 ) -> Values:
-    """The fields of a BANK with the modes of the file that it names, at its own pitch."""
+    """The fields of a BANK or MODES with the modes of the file that it names, at its own pitch."""
     name = values.given.get("modes")
     if name is None:
         return values
-    said = values.written("f", "t60", "gain", "count", "spread")
+    said = values.written("f", "t60", "gain", "count", "spread", "places")
     if said:
         message = f"{values.context.of(said[0])}: `modes` is written too; keep one of the two"
         values.error("E111", message, said[0])
         return _without(values)
     table = read(name, values.place_of("modes"))
-    modes = None if table is None else _rows(table, values, collector)
-    if modes is None:
+    columns = None if table is None else _columns(table, values, collector)
+    if columns is None:
         return _without(values)
     given = {field: value for field, value in values.given.items() if field != "modes"}
     nodes, node = dict(values.nodes), values.nodes["modes"]
-    for field, column in zip(("f", "t60", "gain"), zip(*modes, strict=True), strict=True):
-        each = Each(column)
-        given[field] = moved(field, each, given["interval"]) if "interval" in given else each
+    for field, column in columns.items():
+        given[field] = moved(field, column, given["interval"]) if "interval" in given else column
         nodes[field] = node
     given.pop("interval", None)
     return replace(values, given=given, nodes=nodes)
 
 
 def _without(values: Values) -> Values:
-    """A BANK that was refused: its frequencies are there, but have no value."""
+    """What was refused: its frequencies are there, but have no value."""
     given = {name: value for name, value in values.given.items() if name != "f"}
     return replace(values, given=given, nodes={**values.nodes, "f": values.nodes["modes"]})
 
 
-def _rows(table: Document, values: Values, collector: Collector) -> list[tuple[float, ...]] | None:
-    """f [Hz], t60 [s] and gain of each row; None after reports."""
+def _columns(table: Document, values: Values, collector: Collector) -> dict[str, Any] | None:
+    """Fields by the columns of a table: f [Hz], t60 [s], and gain or places; None after reports."""
     who, asked = values.context.of("modes"), values.place_of("modes")
+    is_bank = "gain" in values.record.by_name
+    format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
     rows: list[tuple[float, ...]] = []
     is_whole = True
     for number, line in enumerate(table.text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
+        place = Place(table.file, number, 1)
         if not rows and is_whole and _is_heading(line):
+            names = [cell.strip() for cell in line.split(",")][2:]
+            if is_bank or not names:
+                continue
+            if (wrong := _wrong_name(names)) is not None:
+                collector.error("E110", f"{who}: {wrong}", place)
+                return None
+            format = _places_row(names)
             continue
-        row = _row(line, Place(table.file, number, 1), who, collector)
+        row = _row(line, place, who, format, collector)
         is_whole &= row is not None
         if row is not None:
             rows.append(row)
@@ -141,24 +160,62 @@ def _rows(table: Document, values: Values, collector: Collector) -> list[tuple[f
             collector.error("E105", message, asked)
             return None
     if not rows and is_whole:
-        message = f"{who}: the file has no modes; write lines such as 200Hz, 4s, -6dB"
+        message = f"{who}: the file has no modes; write lines such as {format.example}"
         collector.error("E106", message, asked)
-    return rows if rows and is_whole else None
+    if not rows or not is_whole:
+        return None
+    f, t60, *others = (Each(column) for column in zip(*rows, strict=True))
+    if is_bank:
+        return {"f": f, "t60": t60, "gain": others[0]}
+    return {"f": f, "t60": t60, "places": dict(zip(format.places, others, strict=True))}
+
+
+@dataclass(frozen=True)
+class _Row:
+    """What a line of a file says: values that are read so, the last of a BANK if one likes."""
+
+    reads: tuple[Text, ...]
+    places: Sequence[str] = ()
+
+    @property
+    def example(self) -> str:
+        """Such a line."""
+        return "200Hz, 4s" + (", 0.5" * len(self.places) or ", -6dB")
+
+    @property
+    def words(self) -> str:
+        """What it has."""
+        if not self.places:
+            return f"a frequency, a decay and, if you like, a gain: {self.example}"
+        return f"a frequency, a decay and a level at {', '.join(self.places)}: {self.example}"
+
+    def fits(self, count: int) -> bool:
+        """Whether a line may have so many cells."""
+        return count == len(self.reads) or (not self.places and count == len(self.reads) - 1)
+
+
+_BANK_ROW = _Row((k.PITCH, k.DURATION, k.GAIN))
+
+
+def _places_row(names: Sequence[str]) -> _Row:
+    return _Row((k.PITCH, k.DURATION, *(LEVEL for _ in names)), names)
 
 
 def _is_heading(line: str) -> bool:
     return [cell.strip().lower() for cell in line.split(",")][:2] == ["f", "t60"]
 
 
-def _row(line: str, place: Place, who: str, collector: Collector) -> tuple[float, ...] | None:
-    """A line `frequency, decay[, gain]`; None after reports, each at its cell."""
+def _row(
+    line: str, place: Place, who: str, format: _Row, collector: Collector
+) -> tuple[float, ...] | None:
+    """The values of a line; None after reports, each at its cell."""
     cells = line.split(",")
-    if not 2 <= len(cells) <= 3 or len(line) > _MAX_LINE:
-        message = f"{who}: a line is a frequency, a decay and, if you like, a gain: 200Hz, 4s, -6dB"
+    if not format.fits(len(cells)) or len(line) > _MAX_LINE:
+        message = f"{who}: a line is {format.words}"
         collector.error("E106", message, replace(place, length=max(1, min(len(line), 80))))
         return None
     found, column = [], 1
-    for cell, read in zip(cells, (k.PITCH, k.DURATION, k.GAIN), strict=False):
+    for cell, read in zip(cells, format.reads, strict=False):
         word = cell.strip()
         begin = column + len(cell) - len(cell.lstrip())
         try:
@@ -170,7 +227,7 @@ def _row(line: str, place: Place, who: str, collector: Collector) -> tuple[float
         column += len(cell) + 1
     if len(found) < len(cells):
         return None
-    return (*found, 1.0)[:3]
+    return (*found, 1.0)[: len(format.reads)]
 
 
 def _value(word: str, read: Text) -> float:
@@ -185,3 +242,104 @@ def _value(word: str, read: Text) -> float:
             code="E202",
         )
     return value
+
+
+# --- MODES ----------------------------------------------------------------------------------------
+
+
+def _level(text: str) -> float:
+    word = text.strip()
+    if word.startswith("x") or word.endswith("dB"):
+        return float(k.GAIN.parse(word))
+    return float(k.NUMBER.parse(word))
+
+
+LEVEL = Text(
+    _level,
+    "a level, such as 0.5, -0.3 or -6dB",
+    r"^([+-]?[0-9.]+(e[+-]?[0-9]+)?( *dB)?|x[0-9.]+)$",
+    is_value=True,
+)
+MODES_PITCHES = ListOf(k.PITCH, 1, _core.MAX_MODAL, single=True)
+MODES_DECAYS = ListOf(k.DURATION, 1, _core.MAX_MODAL, single=True)
+PLACES = NamesOf(ListOf(LEVEL, 1, _core.MAX_MODAL, single=True), "place")
+
+
+def _wrong_name(names: Sequence[str]) -> str | None:
+    """Why names of places are none; None where they are."""
+    for name in names:
+        if not NAME.fullmatch(name) or name in ("all", "last", "centre"):
+            message = f"{quote(name)} is not a name for a place: a name has letters, digits, '-' "
+            return message + "and '_', begins with a letter, and is not all, last or centre"
+        if names.count(name) > 1:
+            return f"two places are called {quote(name)}; rename one of them"
+    if len(names) > _core.MAX_PLACES:
+        return f"there are {len(names)} places; the most is {_core.MAX_PLACES}"
+    return None
+
+
+def placed(values: Values) -> Values | None:
+    """The fields of MODES, with a decay of each mode and levels of each at each place.
+
+    None after a report.
+    """
+    given, nodes = dict(values.given), dict(values.nodes)
+    if any(name not in given for name in ("f", "t60", "places") if name in nodes):
+        return None  # refused already
+    f, t60, places = given.get("f"), given.get("t60"), given.get("places")
+    if f is None:
+        return values
+    if t60 is not None and len(t60) == 1:
+        given["t60"] = t60 = Each(t60 * len(f))
+    if places is None:
+        given["places"] = places = {DEFAULT_PLACE: (1.0,) * len(f)}
+        nodes["places"] = nodes["f"]
+    names = list(places)
+    if (wrong := _wrong_name(names)) is not None or not names:
+        wrong = wrong or "name a place at least, such as rim: [1, 0.5]"
+        values.error("E110", f"{values.context.of('places')}: {wrong}", "places")
+        return None
+    lists = {"t60": t60, **{f"place {quote(name)}": levels for name, levels in places.items()}}
+    for name, levels in lists.items():
+        field = name if name == "t60" else "places"
+        if levels is MISSING:
+            return None
+        if levels is not None and len(levels) != len(f):
+            message = f"{values.context.of(name)}: there are {len(f)} frequencies; write as many "
+            values.error("E106", message + f"values, not {len(levels)}", field)
+            return None
+        if field == "places" and not any(levels):
+            message = f"{values.context.of(name)}: all levels are 0, so that nothing moves there; "
+            values.error("E202", message + "remove the place", field)
+            return None
+    given["places"] = tuple(places.items())
+    return replace(values, given=given, nodes=nodes)
+
+
+def retuned_modes(
+    body: Values, own: Values, tune: Callable[[tuple[float, ...], float], Any]
+) -> Values:
+    """MODES with the pitch and decay of the lowest mode, and the mass, that their instrument says.
+
+    The others keep their intervals, by `tune`, and their share of the decay.
+    """
+    given, nodes = dict(body.given), dict(body.nodes)
+    f = given.get("f")
+    for name in own.written("f", "t60", "M"):
+        value = own.given.get(name)
+        if value is None or not f:
+            continue
+        if name != "M" and value[0] != value[1]:
+            own.error("E202", f"{own.context.of(name)}: only a BANK has a range", name)
+            continue
+        if name == "f":
+            given["f"] = Each(tune(f, value[0]))
+        elif name == "M":
+            given["M"] = value
+        elif t60 := given.get("t60"):
+            lowest = t60[min(range(len(f)), key=f.__getitem__)] if len(t60) == len(f) else t60[0]
+            given["t60"] = Each(value[0] * (one / lowest) for one in t60)
+        else:
+            given["t60"] = Each(value[:1])
+        nodes[name] = own.nodes[name]
+    return replace(body, given=given, nodes=nodes)

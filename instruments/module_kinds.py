@@ -9,7 +9,14 @@ from typing import Any, Literal
 
 from ergon.instruments.bodies import DECAY, Bending
 from ergon.instruments.materials import MATERIAL
-from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES
+from ergon.instruments.modal import (
+    BANK_DECAYS,
+    BANK_GAINS,
+    BANK_PITCHES,
+    MODES_DECAYS,
+    MODES_PITCHES,
+    PLACES,
+)
 from ergon.instruments.stiff import INHARMONICITY, STRETCHING
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -250,10 +257,18 @@ def _generators() -> dict[str, Record]:
         Field("place", choice("line", "spiral"), "positions of the members on the bench", "line"),
         *starts,
     )
+    modes = (
+        Field("M", k.MASS, "mass of a mode where its level is 1", required=True),
+        Field("f", MODES_PITCHES, "frequency of each mode", required=True),
+        Field("t60", MODES_DECAYS, "decay of each mode, or of all", required=True),
+        Field("places", PLACES, "points of it: how far each mode moves there", shown="point: 1"),
+        Field("modes", k.PATH, "a CSV file of f, t60 and levels, instead of lists"),
+    )
     return {
         "STRING": Record("module", "masses in a row", string),
         "PLATE": Record("module", "a mesh of masses", plate),
         "BANK": Record("module", "many CEL", bank),
+        "MODES": Record("module", "a body of which modes and their levels are known", modes),
     }
 
 
@@ -342,6 +357,8 @@ def partly(table: Record) -> Record:
 
 def member_count(kind: str, fields: Mapping[str, Any]) -> int:
     """How many MATs a module has."""
+    if kind == "MODES":
+        return len(fields["places"])
     if kind == "PLATE":
         return _plate_count(fields["shape"], fields["rim"], fields["radius"] or 1, fields["sides"])
     return int(fields.get("masses") or fields.get("count") or 1)

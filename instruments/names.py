@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -96,6 +96,9 @@ class Scene:
         prefix = prefix or (part.prefix if part else "")
         path = self.spelled(match[1] if match else str(name), prefix)
         found = self._find(path, part, prefix)
+        some = match[2] if match else None
+        if found is None and some is None:
+            found, some = self._place(path, part, prefix)
         if found is None and (family := self.family(path, prefix)) is not None:
             examples = ", ".join([*family[0].values()][:4])
             message = (
@@ -109,7 +112,7 @@ class Scene:
         owner, module_name = found
         self.reached.add(owner.name)
         if module_name is None:
-            module_name = self._only(owner, name, wanted, who, match[2] if match else None)
+            module_name = self._only(owner, name, wanted, who, some)
             if module_name is None:
                 return None
         module = owner.modules[module_name]
@@ -118,7 +121,23 @@ class Scene:
         ):
             self._wrong_family(name, module, wanted, who)
             return None
-        return self._members(name, owner, module, match[2] if match else None, wanted, who)
+        return self._members(name, owner, module, some, wanted, who)
+
+    def _place(
+        self, path: str, part: Part | None, prefix: str
+    ) -> tuple[tuple[Part, str | None] | None, str | None]:
+        """A part and its MODES of which a path names a place, and the number of that place."""
+        head, _, tail = path.rpartition(".")
+        found = self._find(head, part, prefix) if head else None
+        if found is None:
+            return None, None
+        owner, name = found
+        bodies = [m for n, m in owner.modules.items() if m.kind == "MODES" and name in (None, n)]
+        if len(bodies) != 1:
+            return None, None
+        module = bodies[0]
+        names = [place for place, _ in module.fields["places"]]
+        return ((owner, module.name), str(names.index(tail))) if tail in names else (None, None)
 
     def _find(self, path: str, part: Part | None, prefix: str) -> tuple[Part, str | None] | None:
         """A part and one of its modules (None: none is named)."""
@@ -144,7 +163,7 @@ class Scene:
             return owner.struck
         links = [n for n, m in owner.modules.items() if m.kind in LINKS]
         candidates = links if wanted in ("link", "links") else owner.mats
-        if owner.broken:
+        if owner.broken or not owner.modules:  # refused already
             return None
         if len(candidates) == 1:
             return candidates[0]
@@ -179,9 +198,11 @@ class Scene:
         problem = ""
         if some is None:
             if count > 1:
-                problem = (
-                    f"{called} has {count:,} masses; write one of them: {called}.0, {called}.centre"
-                )
+                kind, examples = "masses", ("0", "centre")
+                if module.kind == "MODES":
+                    kind, examples = "places", tuple(one for one, _ in module.fields["places"])[:4]
+                words = ", ".join(f"{called}.{one}" for one in examples)
+                problem = f"{called} has {count:,} {kind}; write one of them: {words}"
         elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL"):
             problem = f"{called} is one {module.kind}; it has no members"
         else:
@@ -202,7 +223,7 @@ class Scene:
         names = list(part.modules) if part else []
         names += list(self.parts)
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
-            names = [f"{head}.{module}" for module in self.parts[head].modules if module]
+            names = [f"{head}.{own}" for own in _inside(self.parts[head].modules.values())]
         message = f"{who}: nothing is called {quote(name)}"
         known = [known for known in names if known]  # a lone generator's module has no name
         self.collector.error("E301", message, name.place, word=str(name), names=known)
@@ -215,7 +236,7 @@ class Scene:
             path in self.broken
             or head in self.broken
             or (part is not None and path in part.broken)
-            or (owner is not None and (tail in owner.broken or not (owner.modules or tail)))
+            or (owner is not None and (tail in owner.broken or not owner.modules))
         )
 
     def _wrong_family(self, name: Name, module: Module, wanted: Wanted, who: str) -> None:
@@ -228,6 +249,15 @@ class Scene:
         else:
             sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
         self.collector.error("E304", f"{who}: {sentence}", name.place)
+
+
+def _inside(modules: Iterable[Module]) -> Iterator[str]:
+    """Names of modules and of their places, as they stand behind that of their part."""
+    for module in modules:
+        if module.name:
+            yield module.name
+        for place, _ in module.fields["places"] if module.kind == "MODES" else ():
+            yield ".".join(filter(None, (module.name, place)))
 
 
 def _with_prefix(path: str, prefix: str) -> tuple[str, ...]:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.instruments.matter import MATTER, made_of
-from ergon.instruments.modal import listed
+from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Instrument, Module, Output
 from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
-from ergon.instruments.transpose import INTERVAL, named_pitch
+from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.notes import Notes, read_note
@@ -249,7 +249,8 @@ def modules(values: Values) -> tuple[Module, ...]:
 
 def _followed(kind: str, values: Values) -> Values | None:
     """The fields of a module with those that follow from others; None after a report."""
-    return listed(values) if kind == "BANK" else made_of(kind, values)
+    follow = {"BANK": listed, "MODES": placed}.get(kind)
+    return made_of(kind, values) if follow is None else follow(values)
 
 
 def module(name: str, kind: str, values: Values) -> Module:
@@ -257,7 +258,7 @@ def module(name: str, kind: str, values: Values) -> Module:
     # What a body is made of stands in its other fields by now.
     matter = (*MATTER, "masses") if kind == "PLATE" else MATTER if kind == "STRING" else ()
     fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
-    if kind == "BANK":
+    if kind in ("BANK", "MODES"):
         fields.pop("modes")
     if kind == "LNL":
         fields["constants"] = dict(values.free)
@@ -427,6 +428,9 @@ def _retuned(values: Values, body: Values) -> Values | None:
 
     Matter that has a pitch of its own gets another; else the `f` says what is missing.
     """
+    if values.kind == "MODES":
+        own = retuned_modes(body, values, lambda f, to: moved("f", f, between(min(f), to)))
+        return _followed("MODES", own)
     body = made_of(values.kind, body, quietly=True) or body
     given, nodes = dict(body.given), dict(body.nodes)
     for name in values.written("f", "t60", "M"):

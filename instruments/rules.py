@@ -70,7 +70,7 @@ def _starts(module: Module, who: str, collector: Collector) -> None:
     """The members of a generator that start elsewhere are members that it has."""
     count = member_count(module.kind, module.fields)
     for name in ("X0", "V0"):
-        starts = module.fields[name]
+        starts = module.fields.get(name)
         for start in starts if isinstance(starts, tuple) else (starts,):
             if isinstance(start, Start):
                 try:

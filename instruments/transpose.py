@@ -197,7 +197,9 @@ def named_pitch(values: Values) -> float | None:
         if isinstance(fields, Values):
             fields = made_of(body.kind, fields, quietly=True) or fields
         f = fields.given.get("f") if isinstance(fields, Values) else None
-        if isinstance(f, tuple) and not isinstance(f, Each) and f[0] == f[1]:
+        if isinstance(f, tuple) and body.kind == "MODES":
+            f = min(f, default=None)
+        elif isinstance(f, tuple) and not isinstance(f, Each) and f[0] == f[1]:
             f = f[0]
         if isinstance(f, float) and not (body.kind == "CEL" and f < AUDIBLE):
             found.append(f)

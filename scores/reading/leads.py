@@ -67,6 +67,8 @@ def _stays(module: Module) -> str | None:
     """Why an instrument with a module cannot glide as a whole; None where it can."""
     if module.kind == "LNL" and (module.fields["law"] or module.fields["points"]):
         return f"the law of its LNL {module.name} does not change while it plays"
+    if module.kind == "MODES":
+        return f"its MODES {module.name} do not change while they play"
     if module.fields.get("contact") == "magic":
         return f"the magic contact {module.name} chooses its own K and Z"
     for name in _STIFFENING:

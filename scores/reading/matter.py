@@ -86,7 +86,7 @@ class Matter:
         self.by_name[name] = part_object
 
     def _with_modes(self, values: Values) -> Values:
-        """The values with the modes of the files that BANKs name."""
+        """The values with the modes of the files that BANK and MODES name."""
 
         def read(file: str, place: Place) -> Document | None:
             files = self._uses.files
@@ -94,10 +94,12 @@ class Matter:
 
         def filled(owner: Values) -> Values:
             body = owner.given.get(owner.kind)
-            if owner.kind != "BANK" or not isinstance(body, Values) or not body.written("modes"):
+            if owner.kind not in ("BANK", "MODES") or not isinstance(body, Values):
+                return owner
+            if not body.written("modes"):
                 return owner
             said = modal.from_file(body, read, moved, self._collector)
-            return replace(owner, given={**owner.given, "BANK": said})
+            return replace(owner, given={**owner.given, owner.kind: said})
 
         own = filled(values)
         modules = values["modules"] or {}

@@ -17,6 +17,7 @@ _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
     "CEL": ((("K", "Z"), ("f", "t60")),),
     "STRING": ((("inharmonicity",), ("stiffness",)), (("tension",), ("f",))),
     "PLATE": ((("radius",), ("sides",)),),
+    "MODES": ((("modes",), ("f", "t60", "places")),),
 }
 _LAW = ("law", "damping", "points")
 

@@ -28,6 +28,7 @@ MAY = {
     "repl.language": {"notation", "instruments", "scores"},
     "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
     "metrology": {"_core"},
+    "bells": {"notation", "exchange", "_core"},
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {
         "notation",
@@ -51,6 +52,7 @@ MAY = {
         "rendering",
         "live",
         "repl",
+        "bells",
         "_core",
     },
     "lsp": {"api", "notation", "scores", "_core"},
@@ -65,6 +67,7 @@ MAY = {
         "lab",
         "live",
         "metrology",
+        "bells",
         "repl",
         "view",
         "_core",

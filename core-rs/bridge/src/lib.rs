@@ -109,6 +109,10 @@ mod _core {
     #[pymodule_export]
     const GRID: u64 = ergon_engine::timeline::GRID;
     #[pymodule_export]
+    const MAX_MODAL: usize = ergon_engine::generator::MAX_MODAL;
+    #[pymodule_export]
+    const MAX_PLACES: usize = ergon_engine::generator::MAX_PLACES;
+    #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }

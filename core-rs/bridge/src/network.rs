@@ -253,6 +253,24 @@ impl Network {
         computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
     }
 
+    /// A body of which modes and their levels at places are known.
+    #[pyo3(signature = (name, *, M, modes, levels))]
+    #[allow(non_snake_case)]
+    fn modal(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        M: f64,
+        modes: Vec<(f64, f64)>,
+        levels: Vec<Vec<f64>>,
+    ) -> PyResult<usize> {
+        let places = levels.first().map_or(0, Vec::len);
+        if levels.len() != modes.len() || levels.iter().any(|row| row.len() != places) {
+            return Err(refused(name, "each mode has one level for each place"));
+        }
+        computing(py, || self.0.modal(name, M, &modes, &levels))?.map_err(from_engine)
+    }
+
     /// The highest mode of a STRING or PLATE [Hz], by the index of its first MAT.
     fn highest_mode(&self, py: Python<'_>, first: usize) -> PyResult<f64> {
         self.there(first)?;

@@ -1,4 +1,4 @@
-//! STRING, PLATE and BANK: where the masses lie, what links them, and how they are tuned.
+//! STRING, PLATE, BANK and MODES: where the masses lie, what links them, and how they are tuned.
 //!
 //! A topology has masses and springs of 1. Masses are numbered row by row, and links come in long runs of constant
 //! offset, over which the kernels loop.
@@ -7,6 +7,7 @@ mod bank;
 mod bent_plate;
 mod fit;
 mod loss;
+mod modal_body;
 mod plate;
 mod rectangle;
 mod round_membrane;
@@ -20,6 +21,7 @@ mod tune;
 pub use bank::{BankCell, BankForm, Place, Spread, bank};
 pub use bent_plate::bent_plate;
 pub use loss::{Decay, Losses, tune_points};
+pub use modal_body::{MAX_MODAL, MAX_PLACES, ModalBody, modal_body};
 pub use plate::{Rim, Shape, plate};
 pub use round_membrane::round_membrane;
 pub use stiff_string::stiff_string;
@@ -118,6 +120,12 @@ pub enum GeneratorError {
         t60: f64,
         /// What can be had [s].
         nearest: f64,
+    },
+    /// A place of a list of modes where all levels are 0.
+    #[error("No mode moves place {place}: all its levels are 0.")]
+    Still {
+        /// Which, from 0.
+        place: usize,
     },
     /// A disc is no lattice.
     #[error("A disc has rings, not the rows of a lattice.")]

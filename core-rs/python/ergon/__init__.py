@@ -1,8 +1,8 @@
 """Ergon: write the gesture, hear the matter.
 
-`check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze` take
-the path of a score, and options;
-`open_session` plays one while it is changed. Whatever is refused is an `ErgonError`. The page
+`check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze`
+take the path of a score, and options; `open_session` plays one while it is changed; `bell` finds
+the modes of what was struck. Whatever is refused is an `ErgonError`. The page
 docs/library.md shows each.
 """
 
@@ -10,6 +10,7 @@ TYPE_CHECKING = False  # as `typing` has it, which would have to be imported
 if TYPE_CHECKING:
     from ergon._core import PlanRow
     from ergon.api.admittance import Admittance, AdmittanceOptions, admittance
+    from ergon.api.bell import BellOptions, bell
     from ergon.api.check import Checked, check
     from ergon.api.errors import (
         DeviceError,
@@ -21,25 +22,28 @@ if TYPE_CHECKING:
     from ergon.api.files import render_to_file
     from ergon.api.freeze import FreezeOptions, freeze
     from ergon.api.modes import ModesOptions, PartModes, modes
+    from ergon.api.open_session import Session, open_session
     from ergon.api.options import AccuracyOptions, ReadOptions, SessionOptions
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
-    from ergon.api.open_session import Session, open_session
     from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
     from ergon.api.tune import Tuned, TunedValue, TuneOptions, tune
+    from ergon.bells.bell import Bell
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
     from ergon.exchange.safe import FileRefusedError
     from ergon.notation.text.errors import Diagnostic
     from ergon.rendering.render import RenderedFile, RenderedFiles
-    from ergon.repl.session_protocol import Reply, State
     from ergon.repl.session.api import NotTaken
+    from ergon.repl.session_protocol import Reply, State
 
 __all__ = [
     "AccuracyOptions",
     "Admittance",
     "AdmittanceOptions",
+    "Bell",
+    "BellOptions",
     "Checked",
     "DeviceError",
     "Diagnostic",
@@ -47,6 +51,7 @@ __all__ = [
     "EngineExitError",
     "ErgonError",
     "FileOptions",
+    "FileRefusedError",
     "FreezeOptions",
     "Frozen",
     "LinkStats",
@@ -61,7 +66,6 @@ __all__ = [
     "PrintedReport",
     "Progress",
     "ReadOptions",
-    "FileRefusedError",
     "Render",
     "RenderOptions",
     "RenderedFile",
@@ -77,6 +81,7 @@ __all__ = [
     "Tuned",
     "TunedValue",
     "admittance",
+    "bell",
     "check",
     "freeze",
     "modes",
@@ -93,6 +98,8 @@ _PLACES = {
     "AccuracyOptions": "api.options",
     "Admittance": "api.admittance",
     "AdmittanceOptions": "api.admittance",
+    "Bell": "bells.bell",
+    "BellOptions": "api.bell",
     "Checked": "api.check",
     "DeviceError": "api.errors",
     "Diagnostic": "notation.text.errors",
@@ -130,6 +137,7 @@ _PLACES = {
     "Tuned": "api.tune",
     "TunedValue": "api.tune",
     "admittance": "api.admittance",
+    "bell": "api.bell",
     "check": "api.check",
     "freeze": "api.freeze",
     "modes": "api.modes",

@@ -19,6 +19,8 @@ __version__: str
 GRID: int  # events that a plan has to foresee begin at multiples of this many frames
 FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer scene takes over [s]
 FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played with (0 to 1)
+MAX_MODAL: int  # modes that a MODES may have
+MAX_PLACES: int  # places that a MODES may have
 
 _Floats = NDArray[np.float64]
 _LinkFactor = tuple[int, float]  # (LIA, factor of its force)
@@ -415,6 +417,19 @@ class Network:
         place: Literal["line", "spiral"] = "line",
     ) -> int:
         """CELs side by side, each with f [Hz], t60 [s] and M [kg]; the index of the first."""
+    def modal(
+        self,
+        name: str,
+        *,
+        M: float,
+        modes: Sequence[tuple[float, float]],
+        levels: Sequence[Sequence[float]],
+    ) -> int:
+        """A body of `modes`, each f [Hz] and t60 [s], with `levels` (n_modes, n_places) at places.
+
+        M [kg] is the mass of a mode where its level is 1. Returns the index of the first place; the
+        others follow. Raises EngineError.
+        """
     def highest_mode(self, first: int) -> float:
         """Frequency [Hz] of the highest mode of the STRING or PLATE that begins at index `first`.
 
@@ -752,9 +767,7 @@ class Timeline:
         """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
         `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
         """
-    def retune(
-        self, mat: int, points: Sequence[tuple[float, float, float]], *, n: int = 1
-    ) -> None:
+    def retune(self, mat: int, points: Sequence[tuple[float, float, float]], *, n: int = 1) -> None:
         """Let `n` CELs from `mat` on go through points (t [s], square of the factor of their
         frequencies, factor of their decay rates), which rise. They go linearly between points, on
         multiples of GRID frames, and stay before the first and after the last. Raises EngineError

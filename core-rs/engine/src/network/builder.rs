@@ -13,6 +13,10 @@ use crate::interrupt;
 use crate::law::Law;
 use crate::units::Rate;
 
+/// Frequency [Hz] and decay [s] of the modes that are added where places of a list of modes are not independent: over
+/// before they are heard as a pitch, and as high as CA steps at 44.1 kHz.
+const ADDED: (f64, f64) = (12_000.0, 1e-3);
+
 impl Network {
     /// Begin or continue a part: modules added from now on belong to it.
     pub fn part(&mut self, name: &str, ca_rate: Option<Rate>) {
@@ -158,6 +162,80 @@ impl Network {
         }
         self.names
             .add_mats(first, cells.len(), true, full, cells.len() / 2);
+        Ok(first)
+    }
+
+    /// Add a body of which `modes` (f [Hz] and t60 [s]) and their `levels` (n_modes, n_places) are known, of mass `mass` [kg]
+    /// where a level is 1; returns the index of its first place, which others follow.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    ///
+    /// let mut network = Network::new();
+    /// network.part("bell", None);
+    /// let levels = vec![vec![1.0, 0.5], vec![0.7, -0.7]];
+    /// let first = network.modal("", 0.2, &[(220.0, 4.0), (447.0, 2.0)], &levels)?;
+    /// assert_eq!((network.count(first), network.mat_name(first + 1)), (2, "bell.1".into()));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
+    pub fn modal(
+        &mut self,
+        name: &str,
+        mass: f64,
+        modes: &[(f64, f64)],
+        levels: &[Vec<f64>],
+    ) -> Result<usize, Error> {
+        self.check(name, &[("M", mass, Rule::Positive)])?;
+        for &(f, t60) in modes {
+            self.check_tuning(name, f, Some(t60))?;
+        }
+        let poles: Vec<(f64, f64)> = modes
+            .iter()
+            .map(|&(f, t60)| self.tie(1.0, f, Some(t60)))
+            .collect();
+        let (f, t60) = ADDED;
+        let beyond = self.ca_rate().map_or(f, |rate| f.min(0.27 * rate.hertz()));
+        let beyond = self.tie(1.0, beyond, Some(t60));
+        let body = generator::modal_body(mass, &poles, levels, beyond)
+            .map_err(|error| self.refused(name, &error.to_string()))?;
+        let n = body.masses.len();
+        self.room(name, n * n)?;
+        let (first, part, places) = (self.n_mat(), self.current(), levels[0].len());
+        let line = generator::Place::Line;
+        for (i, &m) in body.masses.iter().enumerate() {
+            let row = i * n..(i + 1) * n;
+            self.mats.push(Mat {
+                kind: MatKind::Cel,
+                m,
+                k: body.stiffness[row.clone()].iter().sum(),
+                z: body.damping[row].iter().sum(),
+                rest: 0.0,
+                x0: 0.0,
+                v0: 0.0,
+                place: line.position(i.min(places - 1), places),
+                part,
+            });
+        }
+        let full = self.full_name(name);
+        self.names
+            .add_mats(first, places, true, full.clone(), places / 2);
+        let inside = format!("{full}.inside");
+        self.names
+            .add_mats(first + places, n - places, true, inside, 0);
+        let links = self.n_lia;
+        for a in 0..n {
+            for b in a + 1..n {
+                let (k, z) = (-body.stiffness[a * n + b], -body.damping[a * n + b]);
+                if k != 0.0 || z != 0.0 {
+                    self.add_run(LinkKind::Ref, first + a, first + b, 1, [k, z, 0.0]);
+                }
+            }
+        }
+        self.names
+            .add_links(links, self.n_lia - links, true, format!("{full}.link"));
         Ok(first)
     }
 

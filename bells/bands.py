@@ -1,0 +1,65 @@
+"""Bands of a sound, each as a complex signal at a rate of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import ceil, log
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_SMOOTH = 5  # bins over which valleys between peaks are sought
+_NEAR, _FAR = 0.6, 1.4  # of a band's width: where its edge may lie
+_RISE = 3.98  # of the noise's power (6 dB): a band with less has no peak
+_QUIET = 20.0  # percentile of powers that is noise where peaks stand between
+_OF_MEDIAN = 0.223  # that percentile over the mean, of powers that are distributed exponentially
+
+
+class Bands:
+    """The spectrum of a sound, from which bands are taken."""
+
+    def __init__(self, sound: Array, rate: float) -> None:
+        """Take a sound (n,) at `rate` [Hz]."""
+        self.rate = rate
+        self.n = sound.size
+        self.spectrum = np.fft.rfft(sound)
+
+    def take(self, low: float, high: float) -> tuple[Complex, float, float]:
+        """A band, as a signal shifted to 0; its rate [Hz] and the frequency [Hz] that became 0.
+
+        It falls to nothing within half of its width on both sides.
+        """
+        width = high - low
+        m = ceil(2.0 * width * self.n / self.rate)
+        rate = m * self.rate / self.n
+        centre = round(0.5 * (low + high) * self.n / self.rate)
+        offset = np.arange(-(m // 2), m - m // 2)
+        away = np.abs(offset * self.rate / self.n)
+        slope = np.clip((0.5 * rate - away) / (0.5 * (rate - width)), 0.0, 1.0)
+        weight = np.sin(0.5 * np.pi * slope) ** 2
+        source = centre + offset
+        is_there = (source > 0) & (source < self.spectrum.size)
+        bins = np.zeros(m, complex)
+        bins[offset[is_there] % m] = self.spectrum[source[is_there]] * weight[is_there]
+        return np.fft.ifft(bins) * (2.0 * m / self.n), rate, centre * self.rate / self.n
+
+    def occupied(self, low: float, high: float, width: float) -> Iterator[tuple[float, float]]:
+        """Bands about `width` wide [Hz], cut in valleys, that have a peak above the noise."""
+        power = np.abs(self.spectrum) ** 2
+        step = self.rate / self.n
+        smooth = np.convolve(power, np.full(_SMOOTH, 1.0 / _SMOOTH), "same")
+        edges = [low]
+        while edges[-1] < high - 1.5 * width:
+            begin, end = (int((edges[-1] + part * width) / step) for part in (_NEAR, _FAR))
+            edges.append((begin + int(np.argmin(smooth[begin:end]))) * step)
+        edges.append(high)
+        for a, b in pairwise(edges):
+            own = power[int(a / step) : int(b / step)]
+            around = power[max(1, int(0.7 * a / step)) : int(1.4 * b / step)]
+            noise = float(np.percentile(around, _QUIET)) / _OF_MEDIAN
+            if own.size and own.max() > _RISE * noise * (1.0 + log(own.size)):
+                yield a, b

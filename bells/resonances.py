@@ -1,0 +1,62 @@
+"""Tables of resonances, as ModRes writes and Modalys reads them."""
+
+from __future__ import annotations
+
+from math import isfinite, pi
+from pathlib import Path
+
+from ergon.bells.modes import LN_1000
+from ergon.common.errors import ErgonError
+
+_MOST = 100_000  # characters of a line, and lines
+
+
+class TableError(ErgonError):
+    """A file that is no table of resonances; the sentence says where and why."""
+
+
+def read(path: Path) -> list[tuple[float, float, float]]:
+    """f [Hz], t60 [s] and amplitude of each resonance.
+
+    Lines are `index frequency amplitude bandwidth`, or without the index; those that begin with ;
+    or # say nothing. Amplitudes are factors; where one is negative they are in dB. A resonance
+    whose bandwidth is b falls by 60 dB in 3·ln 10/(π·b). Raises TableError.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        message = f"{path}: it is neither a WAV or FLAC file nor a text; give a recorded stroke or "
+        raise TableError(message + "a table of resonances") from None
+    rows = []
+    for number, line in enumerate(lines[:_MOST], 1):
+        words = line[:_MOST].replace(",", " ").split()
+        if not words or words[0][0] in ";#":
+            continue
+        rows.append(_row(f"{path}:{number}", words))
+    if not rows:
+        raise TableError(f"{path}: it has no resonances; write lines such as 1 220.5 0.8 0.35")
+    is_db = any(a < 0.0 for _, a, _ in rows)
+    found = [(f, LN_1000 / (pi * b), 10.0 ** (a / 20.0) if is_db else a) for f, a, b in rows]
+    kept = [row for row in found if row[2] > 0.0]
+    if not kept:
+        raise TableError(f"{path}: all amplitudes are 0, so that nothing sounds")
+    return kept
+
+
+def _row(where: str, words: list[str]) -> tuple[float, float, float]:
+    if not 3 <= len(words) <= 4:
+        message = f"{where}: a line is an index, a frequency [Hz], an amplitude and a bandwidth "
+        raise TableError(
+            message + f"[Hz], such as 1 220.5 0.8 0.35; here it has {len(words)} words"
+        )
+    try:
+        f, a, b = (float(word) for word in words[-3:])
+    except ValueError:
+        raise TableError(f"{where}: {' '.join(words[-3:])} are not three numbers") from None
+    if not (isfinite(f) and isfinite(a) and isfinite(b)):
+        raise TableError(f"{where}: {' '.join(words[-3:])} are not three finite numbers")
+    if not 0.0 < f < 1e6:
+        raise TableError(f"{where}: a frequency of {f:g} Hz; it must be above 0 and below 1 MHz")
+    if not b > 0.0:
+        raise TableError(f"{where}: a bandwidth of {b:g} Hz; it must be above 0, or it never ends")
+    return f, a, b

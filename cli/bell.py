@@ -1,0 +1,133 @@
+"""`ergon bell`: an instrument of a struck object, from recordings of strokes or a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ergon.api.bell import PLACE, BellOptions
+from ergon.api.bell import bell as find_bell
+
+from . import options
+from .console import Console, plural
+from .units import seconds
+
+if TYPE_CHECKING:
+    from ergon.bells.bell import Bell
+
+_SHOWN = 40  # modes of the table
+
+
+@click.command()
+@click.argument("strokes", metavar="[PLACE=]STROKE...", nargs=-1, required=True)
+@click.option("--modes", type=click.IntRange(1, 500), help="Keep so many modes, the loudest.")
+@click.option(
+    "--as",
+    "form",
+    type=click.Choice(["modes", "cels", "chain"]),
+    default="modes",
+    show_default=True,
+    help="One body of all modes; or a CEL for each; or a chain of masses.",
+)
+@options.target("Write the instrument into this file, for `use:` of a score.")
+@options.force
+@options.speaking
+def bell(
+    console: Console,
+    strokes: tuple[str, ...],
+    modes: int | None,
+    form: str,
+    output: str | None,
+    force: bool,
+) -> None:
+    """Find the modes of a struck object, and write it as an instrument.
+
+    A STROKE is a WAV or FLAC file of one stroke that dies away. Several are of one object, heard
+    from one point: soft to hard at one place, or at places that are named, rim=a.wav waist=b.wav.
+    Instead of them one table of resonances is read, as ModRes writes and Modalys reads them.
+    """
+    from ergon.bells.instrument import text
+    from ergon.exchange.safe import check_target, write_text
+
+    by_place: dict[str, list[Path]] = {}
+    for one in strokes:
+        place, equals, file = one.partition("=")
+        by_place.setdefault(place if equals else PLACE, []).append(Path(file if equals else one))
+    inputs = [file for own in by_place.values() for file in own]
+    if output is not None:
+        check_target(Path(output), force=force, inputs=inputs)
+    found = find_bell(by_place, BellOptions(modes=modes), report=console)
+    written = text(found, form=form)
+    if console.json:
+        _records(console, found)
+    else:
+        console.data(_lines(found))
+    if output is not None:
+        write_text(output, written, force=force, inputs=inputs)
+        console.say(f"wrote {output}: `use: [{Path(output).name}]` has the instrument `bell`")
+
+
+def _lines(bell: Bell) -> str:
+    import numpy as np
+
+    rows = [("", "frequency", "+-", "T60", "+-", *bell.places, "energy")]
+    order = np.argsort(-bell.energy)[:_SHOWN]
+    for i in sorted(order):
+        told = bell.deviation
+        level = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.heard[i]), 1e-10))
+        rows.append(
+            (
+                str(i + 1),
+                f"{bell.f[i]:.3f} Hz",
+                "" if told is None else f"{1731.23 * told.f[i] / bell.f[i]:.2g} cents",
+                seconds(float(bell.t60[i])),
+                "" if told is None else f"{100.0 * _deviation(bell, i) / bell.t60[i]:.2g} %",
+                *(f"{one:.1f} dB" for one in level),
+                f"{100.0 * bell.energy[i]:.2g} %",
+            )
+        )
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
+    if len(bell.f) > _SHOWN:
+        lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
+    for one in bell.strokes:
+        left = 10.0 * np.log10(max(1.0 - one.explained, 1e-12))
+        contact = "" if one.contact is None else f", contact {1e3 * one.contact:.2g} ms"
+        impulse = f"impulse {one.impulse:.2g} of the hardest" if one.impulse != 1.0 else "hardest"
+        what = f"{100.0 * one.explained:.2f} % of the energy explained, {left:.1f} dB left"
+        lines.append(f"{one.name} at {one.place}: {what}; {impulse}{contact}")
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _records(console: Console, bell: Bell) -> None:
+    told = bell.deviation
+    for i in range(len(bell.f)):
+        console.record(
+            "mode",
+            frequency_hz=float(bell.f[i]),
+            t60_s=float(bell.t60[i]),
+            levels={
+                name: float(bell.levels[i, at] * bell.heard[i])
+                for at, name in enumerate(bell.places)
+            },
+            energy=float(bell.energy[i]),
+            frequency_deviation_hz=None if told is None else float(told.f[i]),
+            t60_deviation_s=None if told is None else _deviation(bell, i),
+        )
+    for one in bell.strokes:
+        console.record(
+            "stroke",
+            file=one.name,
+            place=one.place,
+            impulse=one.impulse,
+            contact_s=one.contact,
+            explained=one.explained,
+        )
+
+
+def _deviation(bell: Bell, mode: int) -> float:
+    """Of T60 [s], from that of the decay."""
+    assert bell.deviation is not None
+    return float(bell.deviation.d[mode] * bell.t60[mode] ** 2 / 6.907755278982137)

@@ -1,0 +1,195 @@
+//! MODES: masses at the places of a body of which modes are known, joined so that it has these modes and levels.
+//!
+//! Modes q of mass M are seen at place p as Σ φ_kp·q_k. An orthogonal change of coordinates takes the modes to masses: one
+//! at each place, the others inside. It exists where the places move independently of each other at the first
+//! instant, as they do on a real body; a list of modes ends somewhere, so that short high modes are added which make it so.
+
+use super::{GeneratorError, count};
+use crate::interrupt;
+use crate::maths::sqrt;
+
+/// Most modes of one body: each pair of masses has a link.
+pub const MAX_MODAL: usize = 500;
+/// Most places of one body.
+pub const MAX_PLACES: usize = 64;
+/// Share of a place's own mobility below which what is left of it is rounding.
+const NOTHING: f64 = 1e-12;
+
+/// Masses, and the stiffness and damping between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModalBody {
+    /// Places first, then masses inside   (n,)
+    pub masses: Vec<f64>,
+    /// (n, n)
+    pub stiffness: Vec<f64>,
+    /// (n, n)
+    pub damping: Vec<f64>,
+}
+
+/// The body whose modes have `poles` (ω² and ζ of a mass of 1, n_modes) and `levels` (n_modes, n_places), and mass `mass` [kg]
+/// where a level is 1; `beyond` is the pole of modes that are added.
+///
+/// ```
+/// use ergon_engine::generator::modal_body;
+///
+/// let body = modal_body(0.25, &[(4e4, 3.0)], &[vec![1.0]], (1e10, 9.0))?;
+/// assert_eq!((body.masses, body.stiffness, body.damping), (vec![0.25], vec![1e4], vec![0.75]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// No mode or too many, no place or too many, and a place that no mode moves.
+pub fn modal_body(
+    mass: f64,
+    poles: &[(f64, f64)],
+    levels: &[Vec<f64>],
+    beyond: (f64, f64),
+) -> Result<ModalBody, GeneratorError> {
+    count("The number of modes", poles.len(), 1, MAX_MODAL)?;
+    let places = levels.first().map_or(0, Vec::len);
+    count("The number of places", places, 1, MAX_PLACES)?;
+    for place in 0..places {
+        let own: f64 = levels.iter().map(|row| row[place] * row[place]).sum();
+        if !(own > 0.0 && own.is_finite()) {
+            return Err(GeneratorError::Still { place });
+        }
+    }
+    let more = added(levels);
+    let mut shapes: Vec<Vec<f64>> = levels.to_vec();
+    shapes.extend(more.iter().cloned());
+    let mut poles = poles.to_vec();
+    poles.resize(shapes.len(), beyond);
+    let n = shapes.len();
+    // Coordinates x = Hᵀ q: the first ones are those of the places, as far as these have a share of their own.
+    let mut basis: Vec<Vec<f64>> = (0..places)
+        .map(|place| shapes.iter().map(|row| row[place]).collect())
+        .collect();
+    let size: Vec<f64> = basis.iter().map(|own| sqrt(dot(own, own))).collect();
+    let mut stiffness = diagonal(poles.iter().map(|pole| pole.0), n);
+    let mut damping = diagonal(poles.iter().map(|pole| pole.1), n);
+    for at in 0..places {
+        interrupt::poll();
+        let Some(mirror) = mirror(&basis[at], at) else {
+            continue;
+        };
+        for own in &mut basis[at..] {
+            reflect(own, &mirror);
+        }
+        reflect_both(&mut stiffness, &mirror);
+        reflect_both(&mut damping, &mirror);
+    }
+    let inside = mass / (size[0] * size[0]);
+    let mut masses: Vec<f64> = size.iter().map(|size| mass / (size * size)).collect();
+    masses.resize(n, inside);
+    let root: Vec<f64> = masses.iter().map(|mass| sqrt(*mass)).collect();
+    for matrix in [&mut stiffness, &mut damping] {
+        for (i, row) in matrix.chunks_exact_mut(n).enumerate() {
+            for (value, other) in row.iter_mut().zip(&root) {
+                *value *= root[i] * other;
+            }
+        }
+    }
+    Ok(ModalBody {
+        masses,
+        stiffness,
+        damping,
+    })
+}
+
+/// Levels of modes, each at all places, that with the known ones make places move independently at the first instant.
+///
+/// With Σ φφᵀ = G they are E = L·Lᵀ such that G + E has no entries off its diagonal, each place with as much more as it has in
+/// common with the others.
+fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let n = levels.first().map_or(0, Vec::len);
+    let inner = |p: usize, q: usize| -> f64 { levels.iter().map(|row| row[p] * row[q]).sum() };
+    let own: Vec<f64> = (0..n).map(|p| sqrt(inner(p, p))).collect();
+    // In units of each place's own mobility.
+    let mut rest = vec![0.0; n * n];
+    for p in 0..n {
+        for q in (0..n).filter(|&q| q != p) {
+            let common = inner(p, q) / (own[p] * own[q]);
+            rest[p * n + q] = -common;
+            rest[p * n + p] += common.abs();
+        }
+    }
+    // Cholesky; a pivot of 0 is the end of what is left.
+    let mut modes = Vec::new();
+    for at in 0..n {
+        let pivot = rest[at * n + at];
+        if pivot <= NOTHING {
+            continue;
+        }
+        let root = sqrt(pivot);
+        let column: Vec<f64> = (0..n).map(|row| rest[row * n + at] / root).collect();
+        for (row, a) in column.iter().enumerate() {
+            for (other, b) in column.iter().enumerate() {
+                rest[row * n + other] -= a * b;
+            }
+        }
+        for done in 0..n {
+            rest[at * n + done] = 0.0;
+            rest[done * n + at] = 0.0;
+        }
+        modes.push(column.iter().zip(&own).map(|(a, own)| a * own).collect());
+    }
+    modes
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn diagonal(values: impl Iterator<Item = f64>, n: usize) -> Vec<f64> {
+    let mut matrix = vec![0.0; n * n];
+    for (i, value) in values.enumerate() {
+        matrix[i * n + i] = value;
+    }
+    matrix
+}
+
+/// v of the reflection 1 - v·vᵀ that takes `own` to a positive multiple of axis `at`, where axes before it are left alone.
+fn mirror(own: &[f64], at: usize) -> Option<Vec<f64>> {
+    let mut v: Vec<f64> = own.to_vec();
+    v[..at].fill(0.0);
+    let beyond = dot(&v[at + 1..], &v[at + 1..]);
+    if beyond == 0.0 && v[at] >= 0.0 {
+        return None;
+    }
+    let size = sqrt(v[at] * v[at] + beyond);
+    // own - |own|·axis, without the difference of near numbers.
+    v[at] = if v[at] > 0.0 {
+        -beyond / (v[at] + size)
+    } else {
+        v[at] - size
+    };
+    let scale = sqrt(2.0 / dot(&v, &v));
+    v.iter_mut().for_each(|value| *value *= scale);
+    Some(v)
+}
+
+fn reflect(own: &mut [f64], mirror: &[f64]) {
+    let along = dot(own, mirror);
+    for (value, m) in own.iter_mut().zip(mirror) {
+        *value -= along * m;
+    }
+}
+
+/// H·A·H of a symmetric A, exactly symmetric.
+fn reflect_both(matrix: &mut [f64], mirror: &[f64]) {
+    let n = mirror.len();
+    let image: Vec<f64> = matrix.chunks_exact(n).map(|row| dot(row, mirror)).collect();
+    let half = 0.5 * dot(&image, mirror);
+    let turn: Vec<f64> = image
+        .iter()
+        .zip(mirror)
+        .map(|(a, m)| a - half * m)
+        .collect();
+    for i in 0..n {
+        for j in i..n {
+            let value = matrix[i * n + j] - mirror[i] * turn[j] - turn[i] * mirror[j];
+            matrix[i * n + j] = value;
+            matrix[j * n + i] = value;
+        }
+    }
+}

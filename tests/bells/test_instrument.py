@@ -1,0 +1,181 @@
+"""Bells as instruments: what is rendered of them has their modes, and a table makes one."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from checked import check
+
+import ergon
+from ergon.bells.bell import of_table
+from ergon.bells.chain import chain
+from ergon.bells.instrument import FormError, text
+from ergon.bells.resonances import TableError, read
+from ergon.cli import app
+
+F = (219.0, 219.6, 440.0, 657.0, 1320.0)
+T60 = (3.0, 2.7, 2.0, 1.2, 0.6)
+LEVELS = (1.0, 0.8, -0.6, 0.5, 0.3)
+SCORE = """ergon: 1
+use: [bell.yaml]
+instruments:
+  b: {from: bell/bell}
+strikes: {s: {to: %s, at: 0.05s, impulse: 10mNs}}
+render: {tail: 4s}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ERGON_CACHE", "off")
+
+
+def run(words: list[str]) -> int:
+    """The exit code of a command."""
+    with pytest.raises(SystemExit) as ended:
+        app.main(words)
+    return int(ended.value.code or 0)
+
+
+def even(f: np.ndarray) -> np.ndarray:
+    """Decays [s] that dampers beside all springs and masses make."""
+    return 3 * np.log(10) / (0.5 + 1e-7 * (2 * np.pi * f) ** 2)
+
+
+def made(form: str = "modes") -> ergon.Bell:
+    rows = [(f, t60, abs(a)) for f, t60, a in zip(F, T60, LEVELS, strict=True)]
+    bell = of_table(rows)
+    Path("bell.yaml").write_text(text(bell, form=form))
+    return bell
+
+
+@pytest.mark.parametrize(("form", "to"), [("modes", "b.point"), ("chain", "b.m1")])
+def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
+    if form == "chain":
+        f, level = np.array(F[1:]), np.array([0.8, 0.6, 0.5, 0.3])
+        t60 = even(f)
+        bell = of_table(list(zip(f, t60, level, strict=True)))
+        Path("bell.yaml").write_text(text(bell, form=form))
+    else:
+        made(form)
+        f, t60, level = np.array(F), np.array(T60), np.abs(LEVELS)
+    Path("s.yaml").write_text(SCORE % to)
+    assert run(["render", "s.yaml", "-o", "s.wav", "-q"]) == 0
+    found = ergon.bell("s.wav", ergon.BellOptions(modes=len(f)))
+    assert len(found.f) == len(f)
+    assert 1200 * np.abs(np.log2(found.f / f)).max() < (1e-3 if form == "modes" else 0.1)
+    assert found.t60 == pytest.approx(t60, rel=1e-3 if form == "modes" else 0.12)
+    heard = np.abs(found.levels[:, 0] * found.heard)
+    assert heard == pytest.approx(level / level.max(), rel=0.02)
+    assert found.strokes[0].explained > 0.9999
+
+
+def test_each_form_is_an_instrument_that_a_key_plays(capsys: pytest.CaptureFixture[str]) -> None:
+    score = """ergon: 1
+use: [bell.yaml]
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  b: {from: bell/bell, f: A3}
+  action: {modules: {c: {BUT: {between: [k1, b.hammer], K: 4kN/m, Z: 2Ns/m}}}}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: knock}]}
+render: {tail: 0.5s}
+"""
+    for form in ("modes", "cels"):
+        made(form)
+        Path("s.yaml").write_text(score)
+        assert run(["render", "s.yaml", "-o", f"{form}.wav", "-q"]) == 0
+        blocks = ergon.render("s.yaml").frames
+        assert np.abs(blocks).max() > 0.0
+
+
+def test_a_chain_is_refused_where_it_is_none() -> None:
+    with pytest.raises(FormError, match="beat"):
+        made("chain")
+    many = [(100.0 * 1.1**i, 1.0, 1.0) for i in range(16)]
+    with pytest.raises(FormError, match="at most 15"):
+        text(of_table(many), form="chain")
+
+
+def test_the_end_of_a_chain_has_the_modes_and_levels() -> None:
+    f = np.array([200.0, 540.0, 1100.0])
+    t60 = even(f)
+    level = np.array([1.0, 0.5, 0.3])
+    own = chain(f, t60, level, 0.1)
+    stiffness = np.diag(own.springs) + np.diag(np.r_[0, own.springs[:-1]])
+    stiffness -= np.diag(own.springs[:-1], 1) + np.diag(own.springs[:-1], -1)
+    root = 1 / np.sqrt(own.masses)
+    values, vectors = np.linalg.eigh(root[:, None] * stiffness * root)
+    sigma = 3 * np.log(10) / t60
+    assert values == pytest.approx((2 * np.pi * f) ** 2 + sigma**2, rel=1e-9)
+    assert vectors[0] ** 2 == pytest.approx(level / level.sum(), rel=1e-9)
+
+
+MODALYS = """; a clarinet, as ModRes wrote it
+1 465.239 -55.16879 .2261643
+2 1621.073 -66.87767 .5535431
+3\t1923.595\t-67.9138\t.6310855
+"""
+
+
+def test_a_table_of_resonances_is_read() -> None:
+    Path("r.txt").write_text(MODALYS)
+    rows = read(Path("r.txt"))
+    assert rows[0] == pytest.approx(
+        (465.239, 6.907755 / (np.pi * 0.2261643), 10**-2.7584395), rel=1e-6
+    )
+    Path("linear.txt").write_text("100 1.0 0.5\n200 0.25 0.5\n300 0 1\n")
+    assert [row[2] for row in read(Path("linear.txt"))] == [1.0, 0.25]
+    bell = ergon.bell("r.txt")
+    Path("bell.yaml").write_text(text(bell))
+    assert check(Path("bell.yaml").read_text()).diagnostics == []
+
+
+@pytest.mark.parametrize(
+    ("table", "reason"),
+    [
+        ("", "no resonances"),
+        ("1 2\n", "r.txt:1: .* 2 words"),
+        ("1 220 0.5 x\n", "not three numbers"),
+        ("1 220 0.5 0\n", "bandwidth of 0"),
+        ("1 -220 0.5 1\n", "frequency of -220"),
+        ("1 nan 0.5 1\n", "finite"),
+        ("1 220 0 1\n", "all amplitudes are 0"),
+    ],
+)
+def test_a_table_with_a_mistake_is_refused_at_its_line(table: str, reason: str) -> None:
+    Path("r.txt").write_text(table)
+    with pytest.raises(TableError, match=reason):
+        read(Path("r.txt"))
+
+
+def test_options_are_refused_by_name() -> None:
+    for options, strokes in (
+        (ergon.BellOptions(modes=0), "a.wav"),
+        (ergon.BellOptions(), []),
+        (ergon.BellOptions(), {"last": ["a.wav"]}),
+        (ergon.BellOptions(), {"rim": ["a.txt", "b.wav"]}),
+    ):
+        with pytest.raises(ergon.OptionError):
+            ergon.bell(strokes, options)
+
+
+def test_the_command_writes_an_instrument_and_says_what_it_found(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("r.txt").write_text(MODALYS)
+    assert run(["bell", "r.txt", "-o", "bell.yaml"]) == 0
+    out = capsys.readouterr()
+    assert "465.239 Hz" in out.out
+    assert "wrote bell.yaml" in out.err
+    assert run(["bell", "r.txt", "--json"]) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert rows[0]["frequency_hz"] == 465.239
+    assert run(["bell", "rim=nothing.wav"]) != 0
+    assert "nothing.wav" in capsys.readouterr().err
+    Path("noise.wav").write_bytes(b"RIFF")
+    assert run(["bell", "noise.wav"]) != 0
+    assert "Traceback" not in capsys.readouterr().err

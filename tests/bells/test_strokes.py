@@ -1,0 +1,106 @@
+"""What is a stroke and what is not, and several strokes of one object."""
+
+import numpy as np
+import pytest
+from struck import RATE, church, matched
+
+from ergon.bells import contact
+from ergon.bells.bell import of_strokes
+from ergon.bells.stroke import NotAStrokeError, stroke
+
+T = np.arange(int(3 * RATE)) / RATE
+
+
+def rng():
+    return np.random.default_rng(5)
+
+
+def two_strokes():
+    sound = church().sound(3.0)
+    sound[int(1.2 * RATE) :] += 0.7 * church().sound(1.8)
+    return sound
+
+
+def clipped():
+    sound = church().sound(3.0)
+    return np.clip(sound, -0.3 * np.abs(sound).max(), 0.3 * np.abs(sound).max())
+
+
+def speech():
+    """Syllables: pulses of a gliding pitch through two formants."""
+    pitch = 120 + 30 * np.sin(2 * np.pi * 1.3 * T)
+    phase = 2 * np.pi * np.cumsum(pitch) / RATE
+    voice = sum(np.cos(n * phase) / n for n in range(1, 30))
+    gate = np.clip(np.sin(2 * np.pi * 3.1 * T), 0, 1) ** 2
+    return gate * voice * np.linspace(1, 0.3, T.size)
+
+
+SOUNDS = {
+    "silence": (lambda: np.zeros(T.size), "silent"),
+    "noise": (lambda: rng().standard_normal(T.size), "does not die away"),
+    "fading noise": (lambda: rng().standard_normal(T.size) * np.exp(-2 * T), "explain"),
+    "a sine": (lambda: np.sin(2 * np.pi * 440 * T), "die away|clipped"),
+    "speech": (speech, "explain|strikes again"),
+    "clipped": (clipped, "clipped"),
+    "two strokes": (two_strokes, "strikes again 1\\.[12]"),
+    "too short": (lambda: church().sound(0.05), "only 50 ms"),
+}
+
+
+@pytest.mark.parametrize("name", SOUNDS)
+def test_what_is_no_single_stroke_is_refused_with_a_reason(name):
+    make, reason = SOUNDS[name]
+    with pytest.raises(NotAStrokeError, match=reason):
+        of_strokes([("point", stroke(f"{name}.wav", make(), RATE))])
+
+
+def test_a_stroke_begins_where_it_begins():
+    sound = np.concatenate([1e-5 * rng().standard_normal(20000), church().sound(3.0)])
+    assert stroke("a.wav", sound, RATE).sound.size == pytest.approx(3.0 * RATE, abs=0.035 * RATE)
+
+
+def pushed(levels, length, impulse, seed):
+    """A bell of levels, pushed by half a sine."""
+    struck = church()
+    heard = contact.spectrum(struck.f, length) * levels * impulse
+    t = np.arange(int(4 * RATE)) / RATE
+    modes = zip(struck.f, struck.d, heard, strict=True)
+    sound = sum(a * np.exp(-d * t) * np.cos(2 * np.pi * f * t) for f, d, a in modes)
+    sound = np.concatenate([np.zeros(int(length * RATE)), sound])
+    noise = 1e-5 * np.random.default_rng(seed).standard_normal(sound.size)
+    return stroke(f"{seed}.wav", sound + noise, RATE)
+
+
+@pytest.mark.slow
+def test_strokes_soft_to_hard_and_at_places_give_levels_and_the_contact():
+    levels = np.random.default_rng(2).uniform(0.2, 1.0, (2, church().f.size))
+    strokes = [
+        ("rim", pushed(levels[0], 0.4e-3, 1.0, 1)),
+        ("rim", pushed(levels[0], 0.7e-3, 0.3, 2)),
+        ("waist", pushed(levels[1], 0.4e-3, 1.0, 3)),
+        ("waist", pushed(levels[1], 0.6e-3, 0.5, 4)),
+    ]
+    found = of_strokes(strokes)
+    struck = church()
+    assert found.places == ("rim", "waist")
+    pairs = matched(found.f, struck.f, cents=1.0)
+    assert len(pairs) == len(struck.f)
+    assert len(found.f) <= len(struck.f) + 2
+    true, own = (np.array(column) for column in zip(*pairs, strict=True))
+    low = struck.f[true] * 0.7e-3 < 1.0  # higher ones are lost in the soft stroke's notch
+    for column in (0, 1):
+        heard = np.abs(found.levels[own, column]) * found.heard[own]
+        ratio = np.log(heard / levels[column][true])[low]
+        assert np.median(np.abs(ratio - np.median(ratio))) < 0.05
+    assert found.strokes[1].impulse == pytest.approx(0.3, rel=0.15)
+    assert found.contact == pytest.approx(0.4e-3, rel=0.3)
+
+
+def test_the_spring_of_a_contact_makes_its_length():
+    """A mass on Hertz's spring, stepped."""
+    k, x, v, h, t = contact.stiffness(1e-3), 0.0, contact.SPEED, 1e-7, 0.0
+    while x >= 0.0:
+        v -= h * k * max(x, 0.0) ** 1.5 / contact.HAMMER
+        x += h * v
+        t += h
+    assert t == pytest.approx(1e-3, rel=1e-3)

@@ -1,0 +1,197 @@
+"""MODES: a body of which modes and their levels at places are known."""
+
+import numpy as np
+import pytest
+from checked import check, codes
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Accuracy
+from ergon.scores.staging import planning
+from ergon.scores.staging.stage import prepare
+
+LISTS = "f: [220Hz, 220.5Hz, A4], t60: [12s, 11s, 6s]"
+PLACES = ", places: {rim: [1, 0.8, 0.5], waist: [0.4, -6dB, -0.5]}"
+SCORE = "ergon: 1\ninstruments:\n  b:\n    MODES: {M: 200g, %s}\n    out: {SOX: b.%s}\n"
+F, T60 = (220.0, 220.5, 440.0), (12.0, 11.0, 6.0)
+
+
+def network(text: str, part: str = "b"):
+    piece = check(text).piece
+    assembly = Assembly()
+    assembly.part(part, piece.instruments[part].modules)
+    return assembly
+
+
+def heard(text: str, n: int = 44100) -> np.ndarray:
+    ready = prepare(load("x.yaml", text=text).piece)
+    made = planning.make(ready.network, ready.timeline, Accuracy())
+    out = np.zeros((n, 1))
+    _core.Simulation(ready.network, ready.timeline, plan=made.plan).process(out)
+    return out[:, 0]
+
+
+def test_it_has_the_modes_and_levels_that_are_written():
+    assembly = network(SCORE % (LISTS + PLACES, "waist"))
+    modes = assembly.network.part_modes("b", count=3)
+    poles, shapes = np.array(modes.poles), np.array(modes.shapes).real
+    sigma = -poles.real
+    assert np.abs(poles.imag) / (2 * np.pi) == pytest.approx(F, rel=1e-12)
+    assert 3 * np.log(10) / sigma == pytest.approx(T60, rel=1e-9)
+    ratio = shapes[:, 1] / shapes[:, 0]
+    assert ratio == pytest.approx([0.4, 10 ** (-6 / 20) / 0.8, -1.0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("to", "at"), [("rim", "waist"), ("waist", "rim"), ("rim", "rim")])
+def test_a_strike_moves_each_mode_by_its_levels_at_both_places(to, at):
+    levels = {"rim": (1.0, 0.8, 0.5), "waist": (0.4, 10 ** (-6 / 20), -0.5)}
+    strike = "strikes: {s: {to: b.%s, at: 0s, impulse: 1mNs}}\n"
+    out = heard(SCORE % (LISTS + PLACES, at) + strike % to)
+    t = np.arange(out.size) / 44100
+    made = np.zeros(out.size)
+    for f, t60, there, here in zip(F, T60, levels[to], levels[at], strict=True):
+        level = 1e-3 * there * here / (0.2 * 2 * np.pi * f)
+        made += level * np.exp(-3 * np.log(10) * t / t60) * np.sin(2 * np.pi * f * t)
+    apart = out[200:] - made[200:]  # the modes that are added are over by then
+    assert np.abs(apart).max() < 1e-9 * np.abs(made).max()
+
+
+def test_places_move_independently_at_the_first_instant_and_one_place_needs_no_more():
+    two = network(SCORE % (LISTS + PLACES, "waist")).network
+    one = network(SCORE % (LISTS, "point")).network
+    assert (two.n_mat, one.n_mat, two.count(0), one.count(0)) == (4, 3, 2, 1)
+
+
+@pytest.mark.parametrize(("count", "places"), [(1, 3), (40, 5), (200, 2)])
+def test_any_number_of_modes_and_places(count, places):
+    rng = np.random.default_rng(count)
+    f = np.sort(np.exp(rng.uniform(np.log(50), np.log(15e3), count)))
+    t60 = rng.uniform(0.2, 20.0, count)
+    levels = rng.uniform(-1, 1, (count, places))
+    made = _core.Network()
+    made.part("b")
+    made.modal("", M=0.1, modes=list(zip(f, t60, strict=True)), levels=levels.tolist())
+    modes = made.part_modes("b", count=made.n_mat)
+    is_ours = np.array(modes.poles).real > -1000.0  # those that are added fall within 1 ms
+    poles, shapes = np.array(modes.poles)[is_ours], np.array(modes.shapes).real[is_ours, :places]
+    assert 1200 * np.abs(np.log2(np.abs(poles.imag) / (2 * np.pi) / f)).max() < 1e-5
+    assert np.abs(3 * np.log(10) / -poles.real / t60 - 1).max() < 1e-9
+    signs = np.sign(shapes[:, 0] * levels[:, 0])[:, None]
+    seen, asked = shapes * signs / np.abs(shapes).max(), levels / np.abs(levels).max()
+    assert np.allclose(seen, asked, atol=1e-5)
+
+
+def test_a_hammer_meets_it_as_a_whole_and_the_plan_computes_it_by_modes():
+    text = """ergon: 1
+instruments:
+  b:
+    modules:
+      body: {MODES: {M: 200g, %s}}
+      hammer: {CEL: {M: 8g, f: 1Hz, t60: 2s, V0: 1m/s}}
+      felt: {BUT: {between: [hammer, body.rim], K: 1e6, exponent: 1.5}}
+    out: {SOV: body.waist}
+"""
+    ready = prepare(load("x.yaml", text=text % (LISTS + PLACES)).piece)
+    rows = planning.make(ready.network, ready.timeline, Accuracy()).plan.rows()
+    assert [row.modes.total for row in rows if row.modes is not None] == [4]
+
+
+def test_one_decay_stands_for_all_modes_and_a_lone_place_has_a_name():
+    fields = check(SCORE % ("f: [200Hz, 453Hz], t60: 2s", "point")).piece.instruments["b"]
+    fields = fields.modules[0].fields
+    assert fields["t60"] == (2.0, 2.0)
+    assert fields["places"] == (("point", (1.0, 1.0)),)
+    assert codes(SCORE % ("f: 200Hz, t60: 2s", "0")) == []
+
+
+def test_transposing_moves_frequencies_and_decays_and_a_pitch_only_frequencies():
+    more = "  h: {like: b, transpose: 12st}\n  i: {like: b, f: A4, t60: 6s, M: 1kg}\n"
+    more += "  s: {like: b, notes: [A3, A4], out: {SOX: s.rim}}\n"
+    piece = check(SCORE % (LISTS + PLACES, "rim") + more).piece
+    by_name = {name: one.modules[0].fields for name, one in piece.instruments.items()}
+    assert by_name["h"]["f"] == (440.0, 441.0, 880.0)
+    assert by_name["h"]["t60"] == (6.0, 5.5, 3.0)
+    assert by_name["i"]["f"] == by_name["h"]["f"]
+    assert (by_name["i"]["t60"], by_name["i"]["M"]) == ((6.0, 5.5, 3.0), 1.0)
+    assert by_name["i"]["places"] == by_name["b"]["places"]
+    assert by_name["s.A4"]["f"] == by_name["h"]["f"]
+
+
+def test_what_another_instrument_begins_with_is_merged_field_by_field():
+    more = "  h: {like: b, MODES: {places: {rim: [0.1, 0.2, 0.3]}}, out: {SOX: h.rim}}\n"
+    fields = check(SCORE % (LISTS + PLACES, "rim") + more).piece.instruments["h"].modules[0].fields
+    assert fields["places"] == (("rim", (0.1, 0.2, 0.3)),)
+    assert fields["f"] == (220.0, 220.5, 440.0)
+
+
+@pytest.mark.parametrize(
+    ("body", "at", "code"),
+    [
+        ("f: [200Hz, 300Hz], t60: [1s, 2s, 3s]", "point", "E106"),
+        ("f: [200Hz, 300Hz], t60: 1s, places: {rim: [1, 2, 3]}", "rim", "E106"),
+        ("f: [200Hz, 300Hz], t60: 1s, places: {rim: [0, 0]}", "rim", "E202"),
+        ("f: [200Hz, 300Hz], t60: 1s, places: {last: [1, 1]}", "0", "E110"),
+        ("f: [200Hz, 300Hz], t60: 1s, places: {}", "0", "E110"),
+        ("f: [200Hz, 300Hz], t60: 1s, places: {rim: [1, 1]}", "rin", "E301"),
+        ("f: [200Hz, 300Hz], t60: 1s, places: {a: [1, 1], b: [1, 2]}", "a, b", None),
+        ("f: [200Hz, 300Hz]", "point", "E103"),
+        ("t60: 1s", "point", "E103"),
+        ("f: 200Hz, t60: 1s, modes: x.csv", "point", "E111"),
+    ],
+)
+def test_mistakes_have_codes(body, at, code):
+    if code is None:
+        text = SCORE.replace("SOX: b.%s", "SOX: b") % body
+        message = check(text).diagnostics[0].message
+        assert "2 places" in message
+        assert "b.a" in message
+    else:
+        assert codes(SCORE % (body, at)) == [code]
+
+
+def test_a_misspelt_place_is_suggested():
+    text = SCORE % ("f: 200Hz, t60: 1s, places: {shoulder: 1}", "sholder")
+    assert "b.shoulder" in check(text).diagnostics[0].suggestion
+
+
+def test_it_does_not_glide_and_says_so():
+    more = "automation: [{set: b.f, at: 1|1, to: A4, over: 1bar}]\n"
+    found = check(SCORE % (LISTS + PLACES, "rim") + more).diagnostics
+    assert any("MODES" in one.message for one in found)
+
+
+@pytest.fixture
+def filed(tmp_path):
+    def made(table: str, at: str = "rim"):
+        (tmp_path / "bell.csv").write_bytes(table.encode())
+        text = SCORE % ("modes: bell.csv", at) + "  h: {like: b, transpose: 12st}\n"
+        (tmp_path / "s.yaml").write_text(text)
+        return load(tmp_path / "s.yaml")
+
+    return made
+
+
+def test_a_file_says_the_same_as_lists(filed):
+    rows = "220Hz, 12s, 1, 0.4\n# beats\n220.5, 11, 0.8, -6dB\nA4, 6s, 0.5, -0.5\n"
+    loaded = filed("f, t60, rim, waist\n" + rows)
+    assert loaded.diagnostics == []
+    lists = check(SCORE % (LISTS + PLACES, "rim")).piece.instruments["b"].modules[0].fields
+    assert loaded.piece.instruments["b"].modules[0].fields == lists
+    assert loaded.piece.instruments["h"].modules[0].fields["f"] == (440.0, 441.0, 880.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "code", "part"),
+    [
+        ("f, t60, rim\n", "E106", "200Hz, 4s, 0.5"),
+        ("f, t60, rim\n200Hz, 1s\n", "E106", "a level at rim"),
+        ("f, t60, rim, rim\n200Hz, 1s, 1, 1\n", "E110", "two places"),
+        ("f, t60, 1st\n200Hz, 1s, 1\n", "E110", "name for a place"),
+        ("f, t60, rim\n200Hz, 1s, loud\n", "E201", "loud"),
+    ],
+)
+def test_mistakes_of_a_file_have_their_place(filed, table, code, part):
+    found = filed(table).diagnostics[0]
+    assert found.code == code
+    assert part in found.message
