@@ -455,6 +455,22 @@ class Network:
         where they slide more slowly than `vs` [m/s]; sigma2 [N·s/m] is viscosity. `Fs` is Fc
         where it is None.
         """
+    def dry(
+        self,
+        name: str,
+        a: int,
+        b: int,
+        *,
+        F: float,
+        static_level: float | None = None,
+        speed: float = 0.001,
+    ) -> int:
+        """Dry friction between MATs a and b that holds rigidly; the LIA's index.
+
+        It gives F [N] against the velocity while they slide, and up to its level against what would
+        set them off. The level is `static_level` [N] near rest, F where that is None, and has
+        fallen most of the way to F at `speed` [m/s].
+        """
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
     def laws(self) -> list[LawUse]:
@@ -1571,6 +1587,7 @@ def emulate(
     touch_gate: bool,
     watchdog: float,
     model: _Floats | None = None,
+    network: tuple[Network, int] | None = None,
     noise: float = 0.0,
     force_step: float = 0.0,
     seed: int = 0,
@@ -1583,7 +1600,8 @@ def emulate(
     [N], its sensor a resolution [m]. `rate` [Hz] is that of its periods. `hand` is the stiffness
     [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period; an empty path
     is a resting finger, a missing one an untouched key. With `model`, the parameters of `key_path`,
-    each key moves by that model instead. `noise` is the standard deviation of the sensor's noise
+    each key moves by that model instead; with `network`, as the key of a score whose MAT of that
+    index takes the forces. `noise` is the standard deviation of the sensor's noise
     [m], drawn by `seed`; forces are rounded to multiples of `force_step` [N].
 
     `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for `watchdog`

@@ -56,6 +56,10 @@ impl Network {
                     n_laws += run.len;
                     (law.slope(0.0), law.damping_slope(0.0))
                 }
+                LinkKind::Dry(_) => {
+                    n_laws += run.len;
+                    continue;
+                }
                 LinkKind::But(_) => {
                     n_contacts += run.len;
                     continue;
