@@ -91,7 +91,9 @@ def key(values: Values, files: Files) -> Key:
         message = f"{values.context.of('X0')}: the key begins outside its travel"
         values.error("E202", message, "X0")
     struck = values["struck"] or ""
-    return Key(values.context.name, modules, struck, travel, values["reach"], values.place)
+    known = None if measured is None else calibration.of_hand(measured)
+    own = values.context.name, modules, struck, travel, values["reach"], values.place
+    return Key(*own, measured=known)
 
 
 def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:

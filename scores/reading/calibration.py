@@ -68,6 +68,15 @@ def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
     return tuple(made)
 
 
+def of_hand(measured: Values) -> tuple[float, float, float | None] | None:
+    """Mass [kg] without what swings on it, damping [N·s/m] and delay [s] of the real key."""
+    modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
+    mass, damping = measured["M"], measured["Z"]
+    if not isinstance(mass, float) or not isinstance(damping, float):
+        return None
+    return max(0.0, mass - sum(mode["M"] for mode in modes)), damping, measured["delay"]
+
+
 def _mode(name: str, mode: Values, cel: Module) -> tuple[Module, Module]:
     omega, sigma = 2.0 * pi * mode["f"], _DECAY / mode["t60"]
     mass = mode["M"]

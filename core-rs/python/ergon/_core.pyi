@@ -1355,6 +1355,8 @@ class LiveHand(NamedTuple):
     reach: float  # factor between key and scene
     guidance: GuidanceSpring | tuple[float, float, bool] | None
     response: _Floats  # ReachableScene.response of the scene, or none of it, (n_ticks,)
+    # Of the key as measured: mass [kg], damping [N·s/m] and, where it is known, delay [s].
+    measured: tuple[float, float, float | None] | None
 
 class AxisCalibration(NamedTuple):
     """What is known of an axis of a device, whose units are m or rad."""
