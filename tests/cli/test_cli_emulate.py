@@ -135,7 +135,7 @@ def test_what_no_key_has_is_refused(
     [
         ("ergon: 1\nM: 400g\nK: 60N/m\nZ: 1Ns/m\n", ["--dry", "1mN"], "--calib says what"),
         ("ergon: 1\nM: 400g\n", [], "'K'"),
-        ("ergon: 1\nM: 4N\nK: 60N/m\nZ: 1Ns/m\n", [], "M of a calibration"),
+        ("ergon: 1\nM: 4N\nK: 60N/m\nZ: 1Ns/m\n", [], "M of calibration"),
         ("ergon: 1\nM: 1mg\nK: 900kN/m\nZ: 0Ns/m\n", [], "above half the rate"),
     ],
 )
