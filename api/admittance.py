@@ -150,7 +150,7 @@ def admittance(
         names,
         axis,
         values,
-        sum(kind in ("LNL", "BRISTLE") for kind in together),
+        sum(kind in ("LNL", "BRISTLE", "DRY") for kind in together),
         together.count("BUT"),
         tuple(loaded.inputs),
     )

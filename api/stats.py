@@ -41,7 +41,7 @@ class StatsOptions(ReadOptions):
 class LinkStats:
     """Links of one kind: how many, and the lowest and the highest K [N/m] and Z [N·s/m] of them.
 
-    `kind` is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL or BRISTLE. Laws have those at
+    `kind` is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL, BRISTLE or DRY. Laws have those at
     rest, a BUT those while it is closed.
     """
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import click
@@ -13,6 +15,8 @@ from .outcome import Refused
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from ergon import _core
 
     from .console import Console
 
@@ -104,6 +108,13 @@ def _quantity(
 @_quantity("--mass", "MASS", 0.05, "50g", "Mass of each key.")
 @_quantity("--stiffness", "STIFFNESS", 0.0, "0N/m", "Spring of each key.")
 @_quantity("--damping", "DAMPING", 1.0, "1Ns/m", "Damping of each key.")
+@click.option(
+    "--calib",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Make each key that of a score with this calibration file: its mass, spring, damping, "
+    "rest, dry friction and modes, stepped once a period as a score steps them.",
+)
 @_quantity("--weight", "PUSH", 0.0, "0N", "Constant force on each key, downwards.")
 @_quantity("--dry", "FORCE", None, "none", "Dry friction of each key.")
 @_quantity(
@@ -196,6 +207,7 @@ def emulate(
     delay: float | None,
     noise: float,
     force_step: float | None,
+    calib: Path | None,
     **board: Any,
 ) -> None:
     """Emulate a force-feedback device, for trying scores and drivers.
@@ -227,6 +239,9 @@ def emulate(
     if dry is None and (presliding or static):
         raise Refused("--presliding and --static say how dry friction begins; give --dry too")
     friction = (dry or 0.0, presliding or 0.0, *(static or (0.0, 0.0)))
+    own = (mass, stiffness, damping) != (0.05, 0.0, 1.0) or weight or any(friction)
+    if calib is not None and (own or modes or delay):
+        raise Refused("--calib says what the key is made of; leave the other options of it out")
     model = _model((mass, stiffness, damping), weight, friction, modes, delay or 0.0)
 
     def tell(event: str, what: str) -> None:
@@ -264,6 +279,7 @@ def emulate(
         stiffness=stiffness,
         damping=damping,
         model=model,
+        network=None if calib is None else _measured(calib),
         noise=noise,
         force_step=force_step or 0.0,
         touch_gate=device == "firefader" if gate is None else gate,
@@ -286,6 +302,22 @@ def _model(
     rest = -weight / cel[1] if cel[1] else 0.0
     dry, *others = friction
     return np.array([*cel, weight, dry, rest, delay, *others, *(x for mode in modes for x in mode)])
+
+
+def _measured(calib: Path) -> tuple[_core.Network, int]:
+    """The network of a key with a calibration file, and the MAT that ergons strike."""
+    from ergon.instruments.assemble import Assembly
+    from ergon.scores.reading.load import load
+
+    text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}}}}}\n"
+    loaded = load(str(calib.parent / "emulated-key.yaml"), text=text)
+    if loaded.piece is None:
+        raise Refused(f"{calib}: {'; '.join(found.message for found in loaded.diagnostics)}")
+    key = loaded.piece.keys["k"]
+    assembly = Assembly()
+    assembly.part(key.name, key.modules)
+    assembly.joins(key.name, key.modules)
+    return assembly.network, assembly.mats[key.name, key.struck]
 
 
 def _way(

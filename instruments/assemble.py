@@ -117,8 +117,8 @@ def _range(assembly: Assembly, first: int, count: int, start: Start) -> range:
 
 # --- a lever ------------------------------------------------------------------------------------
 
-_LENGTHS = ("X0", "V0", "rest", "gap", "vs")
-_PER_LENGTH = ("Fc", "Fs")
+_LENGTHS = ("X0", "V0", "rest", "gap", "vs", "speed")
+_PER_LENGTH = ("Fc", "Fs", "F", "static")
 _PER_LENGTH_SQUARED = ("M", "K", "Z", "sigma0", "sigma1", "sigma2")
 
 
@@ -221,6 +221,14 @@ def _bristle(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: f
     return assembly.network.bristle(name, a, b, **_pick(f, *options))
 
 
+def _dry(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
+    static = f["static"] or f["F"]
+    if f["K"] is None:
+        return assembly.network.dry(name, a, b, F=f["F"], static_level=static, speed=f["speed"])
+    # What gives way before it slides is a bristle without damping.
+    return assembly.network.bristle(name, a, b, sigma0=f["K"], Fc=f["F"], Fs=static, vs=f["speed"])
+
+
 _MATS: dict[str, Callable[[Assembly, str, _Fields], int]] = {
     "MAS": _mas,
     "SOL": _sol,
@@ -237,4 +245,5 @@ _LINKS: dict[str, Callable[[Assembly, str, int, int, _Fields, float], int]] = {
     "BUT": _but,
     "LNL": _lnl,
     "BRISTLE": _bristle,
+    "DRY": _dry,
 }

@@ -114,6 +114,7 @@ def _mats(ca: bool) -> dict[str, Record]:
         "BUT": ("a one-sided contact: the first of `between` strikes the second", _but(ca)),
         "LNL": ("a non-linear link", _lnl()),
         "BRISTLE": ("friction with memory: bristles that bend, then slip", _bristle(ca)),
+        "DRY": ("dry friction: it holds up to a level, then slides", _dry(ca)),
     }
     constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
     return {
@@ -171,6 +172,20 @@ def _bristle(ca: bool) -> tuple[Field, ...]:
         Field("Fc", force, "friction of a fast slide", required=True),
         Field("Fs", force, "friction of the slowest slide", shown="Fc"),
         Field("vs", speed, "speed at which friction has fallen most of the way to Fc", 0.001),
+    )
+
+
+def _dry(ca: bool) -> tuple[Field, ...]:
+    stiffness, force, speed = (
+        (k.POSITIVE, k.POSITIVE, k.POSITIVE) if ca else (k.STIFFNESS, k.FORCE, k.SPEED)
+    )
+    return (
+        Field("to", ENDPOINT, "the MAT that rubs on the ground, instead of `between`"),
+        replace(BETWEEN, doc="the two MATs that rub on each other: [a, b]", required=False),
+        Field("F", force, "level of the friction while they slide", required=True),
+        Field("K", stiffness, "stiffness before they slide (presliding)", shown="rigid"),
+        Field("static", force, "level near rest", shown="F"),
+        Field("speed", speed, "speed at which the level has fallen most of the way to F", 0.001),
     )
 
 

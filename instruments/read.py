@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ergon.instruments.matter import MATTER, made_of
@@ -241,10 +241,21 @@ def modules(values: Values) -> tuple[Module, ...]:
         if body is not MISSING
     )
     return tuple(
-        module(name, kind, body)
+        own
         for name, kind, body in made
         if body is not None and whole(kind, body)
+        for own in grounded(module(name, kind, body))
     )
+
+
+def grounded(own: Module) -> tuple[Module, ...]:
+    """A module, and the fixed point on which a DRY with `to` rubs."""
+    to = own.fields.get("to")
+    if own.kind != "DRY" or to is None:
+        return (own,)
+    ground = Module(f"{own.name} ground", "SOL", {"X0": 0.0}, own.place)
+    ends = (Name(ground.name, own.place), to)
+    return ground, replace(own, fields={**own.fields, "to": None, "between": ends})
 
 
 def _followed(kind: str, values: Values) -> Values | None:
@@ -324,6 +335,24 @@ def _bristle(kind: str, values: Values) -> None:
         values.error("E111", message, "Fs")
 
 
+def _dry(kind: str, values: Values) -> None:
+    ends = values.written("to", "between")
+    if len(ends) == 2:
+        message = f"{values.context.of('between')}: `to` is written too; keep one of the two"
+        values.error("E111", message, "between")
+    elif not ends and values.record.by_name.keys() >= {"to"}:
+        values.error("E103", f"{values.context.of('')}: a DRY needs to or between")
+    level, static = values["F"], values["static"]
+    is_below = isinstance(level, float) and isinstance(static, float) and static < level
+    if is_below and values["K"] is not None:
+        message = f"{values.context.of('static')}: static is below F; with K the level falls from "
+        message += "static to F"
+        values.error("E111", message, "static")
+    if values.written("speed") and not values.written("static"):
+        message = f"{values.context.of('speed')}: only a DRY with static has this field"
+        values.error("E111", message, "speed")
+
+
 def _string(kind: str, values: Values) -> None:
     if values.written("inharmonicity") and values.written("stiffness"):
         message = (
@@ -353,6 +382,7 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "BUT": (_but,),
     "LNL": (_lnl,),
     "BRISTLE": (_bristle,),
+    "DRY": (_dry,),
     "STRING": (_string,),
     "PLATE": (_plate,),
 }

@@ -247,7 +247,7 @@ def is_mechanics(kind: str, fields: Values) -> bool:
 def is_slow(kind: str, fields: Mapping[str, Any]) -> bool:
     """Whether a module with these fields, in SI units, is slower than one hears."""
     f, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
-    if kind == "BRISTLE":
+    if kind in ("BRISTLE", "DRY"):
         return True  # friction belongs to the bow
     if kind != "CEL":
         return False

@@ -77,6 +77,7 @@ def perform(
             response(stage.network, hand, stage.rate, hand.reach, mine)
             if hand in mine
             else np.zeros(0),
+            stage.piece.keys[hand.key].measured,
         )
         for hand in stage.live
     ]

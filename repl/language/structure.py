@@ -21,6 +21,7 @@ _TEMPO = (
 )
 _FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
 _MOST_FIELDS = 40
+_ENDS = ("to", "between")  # which a link of a line has already
 
 
 def _modules(scope: Scope) -> dict[str, str]:
@@ -66,7 +67,7 @@ def pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
 
 def _fields(text: str, scope: Scope, given: Mapping[str, Any]) -> dict[str, str]:
     table, found = KINDS[given["kind"]].table, dict[str, str]()
-    names = [field.name for field in table.fields if field.name != "between"]
+    names = [field.name for field in table.fields if field.name not in _ENDS]
     for name, value, offset in pairs(text):
         if name not in names and table.free is None:
             near = nearest(name, names)
@@ -94,7 +95,7 @@ def _field_offers(context: CompletionContext) -> Iterator[Completion]:
     kind = context.given.get("kind")
     if kind in KINDS and "=" not in context.typed:
         for field in KINDS[kind].table.fields:
-            if field.name != "between":
+            if field.name not in _ENDS:
                 yield Completion(f"{field.name}=", field.doc)
 
 

@@ -22,7 +22,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.gesture import midi_file, notation
 from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
-from ergon.scores.reading import mixing
+from ergon.scores.reading import calibration, mixing
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
@@ -40,7 +40,7 @@ from ergon.scores.reading.piece import (
     TakeFile,
     TempoEntry,
 )
-from ergon.scores.reading.sections import CALIBRATION, LAYOUT
+from ergon.scores.reading.sections import LAYOUT
 
 START = Position()
 _BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}
@@ -60,8 +60,9 @@ def _one_of(values: Values, *groups: tuple[str, ...]) -> bool:
 
 def key(values: Values, files: Files) -> Key:
     """A key; `calib:` gives what is not written here."""
-    if values["calib"] is not None:
-        values = _calibrated(values, files)
+    measured = calibration.of(values, files)
+    if measured is not None:
+        values = calibration.over(values, measured)
     cel = ("M", "K", "Z", "f", "t60")
     modules: tuple[Module, ...] = ()
     if values.written("modules"):
@@ -83,42 +84,16 @@ def key(values: Values, files: Files) -> Key:
         fields = {name: values[name] for name in (*cel, "rest", "X0", "V0")}
         places = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, places),)
+        if measured is not None and not values["simple"]:
+            modules = calibration.whole(modules[0], measured)
     travel = values["travel"]
     if travel is not None and not travel[0] <= values["X0"] <= travel[1]:
         message = f"{values.context.of('X0')}: the key begins outside its travel"
         values.error("E202", message, "X0")
     struck = values["struck"] or ""
-    return Key(values.context.name, modules, struck, travel, values["reach"], values.place)
-
-
-def _calibrated(values: Values, files: Files) -> Values:
-    folder = values.nodes["calib"].document.folder
-    document = files.required(values["calib"], folder, values.place_of("calib"))
-    if document is None or document.root is None:
-        return values
-    context = Context(values.context.collector, "a calibration")
-    measured = CALIBRATION.read(document.root, "", context)
-    if measured is MISSING:
-        return values
-    given, nodes = dict(values.given), dict(values.nodes)
-    key_place = values.context.place  # a measured value yields only to what the key itself writes
-    for name in ("M", "K", "Z", "travel"):
-        node = values.nodes.get(name)
-        is_own = node is not None and key_place is not None and _inside(node.place, values)
-        if name in measured.given and not is_own:
-            given[name], nodes[name] = measured.given[name], measured.nodes[name]
-    return Values(values.record, values.node, values.context, given, nodes, values.free)
-
-
-def _inside(place: Place, values: Values) -> bool:
-    """Whether a place lies in the node of these values, not in one that `like` brought."""
-    node = values.node
-    first, last = node.place, node.document.place(max(node.start, node.end - 1))
-    position = (place.line, place.column)
-    return place.file == first.file and (first.line, first.column) <= position <= (
-        last.line,
-        last.column,
-    )
+    known = None if measured is None else calibration.of_hand(measured)
+    own = values.context.name, modules, struck, travel, values["reach"], values.place
+    return Key(*own, measured=known)
 
 
 def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:

@@ -20,12 +20,13 @@ PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "REF": ("K", "Z"),
     "BUT": ("K", "Z"),
     "BRISTLE": ("sigma0", "Fc"),
+    "DRY": ("F",),
     "STRING": ("f", "t60"),
     "PLATE": ("f", "t60"),
     "BANK": ("f", "t60"),
     "INSTRUMENT": ("f",),
 }
-ALL = ("f", "t60", "K", "Z", "M", "sigma0", "Fc")
+ALL = ("f", "t60", "K", "Z", "M", "sigma0", "Fc", "F")
 # What a factor of the pitch of an instrument leaves as it is, so that such an instrument stays.
 _STIFFENING = ("hardening", "stretching")
 

@@ -62,7 +62,8 @@ class Key:
     """A force-feedback key: a small network with one struck MAT.
 
     `{M, K, Z}` is one CEL with the name "". `travel` [m]; the scene sees `reach` times the key's
-    movement. Its springs pull once `every` so many frames.
+    movement. Its springs pull once `every` so many frames. `measured` is what its calibration says
+    of the real key: mass without what swings on it [kg], damping [N·s/m], delay [s] where known.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Key:
     reach: float
     place: Place
     every: int = 1
+    measured: tuple[float, float, float | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -456,6 +458,7 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Target: ("text",),
     Hit: ("what",),
     Instrument: ("pitch",),
+    Key: ("measured",),
     # What follows from the others, or is never computed.
     Piece: ("tempo_map", "starts", "blocks", "families", "phrases"),
     RenderSpec: ("file",),

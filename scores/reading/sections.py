@@ -109,7 +109,8 @@ KEY = Record(
     "a force-feedback key (TGR), real or emulated: a mass with spring and viscosity, or a network",
     (
         Field("like", Reference("a key", ("keys",)), "begin with another key's values"),
-        Field("calib", k.PATH, "a file with M, K and Z as measured"),
+        Field("calib", k.PATH, "a file of what the key is made of, as measured"),
+        Field("simple", k.TRUTH, "take M, K and Z alone from that file", False),
         Field("M", k.MASS, "mass"),
         Field("K", k.STIFFNESS, "stiffness of its spring"),
         Field("Z", k.DAMPING, "viscosity", 0.0),
@@ -238,7 +239,7 @@ PLAYER = Record(
 
 
 def _without_between(table: Record) -> Record:
-    return replace(table, fields=tuple(f for f in table.fields if f.name != "between"))
+    return replace(table, fields=tuple(f for f in table.fields if f.name not in ("to", "between")))
 
 
 COUPLING = Record(

@@ -27,7 +27,7 @@ def implausible(piece: Piece) -> list[Diagnostic]:
             found += _pitches(piece, name, module)
             if module.kind == "BUT":
                 found += scene.gaps(name, module)
-            if module.kind in ("BUT", "RES", "REF", "BRISTLE"):
+            if module.kind in ("BUT", "RES", "REF", "BRISTLE", "DRY"):
                 found += scene.stiffness(piece, name, module)
             if module.kind == "BRISTLE":
                 found += _gains(name, module)

@@ -28,7 +28,7 @@ Points = Sequence[Point]
 _FOR_EVER = 1e9  # the t60 of what does not fade [s]
 _BODIES = ("STRING", "PLATE")
 # What the engine's factors of K and of Z are factors of.
-_FACTORS = {"BRISTLE": ("sigma0", "Fc")}
+_FACTORS = {"BRISTLE": ("sigma0", "Fc"), "DRY": ("K", "F")}
 _OF_LINKS = ("K", "Z")
 
 

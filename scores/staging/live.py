@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
+from ergon.instruments.model import Module
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.errors import Collector, quote
 from ergon.scores.reading.piece import Key, Piece, Player
@@ -107,6 +108,25 @@ def _with_standin(
     return np.concatenate(
         [standin_path[np.minimum(unknown, len(standin_path) - 1)], recorded[len(unknown) :]]
     )
+
+
+def held(piece: Piece, real: Real) -> Piece:
+    """The piece as it is computed where hands are real: of their keys the struck MAT alone.
+
+    The real key has what swings on it and what it rubs on; what was measured of these stays out.
+    """
+    keys = {
+        name: replace(piece.keys[name], modules=own)
+        for name in dict.fromkeys(piece.players[player].key for player in real)
+        if len(own := _struck(piece.keys[name])) < len(piece.keys[name].modules)
+    }
+    return replace(piece, keys={**piece.keys, **keys}) if keys else piece
+
+
+def _struck(key: Key) -> tuple[Module, ...]:
+    """The modules of a key that a hand holds; those that are written all stay."""
+    is_measured = key.struck == ""  # its CEL and what belongs to it have no names of their own
+    return tuple(own for own in key.modules if not is_measured or own.name == "")
 
 
 def _tick_frames(piece: Piece, real: Real, collector: Collector) -> int:

@@ -22,7 +22,7 @@ from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
 from ergon.scores.staging.leading import Led, Points, Where
 from ergon.scores.staging.listening import Listening, check_rooms
-from ergon.scores.staging.live import LiveHand, join, stand_ins
+from ergon.scores.staging.live import LiveHand, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
 from ergon.scores.staging.scene import OVER, Scene, acting, build_scene
@@ -225,7 +225,8 @@ def prepare(
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     try:
-        scene = (like and like.scene.of(piece, silent)) or build_scene(piece, silent)
+        computed = held(piece, real)
+        scene = (like and like.scene.of(computed, silent)) or build_scene(computed, silent)
         assembly, couplings = scene.assembly, scene.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         takes = Takes(piece, collector, like.takes if like else {})

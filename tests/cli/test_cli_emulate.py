@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,6 +127,24 @@ def test_what_no_key_has_is_refused(
     capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
 ):
     assert app.run(["emulate", "frame", "--udp", "0", "--seconds", "0.1", *arguments]) != 0
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "told"),
+    [
+        ("ergon: 1\nM: 400g\nK: 60N/m\nZ: 1Ns/m\n", ["--dry", "1mN"], "--calib says what"),
+        ("ergon: 1\nM: 400g\n", [], "'K'"),
+        ("ergon: 1\nM: 4N\nK: 60N/m\nZ: 1Ns/m\n", [], "M of calibration"),
+        ("ergon: 1\nM: 1mg\nK: 900kN/m\nZ: 0Ns/m\n", [], "above half the rate"),
+    ],
+)
+def test_a_calibration_that_is_none_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, more: list[str], told: str
+):
+    (tmp_path / "key.yaml").write_text(text)
+    calib = ["--calib", str(tmp_path / "key.yaml"), *more]
+    assert app.run(["emulate", "frame", "--udp", "0", "--seconds", "0.1", *calib]) in (1, 2)
     assert told in capsys.readouterr().err
 
 

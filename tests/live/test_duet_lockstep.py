@@ -89,6 +89,59 @@ def test_a_key_in_another_process_is_the_key_in_the_network(
     assert np.array_equal(sound(whole_sound), sound(heard))
 
 
+CALIBRATION = """\
+ergon: 1
+M: 70g
+rest: -1mm
+K: 20N/m
+Z: 1Ns/m
+dry: 80mN
+static: 120mN
+static_speed: 20mm/s
+"""
+MODES = "modes:\n  - {M: 20g, f: 180Hz, t60: 0.2s}\n  - {M: 5g, f: 410Hz, t60: 0.1s}\n"
+
+
+@pytest.mark.parametrize("more", ["", "presliding: 4kN/m\n", MODES])
+def test_an_emulated_key_of_a_calibration_is_the_calibrated_key_of_a_score(
+    tmp_path: Path, more: str
+):
+    """As above, with dry friction, modes and a rest: the whole score, sample for sample.
+
+    A key with links of its own meets one link of the scene, for forces are added up in one order.
+    """
+    rate = 6000
+    (tmp_path / "key.yaml").write_text(CALIBRATION + more)
+    score = written(
+        tmp_path, head=f"rates: {{audio: {rate}Hz}}", tick=f", tick: {rate}Hz", duet=COUPLED
+    )
+    text = score.read_text().replace("{M: 50g, K: 0N/m, Z: 1Ns/m}", "{calib: key.yaml}")
+    # The other key begins beside it, so that nothing moves before the gesture.
+    text = text.replace("Z: 1.2Ns/m}", "Z: 1.2Ns/m, rest: -1mm, X0: -1mm}")
+    if more:
+        text = text.replace("between: [k, m]", "between: [v, m]")
+    score.write_text(text)
+    take, heard = tmp_path / "hand.take", tmp_path / "heard.wav"
+    calib = ("--calib", str(tmp_path / "key.yaml"))
+    with emulator("frame", "--pty", "--lockstep", "--rate", f"{rate}Hz", *calib) as device:
+        live = ("--live", f"remi={device.url}&wide", "--record", take, "--gain", "0dB")
+        played(score, *live, "--audio", f"file:{heard}")
+    apart = recorded(take).positions()[:, 0]
+
+    whole = staged(score)
+    n = len(apart)
+    moved, out = np.zeros(n), np.zeros((1, whole.simulation.n_out))
+    for i in range(n):
+        moved[i] = whole.simulation.positions()[0]
+        whole.simulation.process(out)
+    assert np.ptp(moved) > 2e-3
+    assert np.array_equal(apart, moved), np.abs(apart - moved).max()
+    whole_sound = tmp_path / "whole.wav"
+    code, told = said("render", score, "--bits", "float", "-o", whole_sound)
+    assert code == 0, told
+    assert np.array_equal(sound(whole_sound), sound(heard))
+
+
 def staged(score: Path, **how: object) -> Stage:
     piece = load(score).piece
     assert piece is not None

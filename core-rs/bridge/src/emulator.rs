@@ -9,6 +9,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::error::{refused, word};
+use crate::network::Network;
 use crate::words::Words;
 
 const PROTOCOLS: Words<Protocol, 3> = [
@@ -26,7 +27,7 @@ const TRANSPORTS: Words<fn(u16) -> Transport, 3> = [
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 #[pyo3(signature = (protocol, transport, tell, *, port=0, paths, hand, axes, mass, stiffness, damping, travel,
-    force_max, resolution, rate, lockstep, touch_gate, watchdog, model=None, noise=0.0, force_step=0.0, seed=0,
+    force_max, resolution, rate, lockstep, touch_gate, watchdog, model=None, network=None, noise=0.0, force_step=0.0, seed=0,
     seconds=None, once=false))]
 pub(crate) fn emulate(
     py: Python<'_>,
@@ -48,6 +49,7 @@ pub(crate) fn emulate(
     touch_gate: bool,
     watchdog: f64,
     model: Option<PyReadonlyArray1<'_, f64>>,
+    network: Option<(PyRef<'_, Network>, usize)>,
     noise: f64,
     force_step: f64,
     seed: u64,
@@ -84,6 +86,7 @@ pub(crate) fn emulate(
         axes,
         key,
         model,
+        network: network.map(|(network, struck)| (network.0.clone(), struck)),
         rate,
         hands: paths.iter().map(|path| going(path, hand)).collect(),
         seconds,

@@ -150,7 +150,7 @@ static ARGUMENTS: [Class; 8] = [
     Class::new(
         "LiveHand",
         "A hand of a performance.",
-        &["standin", "reach", "guidance", "response"],
+        &["standin", "reach", "guidance", "response", "measured"],
     ),
     Class::new(
         "GuidanceSpring",

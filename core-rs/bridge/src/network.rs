@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use ergon_engine::generator::{self, BankCell, BankForm, Decay, GeneratorError, Shape, Topology};
-use ergon_engine::network::{self, Bristle, But, ElementKind, ModeRange, Term, Tie};
+use ergon_engine::network::{self, Bristle, But, Dry, ElementKind, ModeRange, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use numpy::{IntoPyArray, PyArray1};
@@ -376,6 +376,26 @@ impl Network {
         self.0.bristle(name, a, b, bristle).map_err(from_engine)
     }
 
+    /// Dry friction that holds rigidly.
+    #[pyo3(signature = (name, a, b, *, F, static_level=None, speed=1e-3))]
+    #[allow(non_snake_case)]
+    fn dry(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        F: f64,
+        static_level: Option<f64>,
+        speed: f64,
+    ) -> PyResult<usize> {
+        let dry = Dry {
+            level: F,
+            static_level: static_level.unwrap_or(F),
+            speed,
+        };
+        self.0.dry(name, a, b, dry).map_err(from_engine)
+    }
+
     /// A non-linear link.
     #[pyo3(signature = (name, a, b, law, *, rest=0.0))]
     fn lnl(&mut self, name: &str, a: usize, b: usize, law: &Law, rest: f64) -> PyResult<usize> {
@@ -527,6 +547,7 @@ impl Network {
             ElementKind::But => "BUT",
             ElementKind::Lnl => "LNL",
             ElementKind::Bristle => "BRISTLE",
+            ElementKind::Dry => "DRY",
         };
         Ok(Elements {
             kinds: found.each.iter().map(kind).collect(),

@@ -10,7 +10,7 @@ use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{
-    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, Keyboard,
+    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, Keyboard, MeasuredKey,
     PlaybackConfig, Stage, Stem,
 };
 use ergon_live::recording::{Axis, Header};
@@ -36,6 +36,7 @@ type HandOf<'py> = (
     f64,
     Option<(f64, f64, bool)>,
     PyReadonlyArray1<'py, f64>,
+    Option<(f64, f64, Option<f64>)>,
 );
 /// (ticks after the change, factor of the stiffness, factor of the viscosity)
 type StepOf = (u64, f64, f64);
@@ -80,12 +81,17 @@ impl Performance {
         frozen: Vec<StemOf>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
-        let hand = |(standin, reach, guidance, response): &HandOf<'_>| {
+        let hand = |(standin, reach, guidance, response, measured): &HandOf<'_>| {
             Ok(Hand {
                 standin: standin.as_slice()?.to_vec(),
                 reach: *reach,
                 guidance: guidance.map(|(k, z, loose)| Guidance { k, z, loose }),
                 response: response.as_slice()?.to_vec(),
+                measured: measured.map(|(mass, damping, delay)| MeasuredKey {
+                    mass,
+                    damping,
+                    delay,
+                }),
                 ..Hand::default()
             })
         };

@@ -12,7 +12,7 @@ pub(crate) mod springs;
 mod taps;
 pub(crate) mod thread_team;
 
-pub(crate) use exact::{Contact, contacts};
+pub(crate) use exact::{Contact, STILL, contacts, friction, rest};
 pub(crate) use laws::Laws;
 pub(crate) use mats::{advance, centred, fine_steps, needed, predict, sound};
 pub(crate) use runs::{bend, links, potential, push, side, tension, tension_energy};

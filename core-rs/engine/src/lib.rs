@@ -68,6 +68,7 @@ mod bank;
 pub mod cell;
 pub mod chance;
 pub mod derivative;
+mod dry;
 pub mod generator;
 pub mod gesture;
 mod guard;

@@ -22,6 +22,7 @@ mod response;
 mod same;
 mod subset;
 
+pub use crate::dry::Dry;
 pub use bristle::Bristle;
 pub use elements::{Element, ElementKind, Elements};
 pub use error::Error;
@@ -92,6 +93,8 @@ pub enum LinkKind {
     Lnl(Arc<Law>),
     /// Friction with memory; the K of its run is σ0, its Z is Fc.
     Bristle(Bristle),
+    /// Dry friction that holds rigidly; the Z of its run is F [N].
+    Dry(Dry),
 }
 
 /// Links of one kind whose ends advance together: link i joins MATs `a + i` and `b + i`.

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
-use crate::network::{Bristle, But, Contact, Error, Network, Output};
+use crate::network::{Bristle, But, Contact, Dry, Error, Network, Output};
 use crate::units::Rate;
 
 /// The law of a planned run, with algorithmic numbers.
@@ -38,6 +38,12 @@ pub(crate) enum Kind {
     /// Friction with memory; K of the run is σ0, Z is Fc [N].
     Bristle {
         by: Bristle,
+        /// As of a law.
+        rate: f64,
+    },
+    /// Dry friction, solved after all other forces are known; Z of the run is F [N].
+    Dry {
+        by: Dry,
         /// As of a law.
         rate: f64,
     },
@@ -74,6 +80,11 @@ impl Run {
         matches!(self.kind, Kind::Lnl { .. } | Kind::Bristle { .. })
     }
 
+    /// Whether it is dry friction that holds rigidly.
+    pub(crate) fn is_dry(&self) -> bool {
+        matches!(self.kind, Kind::Dry { .. })
+    }
+
     /// The bristles of the run as they are with its K and Z, and seconds a frame; `None` for other links.
     pub(crate) fn bristle(&self) -> Option<(Bristle, f64)> {
         match &self.kind {
@@ -86,7 +97,7 @@ impl Run {
     /// equation.
     pub(crate) fn can_substep(&self) -> bool {
         let is_one = match &self.kind {
-            Kind::Ref => false,
+            Kind::Ref | Kind::Dry { .. } => false,
             Kind::But(but) => but.contact != Contact::Magic,
             Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
         };
@@ -98,7 +109,7 @@ impl Run {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::Hardening(q) => (self.k, *q, self.z),
-            Kind::But(_) | Kind::Bristle { .. } => return None,
+            Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } => return None,
             Kind::Lnl { law, rate, .. } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;
                 (k, q, z.unwrap_or(0.0) * rate)
@@ -138,7 +149,7 @@ pub struct Scheme {
     pub(crate) fused: Vec<Spring>,
     /// Forces from the state, in order of declaration.
     pub(crate) runs: Vec<Run>,
-    /// Energy-exact contacts: solved after all other forces are known.
+    /// Energy-exact contacts, and dry friction behind them: solved after all other forces are known.
     pub(crate) exact: Vec<Run>,
     /// Whether any two of them share a MAT.
     pub(crate) exact_coupled: bool,
@@ -217,6 +228,11 @@ impl Scheme {
         let n_laws = runs().filter(is_law).count();
         let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
         (runs().any(|run| !is_law(&run)), has_laws)
+    }
+
+    /// Whether any link is dry friction that holds rigidly.
+    pub(crate) fn has_dry(&self) -> bool {
+        self.exact.iter().any(Run::is_dry)
     }
 
     /// Bristles of all LIAs, none of them bent; none where no link has any.

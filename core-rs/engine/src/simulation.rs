@@ -22,7 +22,7 @@ use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
-pub use crate::island::{Energy, Fault, OnFault, Options, Record};
+pub use crate::island::{Energy, Fault, LoneKey, OnFault, Options, Record};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
 

@@ -2,7 +2,7 @@
 
 use crate::cell::Cell;
 use crate::kernel;
-use crate::network::{LinkKind, MatKind, Network};
+use crate::network::{Dry, LinkKind, MatKind, Network, Run};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -86,6 +86,7 @@ pub(crate) fn forces(
                 LinkKind::Lnl(law) if law.is_shared() => tension * e,
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
+                LinkKind::Dry(_) => continue, // the last of the forces
                 LinkKind::But(but) => {
                     let s = kernel::side(but);
                     kernel::push(but, run.k, run.z, s * e, s * v) * s
@@ -95,5 +96,52 @@ pub(crate) fn forces(
             force[b] -= f;
         }
     }
+    let runs = network.runs().iter();
+    for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
+        if let LinkKind::Dry(dry) = &run.kind {
+            rub(network, (run, dry), x, &mut force);
+        }
+    }
     force
+}
+
+/// Add what dry friction gives just before t = 0: against the velocity, or at rest against all other forces. What these
+/// set off at t = 0 came from the other side then, and turned.
+fn rub(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], force: &mut [f64]) {
+    let mats = network.mats();
+    let (a, b) = (run.a, run.b);
+    let v = mats.v0[b] - mats.v0[a];
+    let level = dry.with(run.z).level_at(v);
+    let per_force = |i: usize| {
+        if mats.kind[i].moves() {
+            1.0 / mats.m[i]
+        } else {
+            0.0
+        }
+    };
+    let gained = |i: usize| {
+        let tie = mats.k[i] * (x[i] - mats.rest[i]) + mats.z[i] * mats.v0[i];
+        per_force(i)
+            * (force[i]
+                - if mats.kind[i] == MatKind::Cel {
+                    tie
+                } else {
+                    0.0
+                })
+    };
+    let both = per_force(a) + per_force(b);
+    let f = if v != 0.0 {
+        level * v.signum()
+    } else if both > 0.0 {
+        let held = (gained(b) - gained(a)) / both;
+        if held.abs() > level {
+            -level * held.signum()
+        } else {
+            held
+        }
+    } else {
+        0.0
+    };
+    force[a] += f;
+    force[b] -= f;
 }

@@ -22,6 +22,12 @@ pub enum EmulateError {
     /// A key that its model does not allow.
     #[error(transparent)]
     Key(#[from] ergon_engine::key_model::KeyError),
+    /// A key of a score that no engine steps at this rate.
+    #[error(transparent)]
+    Network(#[from] ergon_engine::network::Error),
+    /// A rate that is none.
+    #[error(transparent)]
+    Rate(#[from] ergon_engine::units::RateError),
     /// A number that is none for this.
     #[error("{0}")]
     Refused(&'static str),

@@ -23,7 +23,7 @@ pub use error::{ChangeError, PlayError};
 pub use frozen::Stem;
 pub use guidance::{Guidance, GuidanceShare, GuidanceStep};
 pub use hand::Hand;
-pub use hand_limit::{HandKey, HandLimit, SCALE_MIN};
+pub use hand_limit::{HandKey, HandLimit, MeasuredKey, SCALE_MIN};
 pub use keys::{DeviceConfig, Keyboard, Slot};
 pub use performance::Performance;
 pub use player::change::Change;

@@ -257,7 +257,7 @@ class Elements(NamedTuple):
     """The masses and links of some parts by themselves, laws at their slope at rest.
 
     `mats` (n_masses,) are the indices of the masses, `masses` (n_masses,) are in kg. Of each link
-    `kinds` (n_links,) is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL or BRISTLE, `a` and `b`
+    `kinds` (n_links,) is CEL (a tie to the ground), RES, FRO, REF, BUT, LNL, BRISTLE or DRY, `a` and `b`
     (n_links,) are the slots of its ends among the masses, -1 where it is held, `stiffness` (n_links,)
     is in N/m and `damping` (n_links,) in N·s/m; those of a BUT hold while it is closed. `n_held`
     points are fixed or imposed. `ca_rate` [Hz] is the rate of a part with algorithmic values.
@@ -489,6 +489,22 @@ class Network:
         Bristles of stiffness sigma0 [N/m] and damping sigma1 [N·s/m] slip at Fc [N], at Fs [N]
         where they slide more slowly than `vs` [m/s]; sigma2 [N·s/m] is viscosity. `Fs` is Fc
         where it is None.
+        """
+    def dry(
+        self,
+        name: str,
+        a: int,
+        b: int,
+        *,
+        F: float,
+        static_level: float | None = None,
+        speed: float = 0.001,
+    ) -> int:
+        """Dry friction between MATs a and b that holds rigidly; the LIA's index.
+
+        It gives F [N] against the velocity while they slide, and up to its level against what would
+        set them off. The level is `static_level` [N] near rest, F where that is None, and has
+        fallen most of the way to F at `speed` [m/s].
         """
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
@@ -1391,6 +1407,8 @@ class LiveHand(NamedTuple):
     reach: float  # factor between key and scene
     guidance: GuidanceSpring | tuple[float, float, bool] | None
     response: _Floats  # ReachableScene.response of the scene, or none of it, (n_ticks,)
+    # Of the key as measured: mass [kg], damping [N·s/m] and, where it is known, delay [s].
+    measured: tuple[float, float, float | None] | None
 
 class AxisCalibration(NamedTuple):
     """What is known of an axis of a device, whose units are m or rad."""
@@ -1623,6 +1641,7 @@ def emulate(
     touch_gate: bool,
     watchdog: float,
     model: _Floats | None = None,
+    network: tuple[Network, int] | None = None,
     noise: float = 0.0,
     force_step: float = 0.0,
     seed: int = 0,
@@ -1635,7 +1654,8 @@ def emulate(
     [N], its sensor a resolution [m]. `rate` [Hz] is that of its periods. `hand` is the stiffness
     [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period; an empty path
     is a resting finger, a missing one an untouched key. With `model`, the parameters of `key_path`,
-    each key moves by that model instead. `noise` is the standard deviation of the sensor's noise
+    each key moves by that model instead; with `network`, as the key of a score whose MAT of that
+    index takes the forces. `noise` is the standard deviation of the sensor's noise
     [m], drawn by `seed`; forces are rounded to multiples of `force_step` [N].
 
     `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for `watchdog`

@@ -61,9 +61,12 @@ def row_of(link: Link, scene: Scene, T: float) -> tuple[int, list[float]]:
     row = [0.0] * 11
     per_v = 1.0 if link.ca else 1.0 / T
     K, Z = link.K, link.Z * per_v
-    kind = {"ref": kernel.LINEAR, "lnl": kernel.LNL, "exact": kernel.EXACT}.get(
-        link.kind, kernel.BUT
-    )
+    kind = {
+        "ref": kernel.LINEAR,
+        "lnl": kernel.LNL,
+        "exact": kernel.EXACT,
+        "dry": kernel.DRY,
+    }.get(link.kind, kernel.BUT)
     if link.kind == "magic":
         beta = sum(discrete(scene.mats[i], T)[2] for i in (link.a, link.b))
         r = link.restitution ** (1.0 / link.steps)
@@ -73,6 +76,8 @@ def row_of(link: Link, scene: Scene, T: float) -> tuple[int, list[float]]:
     row[kernel.EXPONENT] = link.exponent
     row[kernel.SIGN] = 1.0 if link.side == "below" else -1.0
     row[kernel.CLAMP], row[kernel.PER_V] = float(link.clamp), per_v
+    if link.kind == "dry":
+        row[kernel.C0], row[kernel.C1] = link.static or link.K, link.speed
     if link.law is not None:
         row[kernel.NUMBER] = link.law.number
         row[kernel.C0 : kernel.C2 + 1] = link.law.values()
@@ -174,6 +179,8 @@ def first_step(scene, x, kinds, ends, rows, T, forces, forced, path_at, link_sta
     velocity[path_at] = 0.0
     force = np.zeros(len(x))
     for j, (a, b) in enumerate(ends):
+        if kinds[j] == kernel.DRY:
+            continue
         kind = kernel.BUT if kinds[j] == kernel.EXACT else kinds[j]
         f = kernel.pull(kind, rows[j], velocity[a], x[a], velocity[b], x[b])
         force[a] += f
@@ -181,6 +188,11 @@ def first_step(scene, x, kinds, ends, rows, T, forces, forced, path_at, link_sta
     for mat, kind, curve in scene.drives:
         if kind == "force":
             force[mat] += curve(np.zeros(1))[0]
+    for row, kind, (a, b) in zip(rows, kinds, ends, strict=True):
+        if kind == kernel.DRY:
+            f = rub(scene, row, int(a), int(b), force)
+            force[a] += f
+            force[b] -= f
     d = np.zeros(len(x))
     for i, p in enumerate(scene.mats):
         if math.isinf(p.M) or i in path_at:
@@ -189,6 +201,20 @@ def first_step(scene, x, kinds, ends, rows, T, forces, forced, path_at, link_sta
         if not p.ca and (link_start or not p.cel):
             d[i] -= 0.5 * T * T / p.M * force[i]
     return d
+
+
+def rub(scene, row, a, b, force):
+    """Dry friction just before t = 0: what is set off then came from the other side, and turned."""
+    ends = [(scene.mats[b], force[b], 1.0), (scene.mats[a], force[a], -1.0)]
+    v = sum(sign * p.V0 for p, _, sign in ends)
+    static = row[kernel.C0] - row[kernel.K]
+    level = row[kernel.K] + static * math.exp(-((v / row[kernel.C1]) ** 2))
+    if v:
+        return math.copysign(level, v)
+    ties = [f - (p.K * (p.X0 - p.rest) + p.Z * p.V0 if p.cel else 0.0) for p, f, _ in ends]
+    needed = sum(sign * tie / p.M for (p, _, sign), tie in zip(ends, ties, strict=True))
+    needed /= sum(1.0 / p.M for p, _, _ in ends)
+    return needed if abs(needed) <= level else -math.copysign(level, needed)
 
 
 def strike(scene, rate, mats, forces, column):

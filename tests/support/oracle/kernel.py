@@ -7,7 +7,7 @@ import numpy as np
 
 from oracle.laws import law
 
-LINEAR, BUT, EXACT, LNL = range(4)
+LINEAR, BUT, EXACT, LNL, DRY = range(5)
 # Columns of a link's row.
 K, Z, OFFSET, EXPONENT, SIGN, CLAMP, NUMBER, PER_V, C0, C1, C2 = range(11)
 POSITION, FORCE, GROUND = range(3)
@@ -68,6 +68,31 @@ def closed_contact(p, w, beta, stiffness):
 
 
 @nb.njit
+def turned(v, gain, bound):
+    """The step after `v` that gains `gain`, of which dry friction takes at most `bound`."""
+    if v == 0.0 and abs(gain) <= bound:
+        return 0.0
+    way = 1.0 if (v > 0.0 or (v == 0.0 and gain > 0.0)) else -1.0
+    to = way * (v + gain) - bound
+    if to >= 0.0:
+        return way * to
+    before, after = way * gain - bound, way * gain + bound
+    return 0.0 if after >= 0.0 else way * to * after / before
+
+
+@nb.njit
+def friction(row, v, free, beta):
+    """Force [N] of dry friction on its first point: steps v and, without friction, `free` [m]."""
+    level, static, speed = row[K], row[C0], row[C1]
+    slow = np.exp(-((v * row[PER_V] / speed) ** 2))
+    to = turned(v, free - v, beta * (level + (static - level) * slow))
+    if static != level:
+        slow = np.exp(-((0.5 * (v + to) * row[PER_V] / speed) ** 2))
+        to = turned(v, free - v, beta * (level + (static - level) * slow))
+    return (free - to) / beta
+
+
+@nb.njit
 def pull(kind, row, da, xa, db, xb):
     """Force [N] of an explicit link on its first point, from positions x and last steps d."""
     if kind == LINEAR:
@@ -108,7 +133,7 @@ def run(
         for i in range(len(force_at)):
             f[force_at[i]] += forces[n, i]
         for j in range(len(kinds)):
-            if kinds[j] != EXACT:
+            if kinds[j] != EXACT and kinds[j] != DRY:
                 a, b = ends[j]
                 on_a[j] = pull(kinds[j], rows[j], d[a], x[a], d[b], x[b])
                 f[a] += on_a[j]
@@ -137,6 +162,12 @@ def run(
                 else:
                     u = exact_contact(p, w, beta, row[K], row[EXPONENT])
                 on_a[j] = -row[SIGN] * (p - u) / beta
+                y[a] += g[a] * on_a[j]
+                y[b] -= g[b] * on_a[j]
+        for j in range(len(kinds)):
+            if kinds[j] == DRY:
+                a, b = ends[j]
+                on_a[j] = friction(rows[j], d[b] - d[a], y[b] - y[a], g[a] + g[b])
                 y[a] += g[a] * on_a[j]
                 y[b] -= g[b] * on_a[j]
         while hit < len(hits) and hits[hit, 0] == n:

@@ -35,7 +35,10 @@ class Point:
 
 @dataclass
 class Link:
-    """A link of kind `ref`, `but`, `exact`, `magic` or `lnl`; offset is rest or gap."""
+    """A link of kind `ref`, `but`, `exact`, `magic`, `lnl` or `dry`; offset is rest or gap.
+
+    The K of a `dry` is its level.
+    """
 
     kind: str
     a: int
@@ -48,6 +51,8 @@ class Link:
     clamp: bool = False
     restitution: float = 1.0
     steps: int = 2
+    static: float | None = None
+    speed: float = 1e-3
     law: Law | None = None
     ca: bool = False
 
@@ -185,6 +190,12 @@ class Scene:
 
     def lnl(self, name: str, a: Mat, b: Mat, law: Law, *, rest: float = 0.0) -> Lia:
         return self._link("lnl", name, Link("lnl", a, b, offset=rest, law=law), law, rest=rest)
+
+    def dry(
+        self, name: str, a: Mat, b: Mat, *, F: float, static: float | None = None, speed: float
+    ) -> Lia:
+        link = Link("dry", a, b, K=F, static=static, speed=speed)
+        return self._link("dry", name, link, F=F, static_level=static, speed=speed)
 
     def start(self, i: Mat, X0: float, V0: float) -> None:
         self.mats[i].X0, self.mats[i].V0 = X0, V0

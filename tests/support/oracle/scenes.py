@@ -69,6 +69,9 @@ def whole(seconds: float = 1.0) -> Scene:
     old = scene.cel("m", M=3e6, K=2e4, Z=200.0)
     scene.part("sky")
     sky = [scene.cel(f"c{i}", M=1e-3, f=300.0 * 1.3**i, t60=0.6 + 0.2 * i) for i in range(8)]
+    floor = scene.sol("floor")
+    scene.dry("felt", floor, sky[1], F=2e-4, static=3e-4, speed=1e-3)
+    scene.dry("rub", sky[2], sky[3], F=1e-4, speed=1e-3)
     scene.part("links")
     hit = scene.but("hit", one, bell, K=900.0, Z=0.1, gap=1e-3)
     felt = scene.but("felt", two, mats[9], K=3e5, exponent=1.5, Z=0.05, gap=5e-4)

@@ -278,7 +278,7 @@ pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
         Kind::Ref => run.k * e + run.z * de,
         Kind::Hardening(q) => run.k * e + q * (e * e * e) + run.z * de,
         Kind::Lnl { law, rate, .. } => law.force(e, de * rate),
-        Kind::Bristle { .. } => 0.0, // refused
+        Kind::Bristle { .. } | Kind::Dry { .. } => 0.0, // refused
         Kind::But(but) => {
             let s = kernel::side(but);
             s * kernel::push(but, run.k, run.z, s * e, s * de)
@@ -289,10 +289,10 @@ pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
 /// A mesh keeps positions and velocities alone.
 fn has_no_memory(network: &Network) -> Result<(), Error> {
     let mut runs = network.runs().iter();
-    match runs.find(|run| matches!(run.kind, LinkKind::Bristle(_))) {
+    match runs.find(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_))) {
         Some(run) => Err(Error::Refused {
             module: network.link_name(run.first),
-            message: "a friction with memory is no part of a mesh that a method steps".to_owned(),
+            message: "a friction that holds is no part of a mesh that a method steps".to_owned(),
         }),
         None => Ok(()),
     }

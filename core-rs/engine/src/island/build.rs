@@ -370,7 +370,7 @@ fn hands(
 }
 
 /// A key's part on its own, and its motion at frame 0. Refuses a key that cannot be struck.
-fn free_key(
+pub(super) fn free_key(
     network: &Network,
     timeline: &Timeline,
     key: &Key,

@@ -183,7 +183,7 @@ impl Gains {
     pub(super) fn new(scheme: &Scheme) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let may = match &run.kind {
-                Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } => false,
+                Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } | Kind::Dry { .. } => false,
                 Kind::But(_) => true,
                 Kind::Lnl { law, .. } => {
                     let is_told = law.is_shared() || law.is_active(ACTIVE.0, ACTIVE.1);

@@ -122,7 +122,7 @@ fn elastic(run: &Run, e: f64) -> f64 {
             )
         }
         Kind::Lnl { law, .. } => law.spring(e),
-        Kind::Bristle { .. } => 0.0,
+        Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
     }
 }
 
@@ -131,7 +131,7 @@ fn drag(run: &Run, e: f64, step: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
         Kind::Hardening(_) => run.z * step,
-        Kind::Ref | Kind::But(_) | Kind::Bristle { .. } => 0.0,
+        Kind::Ref | Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
     }
 }
 

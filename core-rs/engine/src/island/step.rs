@@ -148,6 +148,7 @@ impl Island {
                 ..
             } = state;
             fine.step(scheme, gates, targets, bodies, body);
+            kernel::friction(scheme, gates, targets, body);
         }
         voices(script, scheme, state, n, Voice::settle);
         real_hands::feel(
@@ -188,6 +189,7 @@ impl Island {
             state.gains.iter_mut().for_each(|gains| gains.restart());
         }
         kernel::bend(scheme, &mut state.body);
+        kernel::rest(scheme, &mut state.body);
         if let Some(ledger) = &mut state.ledger {
             let gates = script.gates.iter().zip(&state.gate_continuations);
             for (next, (gate, continuation)) in state.gates_next.iter_mut().zip(gates) {

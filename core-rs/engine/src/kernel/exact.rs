@@ -1,5 +1,9 @@
 //! Forces of contacts that are written `contact: exact`, which keep the energy, by a discrete gradient (Chatziioannou & van Walstijn 2015), in closed
-//! form for a linear contact and by a bracketed secant for a power law.
+//! form for a linear contact and by a bracketed secant for a power law. Dry friction is solved with them.
+
+mod friction;
+
+pub(crate) use friction::{STILL, rest};
 
 use super::predict;
 use super::runs::{scatter, side};
@@ -19,13 +23,30 @@ const AGREE: f64 = 1e-14;
 /// Solve all exact contacts, after all other forces are summed. Contacts that share a MAT are solved in turn until
 /// they converge (Gauss-Seidel; the problem is convex, so that they converge).
 pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
-    let rounds = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
     for run in &scheme.exact {
         body.link[run.first] = 0.0;
     }
+    solve(scheme, gates, targets, body, |_| true);
+}
+
+/// Solve all dry friction again, after contacts that are computed finer than a frame have pushed: it is the last of a
+/// mass's forces.
+pub(crate) fn friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
+    solve(scheme, gates, targets, body, Run::is_dry);
+}
+
+/// Solve the exact runs of one kind in turn until they converge.
+fn solve(
+    scheme: &Scheme,
+    gates: &[f64],
+    targets: &[Target],
+    body: &mut Body,
+    is_solved: impl Fn(&Run) -> bool,
+) {
+    let rounds = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
     for _ in 0..rounds {
         let mut change = 0.0_f64;
-        for run in &scheme.exact {
+        for run in scheme.exact.iter().filter(|run| is_solved(run)) {
             let before = body.link[run.first];
             // Subtract the force of the last round, so that the contact is solved given all other forces.
             body.link[run.first] = -before;
@@ -43,8 +64,10 @@ pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
 
 /// Force of one exact contact, given all other forces [N].
 fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
-    let Kind::But(but) = &run.kind else {
-        return 0.0;
+    let but = match &run.kind {
+        Kind::But(but) => but,
+        Kind::Dry { .. } => return friction::force(scheme, gates, targets, body, run),
+        _ => return 0.0,
     };
     let s = side(but);
     let next = |i: usize| match targets.iter().find(|target| target.mat == i) {

@@ -57,6 +57,7 @@ pub(crate) fn links(
                     }
                 }
             }
+            Kind::Dry { .. } => f.fill(0.0), // solved later, with the exact contacts
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
                 Some(by) => hardening(by, *rate, run.rest, &ends, f),
                 None => {
@@ -208,7 +209,7 @@ pub(crate) fn potential(run: &Run, e: f64) -> f64 {
             }
         }
         Kind::Lnl { law, .. } => law.potential(e),
-        Kind::Bristle { .. } => 0.0, // no function of the elongation
+        Kind::Bristle { .. } | Kind::Dry { .. } => 0.0, // no function of the elongation
     }
 }
 

@@ -1,4 +1,4 @@
-//! Dry friction within a step: how a velocity turns, and the contact before it slides.
+//! What dry friction of a key is in a step, and the contact before it slides.
 
 use super::KeyModel;
 use crate::maths::exp;
@@ -28,55 +28,6 @@ impl Friction {
             level: key.dry + over,
             slope: -2.0 * over * ratio / key.static_speed,
             share,
-        }
-    }
-}
-
-/// The velocity after a step, and its derivatives with respect to the velocity before, the gain and friction's bound.
-pub(super) struct Turned {
-    pub(super) v: f64,
-    pub(super) by_v: f64,
-    pub(super) by_gain: f64,
-    pub(super) by_bound: f64,
-}
-
-impl Turned {
-    const HELD: Self = Self {
-        v: 0.0,
-        by_v: 0.0,
-        by_gain: 0.0,
-        by_bound: 0.0,
-    };
-
-    /// Velocity v that gains `gain` and that dry friction takes at most `bound` from.
-    pub(super) fn of(v: f64, gain: f64, bound: f64) -> Self {
-        let sign = if v != 0.0 {
-            v.signum()
-        } else if gain.abs() > bound || bound == 0.0 {
-            gain.signum()
-        } else {
-            return Self::HELD;
-        };
-        let to = v + gain - sign * bound;
-        if sign * to >= 0.0 || bound == 0.0 {
-            return Self {
-                v: to,
-                by_v: 1.0,
-                by_gain: 1.0,
-                by_bound: -sign,
-            };
-        }
-        let (before, after) = (gain - sign * bound, gain + sign * bound);
-        if sign * after >= 0.0 {
-            return Self::HELD; // it comes to rest, and friction holds it
-        }
-        let ratio = after / before;
-        let spread = to / (before * before);
-        Self {
-            v: to * ratio,
-            by_v: ratio,
-            by_gain: ratio + spread * (before - after),
-            by_bound: sign * (spread * (before + after) - ratio),
         }
     }
 }

@@ -4,9 +4,10 @@ mod derivatives;
 
 use std::f64::consts::TAU;
 
-use super::friction::{Contact, Friction, Turned};
+use super::friction::{Contact, Friction};
 use super::parameter::Parameter;
 use super::{KeyError, KeyModel, Mode};
+use crate::dry::Turned;
 use crate::maths::floor;
 use derivatives::Step;
 

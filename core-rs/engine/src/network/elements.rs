@@ -16,6 +16,8 @@ pub enum ElementKind {
     Lnl,
     /// A friction with memory, at rest.
     Bristle,
+    /// Dry friction, which is left out.
+    Dry,
 }
 
 /// A spring and damper between two masses, or between one and what is held.
@@ -95,6 +97,7 @@ impl Network {
                 LinkKind::Bristle(bristle) => {
                     (ElementKind::Bristle, run.k, bristle.damping_at_rest())
                 }
+                LinkKind::Dry(_) => (ElementKind::Dry, 0.0, 0.0),
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
             };
             let slot = |mat: usize| moving.binary_search(&mat).ok();

@@ -21,7 +21,7 @@ impl Network {
                 let stiffness = match &run.kind {
                     LinkKind::Ref | LinkKind::Bristle(_) => run.k,
                     LinkKind::Lnl(law) => law.slope(0.0),
-                    LinkKind::But(_) => continue,
+                    LinkKind::But(_) | LinkKind::Dry(_) => continue,
                 };
                 for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
                     if !(own.contains(&a) || own.contains(&b)) || outside(a) || outside(b) {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::checks::Rule;
 use super::error::Error;
 use super::parameters::{But, Contact, Side};
-use super::{Bristle, LinkKind, Network};
+use super::{Bristle, Dry, LinkKind, Network};
 use crate::law::{Entry, Law, Row};
 
 /// How many links of a network have laws of the same operations, whatever the numbers in them.
@@ -197,6 +197,39 @@ impl Network {
         }
         let kind = LinkKind::Bristle(bristle);
         self.link(name, kind, a, b, [stiffness, level, 0.0])
+    }
+
+    /// Add dry friction (DRY) between MATs `a` and `b`; returns its index.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::network::Dry;
+    ///
+    /// let mut network = Network::new();
+    /// let (ground, key) = (network.sol("ground", 0.0)?, network.mas("key", 0.4, 0.0, 0.1)?);
+    /// let felt = Dry { level: 0.05, static_level: 0.08, speed: 4e-3 }; // 50 mN, 80 mN near rest
+    /// network.dry("felt", ground, key, felt)?;
+    /// assert_eq!(network.n_lia(), 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    pub fn dry(&mut self, name: &str, a: usize, b: usize, dry: Dry) -> Result<usize, Error> {
+        let Dry {
+            level,
+            static_level,
+            speed,
+        } = dry;
+        self.check(
+            name,
+            &[
+                ("F", level, Rule::Positive),
+                ("static", static_level, Rule::Positive),
+                ("speed", speed, Rule::Positive),
+            ],
+        )?;
+        self.link(name, LinkKind::Dry(dry), a, b, [0.0, level, 0.0])
     }
 
     fn link(

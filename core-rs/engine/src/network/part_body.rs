@@ -38,7 +38,7 @@ impl Body {
         let end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
         for one in &elements.each {
-            if one.kind == ElementKind::But {
+            if matches!(one.kind, ElementKind::But | ElementKind::Dry) {
                 continue;
             }
             let [a, b] = one.ends;
@@ -57,7 +57,10 @@ impl Body {
         }
         dampers.retain(|damper| damper.2 != 0.0);
         Self {
-            n_laws: elements.count(ElementKind::Lnl) + elements.count(ElementKind::Bristle),
+            n_laws: [ElementKind::Lnl, ElementKind::Bristle, ElementKind::Dry]
+                .map(|kind| elements.count(kind))
+                .iter()
+                .sum(),
             n_contacts: elements.count(ElementKind::But),
             springs: Springs::new(elements.mats.len(), springs),
             mats: elements.mats,

@@ -162,6 +162,8 @@ impl Network {
 fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64) {
     match &run.kind {
         LinkKind::Ref => (run.k, run.z),
+        // Held within `depth` by a spring that reaches F there.
+        LinkKind::Dry(_) => (run.z / depth, 0.0),
         LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),
         LinkKind::But(but) if but.contact == Contact::Magic => {
             let mass = if compliance > 0.0 {

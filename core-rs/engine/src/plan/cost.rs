@@ -45,6 +45,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
             }
             LinkKind::Bristle(_) => Costs::of("bristle"),
             LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
+            LinkKind::Dry(_) => Costs::of("contact"),
             LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
             _ => Costs::of("single"),
         };

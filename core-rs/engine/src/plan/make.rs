@@ -455,7 +455,12 @@ fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Err
         return Ok(());
     };
     let is_mesh = |body: &BodyPlan| matches!(body, BodyPlan::Mesh(_));
-    let law = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_) | LinkKind::Bristle(_));
+    let law = |run: &&Run| {
+        matches!(
+            run.kind,
+            LinkKind::Lnl(_) | LinkKind::Bristle(_) | LinkKind::Dry(_)
+        )
+    };
     let own = subset.network.runs().iter().find(law);
     match (method.way(), own) {
         (Some(way), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {

@@ -63,6 +63,7 @@ fn oversampling(lambda: f64) -> u32 {
 fn weight(run: &Run, c: f64) -> f64 {
     match &run.kind {
         Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
+        Kind::Dry { .. } => 0.0, // it takes no more than what moves
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,

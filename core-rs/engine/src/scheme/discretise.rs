@@ -72,6 +72,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         }
     }
     let mut rooms: Vec<Arc<Law>> = Vec::new();
+    let mut dry_runs = Vec::new();
     for run in network.runs() {
         let ca = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T.
@@ -113,6 +114,15 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 };
                 scheme.runs.push(planned);
             }
+            LinkKind::Dry(dry) => {
+                scheme.linear = false;
+                planned.z = run.z;
+                planned.kind = Kind::Dry {
+                    by: *dry,
+                    rate: per_step,
+                };
+                dry_runs.push(planned);
+            }
             LinkKind::But(but) => {
                 scheme.linear = false;
                 planned.kind = Kind::But(*but);
@@ -138,6 +148,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             }
         }
     }
+    scheme.exact.extend(dry_runs); // friction is the last of the forces
     let mut ends: Vec<usize> = scheme.exact.iter().flat_map(|run| [run.a, run.b]).collect();
     ends.sort_unstable();
     scheme.exact_coupled = ends

@@ -1,7 +1,10 @@
 //! Keys: masses tied to the ground by a spring and a damper, one step a period; or whatever a key's model has.
 
+use std::ops::RangeInclusive;
+
 use ergon_engine::cell::Cell;
 use ergon_engine::key_model::{KeyModel, Motion};
+use ergon_engine::simulation::LoneKey;
 use ergon_engine::units::Rate;
 
 use super::EmulateError;
@@ -56,10 +59,44 @@ pub struct Keys {
     x: [f64; MAX_AXES],
     d: [f64; MAX_AXES],
     hands: Vec<Hand>,
-    /// How each key goes by its model; none: it is a CEL.
-    motions: Vec<Motion>,
+    /// How each key goes where it is no CEL.
+    movers: Vec<Mover>,
     periods: u64,
     hash: u64,
+}
+
+/// A key in motion that is no CEL.
+#[derive(Clone, Debug)]
+enum Mover {
+    /// As its model says.
+    Model(Box<Motion>),
+    /// As the key of a score.
+    Network(Box<LoneKey>),
+}
+
+impl Mover {
+    /// Where one period under the motor's force and a hand's pull takes it [m].
+    fn step(&mut self, force: f64, pull: f64, range: RangeInclusive<f64>) -> f64 {
+        let to = match self {
+            Self::Model(motion) => {
+                motion.tick(force, pull);
+                motion.position()
+            }
+            Self::Network(key) => {
+                key.step(force + pull);
+                key.position()
+            }
+        };
+        if range.contains(&to) {
+            return to;
+        }
+        let end = to.clamp(*range.start(), *range.end());
+        match self {
+            Self::Model(motion) => motion.stop_at(end),
+            Self::Network(key) => key.stop_at(end),
+        }
+        end
+    }
 }
 
 impl Keys {
@@ -98,7 +135,7 @@ impl Keys {
             x: [0.0; MAX_AXES],
             d: [0.0; MAX_AXES],
             hands,
-            motions: Vec::new(),
+            movers: Vec::new(),
             periods: 0,
             hash: 0xcbf2_9ce4_8422_2325,
         })
@@ -111,8 +148,15 @@ impl Keys {
     pub fn with_model(mut self, model: &KeyModel) -> Result<Self, EmulateError> {
         let motion = Motion::new(model, self.rate.hertz(), None)?;
         self.x[..self.n].fill(motion.position());
-        self.motions = vec![motion; self.n];
+        self.movers = vec![Mover::Model(Box::new(motion)); self.n];
         Ok(self)
+    }
+
+    /// The same keys, each moving as a key of a score does at the rate of the periods.
+    pub fn with_network(mut self, key: LoneKey) -> Self {
+        self.x[..self.n].fill(key.position());
+        self.movers = vec![Mover::Network(Box::new(key)); self.n];
+        self
     }
 
     /// One period under forces [N]   (n)
@@ -120,10 +164,10 @@ impl Keys {
     /// By the operations, in the order, of a MAT in the engine: without a hand and a model a key is where that CEL would
     /// be, to the last bit.
     pub fn step(&mut self, force: &[f64; MAX_AXES]) {
-        if self.motions.is_empty() {
+        if self.movers.is_empty() {
             self.step_cells(force);
         } else {
-            self.step_models(force);
+            self.step_movers(force);
         }
         self.periods += 1;
         for x in &self.x[..self.n] {
@@ -133,16 +177,13 @@ impl Keys {
         }
     }
 
-    fn step_models(&mut self, force: &[f64; MAX_AXES]) {
+    fn step_movers(&mut self, force: &[f64; MAX_AXES]) {
         let [low, high] = self.range;
-        for (axis, motion) in self.motions.iter_mut().enumerate() {
+        for (axis, mover) in self.movers.iter_mut().enumerate() {
             let (x, d) = (self.x[axis], self.d[axis]);
             let pull = self.hands[axis].pull(self.periods, x, d, self.rate);
-            motion.tick(force[axis], pull.unwrap_or(0.0));
-            if !(low..=high).contains(&motion.position()) {
-                motion.stop_at(motion.position().clamp(low, high));
-            }
-            (self.x[axis], self.d[axis]) = (motion.position(), motion.position() - x);
+            let to = mover.step(force[axis], pull.unwrap_or(0.0), low..=high);
+            (self.x[axis], self.d[axis]) = (to, to - x);
         }
     }
 

@@ -3,6 +3,9 @@
 use std::time::{Duration, Instant};
 
 use ergon_engine::key_model::KeyModel;
+use ergon_engine::network::Network;
+use ergon_engine::simulation::LoneKey;
+use ergon_engine::units::Rate;
 
 use super::firmware::{Board, Firmware};
 use super::line::{Line, LineEvent, Transport};
@@ -26,6 +29,8 @@ pub struct Options {
     pub key: Key,
     /// How it moves, where that is not a CEL of these numbers.
     pub model: Option<KeyModel>,
+    /// The key of a score, by whose network it moves instead, and the MAT that takes the forces.
+    pub network: Option<(Network, usize)>,
     /// Periods in a second [Hz].
     pub rate: f64,
     /// What is on the keys; the missing are free.
@@ -70,6 +75,10 @@ pub fn serve(
     let mut keys = Keys::new(options.axes, options.key, options.rate, options.hands)?;
     if let Some(model) = &options.model {
         keys = keys.with_model(model)?;
+    }
+    if let Some((network, struck)) = &options.network {
+        let rate = Rate::new(options.rate)?;
+        keys = keys.with_network(LoneKey::new(network, *struck, rate)?);
     }
     let lockstep = options.board.lockstep;
     let rate = keys.rate().hertz();

@@ -1,6 +1,7 @@
 //! A hand while it plays: of a person or its stand-in, and the transition from one to the other.
 
 use super::guidance::{Guidance, smooth};
+use super::hand_limit::MeasuredKey;
 
 /// Largest motion of the key in one tick of a transition [m].
 const STEP: f64 = 5e-5;
@@ -23,6 +24,8 @@ pub struct Hand {
     /// Force of the piece against the key [N/m] in each tick after it was 1 m away for one tick, (n_ticks,); empty: not
     /// computed.
     pub response: Vec<f64>,
+    /// What is known of the key by a calibration.
+    pub measured: Option<MeasuredKey>,
 }
 
 /// Who moves a key, and the rest of the transition from who moved it before.

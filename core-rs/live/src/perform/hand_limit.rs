@@ -22,6 +22,17 @@ pub struct HandLimit {
     pub limit: f64,
 }
 
+/// A key as a calibration says it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredKey {
+    /// Moving mass, without what swings on it [kg].
+    pub mass: f64,
+    /// Its own damping [N·s/m].
+    pub damping: f64,
+    /// From the tick of a force to the force [s], where it was measured.
+    pub delay: Option<f64>,
+}
+
 /// The key under a real hand: numbers of its device, and the hand's guidance.
 #[derive(Clone, Copy, Debug)]
 pub struct HandKey {
@@ -34,13 +45,12 @@ pub struct HandKey {
 impl HandKey {
     /// One for each hand on a keyboard.
     pub(super) fn all(board: &Keyboard, hands: &[Hand]) -> Vec<Self> {
-        let (key, axes) = (board.key(), board.axes());
         let of = |&(_, hand): &(usize, usize)| Self {
             hand,
-            key,
+            key: board.key(hands[hand].measured),
             guidance: hands[hand].guidance,
         };
-        axes.iter().map(of).collect()
+        board.axes().iter().map(of).collect()
     }
 
     /// The limit for a piece with this response; see [`Hand::response`].
@@ -64,14 +74,32 @@ impl HandKey {
     }
 }
 
+/// A delay of so much less than a whole number of ticks more is that number: a measured one is known so well.
+const DELAY_DEVIATION: f64 = 0.05;
+
 /// The key of a device without hand or piece, in ticks of `period` [s].
-pub(super) fn key(spec: &crate::device::Spec, lockstep: bool, period: f64) -> stiffness::Key {
-    let own_delay = spec.loop_delay_s.map(|s| (s / period).ceil() as usize);
+///
+/// Of what its device tells and what was `measured` that counts by which less is stable: a file does not make a key safer
+/// than its device says.
+pub(super) fn key(
+    spec: &crate::device::Spec,
+    measured: Option<MeasuredKey>,
+    lockstep: bool,
+    period: f64,
+) -> stiffness::Key {
+    let least = |told: Option<f64>, measured: Option<f64>, usual: f64| {
+        let known = [told, measured].into_iter().flatten().filter(|x| *x > 0.0);
+        known.reduce(f64::min).unwrap_or(usual)
+    };
+    let told = spec.loop_delay_s.map(|s| (s / period).ceil());
+    let late = measured.and_then(|key| key.delay);
+    let late = late.map(|s| (s / period - DELAY_DEVIATION).ceil());
+    let delay = [told, late].into_iter().flatten().fold(0.0, f64::max) as usize;
     stiffness::Key {
-        mass: spec.inertia.unwrap_or(DEFAULT_KEY.0),
-        damping: spec.damping.filter(|b| *b > 0.0).unwrap_or(DEFAULT_KEY.1),
+        mass: least(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),
+        damping: least(spec.damping, measured.map(|key| key.damping), DEFAULT_KEY.1),
         period,
         // Outside lockstep the force of a tick is sent in the next one.
-        delay: own_delay.unwrap_or(0) + usize::from(!lockstep),
+        delay: delay + usize::from(!lockstep),
     }
 }

@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Command, hand_limit};
+use super::Command;
+use super::hand_limit::{self, MeasuredKey};
 use crate::device::calibrate::{self, Axis};
 use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
@@ -110,8 +111,8 @@ impl Keyboard {
     }
 
     /// The key of the device, without hand or piece.
-    pub(super) fn key(&self) -> stiffness::Key {
-        self.known.key(&self.guarded)
+    pub(super) fn key(&self, measured: Option<MeasuredKey>) -> stiffness::Key {
+        self.known.key(&self.guarded, measured)
     }
 
     /// Pairs of device axis and hand of the piece.
@@ -134,7 +135,7 @@ impl Keyboard {
         let (grave, graves) = RingBuffer::new(4);
         let [low, high] = self.guarded.spec().pos_range;
         let over = OVER * (high - low).abs();
-        let key = self.key();
+        let key = self.key(None);
         let slot = Slot {
             range: [low.min(high) - over, low.max(high) + over],
             lockstep: self.guarded.in_lockstep(),
@@ -180,8 +181,9 @@ impl DeviceConfig {
         Ok(device)
     }
 
-    fn key(&self, guarded: &Guarded) -> stiffness::Key {
-        hand_limit::key(guarded.spec(), guarded.in_lockstep(), self.period)
+    fn key(&self, guarded: &Guarded, measured: Option<MeasuredKey>) -> stiffness::Key {
+        let lockstep = guarded.in_lockstep();
+        hand_limit::key(guarded.spec(), measured, lockstep, self.period)
     }
 
     fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
@@ -350,7 +352,7 @@ impl ReconnectLoop {
                 continue;
             }
             let mut guarded = self.known.guard(device);
-            if self.known.key(&guarded) != self.key {
+            if self.known.key(&guarded, None) != self.key {
                 continue;
             }
             if let Some(memory) = &memory {

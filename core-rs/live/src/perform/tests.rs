@@ -251,6 +251,37 @@ fn a_loose_guide_is_borne() {
     assert_eq!(least, scale(Some((5e3, false))));
 }
 
+/// What a calibration says of a key counts where its device tells nothing, and where less is stable by it.
+#[test]
+fn a_measured_key_bears_what_it_was_measured_for() {
+    let limit = |measured: Option<MeasuredKey>| {
+        let hand = Hand {
+            response: vec![4e3; 1],
+            measured,
+            ..Hand::default()
+        };
+        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&hand))[0].limit(&hand.response)
+    };
+    let measured = |mass, damping, delay| {
+        limit(Some(MeasuredKey {
+            mass,
+            damping,
+            delay,
+        }))
+        .limit
+    };
+    let told = limit(None).limit;
+    // The device tells 1 N·s/m and no delay; a file does not make it safer than that.
+    assert_eq!(measured(0.05, 2.0, None), told);
+    assert_eq!(measured(10.0, 1.0, Some(0.0)), told);
+    assert!(measured(0.05, 0.5, None) < 0.6 * told);
+    assert!(measured(0.05, 1.0, Some(1e-3)) < 0.5 * told);
+    // A delay that was measured as a little more than a tick is that tick.
+    let ticks = |delay| measured(0.05, 1.0, Some(delay));
+    assert_eq!(ticks(1.01e-3), ticks(0.99e-3));
+    assert!(ticks(2e-3) < ticks(1e-3));
+}
+
 /// A guide that is taken up and let go: the key goes where it leads, and back.
 #[test]
 fn a_key_is_led_and_let_go() {

@@ -27,6 +27,7 @@ pub(crate) fn options(
 ) -> Options {
     let key = Key::default();
     Options {
+        network: None,
         board: Board {
             protocol,
             lockstep: true,

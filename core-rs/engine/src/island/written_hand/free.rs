@@ -68,6 +68,39 @@ impl FreeKey {
     }
 }
 
+/// The force near `guess` [N] with which what rises with the force, by `w` for each newton at most, is 0 [m].
+fn meet(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
+    let (mut a, mut at_a) = (guess, off(guess));
+    if at_a.abs() <= kernel::STILL {
+        return a;
+    }
+    let mut reach = 2.0 * at_a / w;
+    let (mut b, mut at_b) = (a, at_a);
+    for _ in 0..ROUNDS_MAX {
+        b = guess - reach;
+        at_b = off(b);
+        if at_b * at_a <= 0.0 {
+            break;
+        }
+        (a, at_a) = (b, at_b);
+        reach *= 2.0;
+    }
+    for round in 0..2 * ROUNDS_MAX {
+        if at_b.abs() <= kernel::STILL || at_b * at_a > 0.0 {
+            break;
+        }
+        let halved = 0.5 * (a + b);
+        let secant = b - at_b * ((b - a) / (at_b - at_a));
+        let c = if round % 3 == 2 { halved } else { secant };
+        let at_c = off(c);
+        if at_c * at_b < 0.0 {
+            (a, at_a) = (b, at_b);
+        }
+        (b, at_b) = (c, at_c);
+    }
+    b
+}
+
 impl Motion {
     /// Take over another's motion without allocating.
     fn copy_motion(&mut self, other: &Self) {
@@ -217,7 +250,20 @@ impl FreeKey {
             previous: 0.0,
         });
         kernel::contacts(scheme, &[], &room.targets, coast);
-        kernel::needed(scheme, coast, struck, x)
+        let force = kernel::needed(scheme, coast, struck, x);
+        if !scheme.has_dry() {
+            return force;
+        }
+        // Where friction turns within the frame, how much of it acts each way depends on the ergon.
+        let mut off = |force: f64| {
+            let coast = &mut room.coast.body;
+            coast.copy_motion(body);
+            coast.force.copy_from_slice(&body.force);
+            coast.force[struck] += force;
+            kernel::contacts(scheme, &[], targets, coast);
+            kernel::predict(scheme, coast, struck) - x
+        };
+        meet(force, scheme.w[struck], &mut off)
     }
 
     /// The force on the struck MAT with which it goes on by itself where a path ends [N].
@@ -239,6 +285,7 @@ impl FreeKey {
         slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
         kernel::advance(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
         kernel::bend(&self.scheme, body);
+        kernel::rest(&self.scheme, body);
         slow.iter().for_each(|slow| slow.place(body));
     }
 

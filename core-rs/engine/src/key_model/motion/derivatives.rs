@@ -2,9 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use super::super::friction::{Contact, Friction, Turned};
+use super::super::friction::{Contact, Friction};
 use super::super::parameter::Parameter;
 use super::{Motion, Swing};
+use crate::dry::Turned;
 
 /// What the derivatives of a step need of it.
 pub(super) struct Step<'a> {

@@ -1,0 +1,91 @@
+//! Dry friction within a step: its level, and how a velocity turns.
+
+use crate::maths::exp;
+
+/// No level is taken to be below this part of its greatest one, so that ratios to it stay finite [N].
+const LEVEL_MIN: f64 = 1e-300;
+
+/// Dry friction: F against the velocity while its two ends slide, and up to F against what would set them off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dry {
+    /// F: level of a fast slide [N].
+    pub level: f64,
+    /// Level near rest [N].
+    pub static_level: f64,
+    /// Speed at which the level has fallen from `static_level` by 63 % of the way to `level` [m/s] (Stribeck).
+    pub speed: f64,
+}
+
+impl Dry {
+    /// The same with another level; that near rest keeps its ratio to it.
+    pub(crate) fn with(&self, level: f64) -> Self {
+        Self {
+            level,
+            static_level: self.static_level * (level / self.level.max(LEVEL_MIN)),
+            ..*self
+        }
+    }
+
+    /// Whether the level depends on the speed.
+    pub(crate) fn falls(&self) -> bool {
+        self.static_level != self.level
+    }
+
+    /// The level at a velocity [m/s].
+    pub(crate) fn level_at(&self, v: f64) -> f64 {
+        if !self.falls() {
+            return self.level;
+        }
+        let ratio = v / self.speed;
+        self.level + (self.static_level - self.level) * exp(-ratio * ratio)
+    }
+}
+
+/// The velocity after a step, and its derivatives with respect to the velocity before, the gain and friction's bound.
+pub(crate) struct Turned {
+    pub(crate) v: f64,
+    pub(crate) by_v: f64,
+    pub(crate) by_gain: f64,
+    pub(crate) by_bound: f64,
+}
+
+impl Turned {
+    const HELD: Self = Self {
+        v: 0.0,
+        by_v: 0.0,
+        by_gain: 0.0,
+        by_bound: 0.0,
+    };
+
+    /// Velocity v that gains `gain` and that dry friction takes at most `bound` from.
+    pub(crate) fn of(v: f64, gain: f64, bound: f64) -> Self {
+        let sign = if v != 0.0 {
+            v.signum()
+        } else if gain.abs() > bound || bound == 0.0 {
+            gain.signum()
+        } else {
+            return Self::HELD;
+        };
+        let to = v + gain - sign * bound;
+        if sign * to >= 0.0 || bound == 0.0 {
+            return Self {
+                v: to,
+                by_v: 1.0,
+                by_gain: 1.0,
+                by_bound: -sign,
+            };
+        }
+        let (before, after) = (gain - sign * bound, gain + sign * bound);
+        if sign * after >= 0.0 {
+            return Self::HELD; // it comes to rest, and friction holds it
+        }
+        let ratio = after / before;
+        let spread = to / (before * before);
+        Self {
+            v: to * ratio,
+            by_v: ratio,
+            by_gain: ratio + spread * (before - after),
+            by_bound: sign * (spread * (before + after) - ratio),
+        }
+    }
+}

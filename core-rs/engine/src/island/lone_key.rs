@@ -1,0 +1,76 @@
+//! A key alone, force by force: what an emulated device has of a key that a score says.
+
+use super::build::free_key;
+use super::written_hand::free::{FreeKey, Motion};
+use crate::kernel::Laws;
+use crate::network::{Error, Network};
+use crate::state::Target;
+use crate::timeline::{Key, Timeline};
+use crate::units::Rate;
+
+/// A key alone, one frame after the other.
+///
+/// It goes as the free copy of the key that a gesture strikes, and as the key of a scene under the same forces.
+///
+/// ```
+/// use ergon_engine::network::Tie;
+/// use ergon_engine::simulation::LoneKey;
+/// use ergon_engine::{Network, Rate};
+///
+/// let mut network = Network::new();
+/// let tie = Tie::Physical { k: 60.0, z: 1.2 };
+/// let key = network.cel("key", 0.4, tie, 0.0, 0.0, 0.0)?;
+/// let mut key = LoneKey::new(&network, key, Rate::new(1000.0)?)?;
+/// (0..5000).for_each(|_| key.step(0.6));
+/// assert!((key.position() - 0.01).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct LoneKey {
+    free: FreeKey,
+    motion: Motion,
+    laws: Laws,
+    targets: Vec<Target>,
+    frame: u64,
+}
+
+impl LoneKey {
+    /// The part of a network whose MAT `struck` takes the forces, at its beginning.
+    ///
+    /// # Errors
+    /// [`Error`] where nothing moves that MAT, or the key is unstable at this rate.
+    pub fn new(network: &Network, struck: usize, rate: Rate) -> Result<Self, Error> {
+        let key = Key {
+            name: network.mat_name(struck),
+            struck,
+        };
+        let (free, motion) = free_key(network, &Timeline::new(rate), &key, &[])?;
+        free.scheme.certify(network)?;
+        Ok(Self {
+            laws: Laws::new(&free.scheme),
+            targets: Vec::new(),
+            frame: 0,
+            free,
+            motion,
+        })
+    }
+
+    /// Where it is [m].
+    pub fn position(&self) -> f64 {
+        self.motion.body.x[self.free.struck]
+    }
+
+    /// Put it somewhere, at rest: an end of its travel has stopped it.
+    pub fn stop_at(&mut self, x: f64) {
+        let (body, struck) = (&mut self.motion.body, self.free.struck);
+        (body.x[struck], body.d[struck]) = (x, 0.0);
+    }
+
+    /// One frame under a force [N].
+    pub fn step(&mut self, force: f64) {
+        let (free, motion, n) = (&self.free, &mut self.motion, self.frame);
+        free.forces(motion, n, &mut self.laws, &mut self.targets);
+        free.strike_and_move(motion, n, force, &mut self.targets);
+        self.frame += 1;
+    }
+}

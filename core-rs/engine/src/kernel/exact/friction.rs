@@ -1,0 +1,83 @@
+//! Forces of dry friction, given all other forces.
+
+use super::super::{needed, predict};
+use crate::dry::Turned;
+use crate::scheme::{Kind, Run, Scheme};
+use crate::state::{Body, Target};
+
+/// Ends that go where they are told slide where they part by more than this in a frame [m]: a path that rests has the
+/// rounding of its positions.
+pub(crate) const STILL: f64 = 1e-14;
+/// A step that is less than this part of what friction takes in one is rounding: the mass rests.
+const REST: f64 = 1e-12;
+
+/// Force of one friction, given all other forces [N].
+pub(super) fn force(
+    scheme: &Scheme,
+    gates: &[f64],
+    targets: &[Target],
+    body: &Body,
+    run: &Run,
+) -> f64 {
+    let Kind::Dry { by, rate } = &run.kind else {
+        return 0.0;
+    };
+    let (a, b) = (run.a, run.b);
+    let open = run.gate.map_or(1.0, |gate| gates[gate]);
+    let v = body.d[b] - body.d[a];
+    let by = by.with(run.z);
+    let level = |v: f64| open * by.level_at(v * rate);
+    let told = |i: usize| targets.iter().find(|target| target.mat == i);
+    let moved = |i: usize| match told(i) {
+        Some(target) => (target.x - body.x[i], 0.0),
+        None => (predict(scheme, body, i) - body.x[i], scheme.w[i]),
+    };
+    let ((da, wa), (db, wb)) = (moved(a), moved(b));
+    let next = db - da;
+    let per_force = wa + wb;
+    if per_force > 0.0 {
+        let after = |level: f64| Turned::of(v, next - v, per_force * level).v;
+        let mut v_next = after(level(v));
+        if by.falls() {
+            v_next = after(level(0.5 * (v + v_next)));
+        }
+        return (next - v_next) / per_force;
+    }
+    // Both ends go where they are told.
+    let level = level(0.5 * (v + next));
+    if next.abs() > STILL {
+        let sign = next.signum();
+        // Where they turn, friction acts one way before and the other way after.
+        let turns = if sign * v < -STILL {
+            (v + next) / (next - v)
+        } else {
+            1.0
+        };
+        return sign * level * turns;
+    }
+    // They rest: friction gives what holds them, as far as it can.
+    let holding = |i: usize| {
+        told(i)
+            .filter(|_| scheme.w[i] > 0.0)
+            .map(|target| needed(scheme, body, i, target.x))
+    };
+    match (holding(a), holding(b)) {
+        (Some(push), _) => push.clamp(-level, level),
+        (None, Some(push)) => (-push).clamp(-level, level),
+        (None, None) => 0.0,
+    }
+}
+
+/// Let masses rest that friction against a fixed point has stopped, of which rounding alone would leave a step.
+pub(crate) fn rest(scheme: &Scheme, body: &mut Body) {
+    for run in scheme.exact.iter().filter(|run| run.is_dry()) {
+        for (mass, other) in [(run.a, run.b), (run.b, run.a)] {
+            let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
+            let step = body.d[mass];
+            if is_fixed && step != 0.0 && step.abs() <= REST * scheme.w[mass] * run.z {
+                body.x[mass] -= step;
+                body.d[mass] = 0.0;
+            }
+        }
+    }
+}

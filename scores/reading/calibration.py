@@ -1,0 +1,121 @@
+"""A measured key: what its calibration file adds to what a score says of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log, pi
+
+from ergon.instruments.model import Module
+from ergon.instruments.read import grounded
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import MISSING, Context, Name
+from ergon.notation.text.files import Files
+from ergon.notation.text.values import Place
+from ergon.scores.reading.sections import CALIBRATION
+
+_DECAY = 3.0 * log(10.0)  # σ·T60
+
+
+def of(values: Values, files: Files) -> Values | None:
+    """What was measured of the key; None without `calib`, or after a report."""
+    if values["calib"] is None:
+        return None
+    folder = values.nodes["calib"].document.folder
+    document = files.required(values["calib"], folder, values.place_of("calib"))
+    if document is None or document.root is None:
+        return None
+    measured = CALIBRATION.read(
+        document.root, "", Context(values.context.collector, "a calibration")
+    )
+    return None if measured is MISSING else measured
+
+
+def over(values: Values, measured: Values) -> Values:
+    """The fields of a key, with measured ones where the key itself writes none.
+
+    A key begins at its rest, if it says nothing else.
+    """
+    given, nodes = dict(values.given), dict(values.nodes)
+    has_place = values.context.place is not None
+    names = {name: name for name in ("M", "K", "Z", "travel")}
+    if not values["simple"]:
+        names |= {"rest": "rest", "X0": "rest"}
+    for name, source in names.items():
+        node = values.nodes.get(name)
+        is_own = node is not None and has_place and _inside(node.place, values)
+        if source in measured.given and not is_own:
+            given[name], nodes[name] = measured.given[source], measured.nodes[source]
+    return Values(values.record, values.node, values.context, given, nodes, values.free)
+
+
+def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
+    """A key's CEL, the parts that swing on it, and its dry friction."""
+    modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
+    mass = cel.fields["M"]
+    if isinstance(mass, float) and modes:
+        mass -= sum(mode["M"] for mode in modes)
+        if mass <= 0.0:
+            message = (
+                f"{measured.context.of('modes')}: the modes are as heavy as the key, of whose "
+            )
+            message += "mass they are a part"
+            measured.error("E202", message, "modes")
+            return (cel,)
+    made = [replace(cel, fields={**cel.fields, "M": mass})]
+    for number, mode in enumerate(modes, 1):
+        made += _mode(f"mode {number}", mode, cel)
+    made += _dry(measured)
+    return tuple(made)
+
+
+def of_hand(measured: Values) -> tuple[float, float, float | None] | None:
+    """Mass [kg] without what swings on it, damping [N·s/m] and delay [s] of the real key."""
+    modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
+    mass, damping = measured["M"], measured["Z"]
+    if not isinstance(mass, float) or not isinstance(damping, float):
+        return None
+    return max(0.0, mass - sum(mode["M"] for mode in modes)), damping, measured["delay"]
+
+
+def _mode(name: str, mode: Values, cel: Module) -> tuple[Module, Module]:
+    omega, sigma = 2.0 * pi * mode["f"], _DECAY / mode["t60"]
+    mass = mode["M"]
+    point = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
+    spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
+    ends = (Name("", mode.place), Name(name, mode.place))
+    return (
+        Module(name, "MAS", point, mode.place),
+        Module(f"{name} spring", "REF", {"between": ends, **spring}, mode.place),
+    )
+
+
+def _dry(measured: Values) -> tuple[Module, ...]:
+    level, static, stiffness = (measured[name] for name in ("dry", "static", "presliding"))
+    if not level:
+        return ()
+    if stiffness and static is not None and static < level:
+        message = f"{measured.context.of('static')}: static is below dry; with presliding the "
+        message += "friction falls from static to dry"
+        measured.error("E111", message, "static")
+        return ()
+    place = measured.place_of("dry")
+    fields = {
+        "to": Name("", place),
+        "between": None,
+        "F": level,
+        "K": stiffness or None,
+        "static": static or None,
+        "speed": measured["static_speed"] or 0.001,
+    }
+    return grounded(Module("dry", "DRY", fields, place))
+
+
+def _inside(place: Place, values: Values) -> bool:
+    """Whether a place lies in the node of these values, not in one that `like` brought."""
+    node = values.node
+    first, last = node.place, node.document.place(max(node.start, node.end - 1))
+    position = (place.line, place.column)
+    return place.file == first.file and (first.line, first.column) <= position <= (
+        last.line,
+        last.column,
+    )

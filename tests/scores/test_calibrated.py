@@ -1,0 +1,136 @@
+"""Keys with a calibration: what is played of it, what the key itself writes, and real hands."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ergon import _core
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.stage import stage
+
+MEASURED = """\
+ergon: 1
+M: 400g
+rest: -2.5mm
+K: 60N/m
+Z: 1.2Ns/m
+dry: 50mN
+static: 80mN
+static_speed: 4mm/s
+delay: 1ms
+modes:
+  - {M: 20g, f: 180Hz, t60: 0.3s}
+"""
+SCORE = """\
+ergon: 1
+keys: {{k: {{calib: key.yaml{more}}}}}
+instruments:
+  far:
+    modules: {{m: {{CEL: {{M: 1kg, f: 20Hz}}}}, r: {{RES: {{between: [k, m], K: 1mN/m}}}}}}
+    out: {{SOX: k}}
+gestures: {{press: {{notation: -2.5mm@0 smooth 5mm@1/8 hold 5mm@1/4 smooth -2mm@3/8{how}}}}}
+players: {{ada: {{key: k{hand}}}}}
+parts: {{ada: [{{at: 1|1, play: press}}]}}
+render: {{tail: 0.5s, bits: float}}
+"""
+
+
+@pytest.fixture
+def piece(tmp_path: Path):
+    def of(measured: str = MEASURED, **fields: str) -> Piece:
+        (tmp_path / "key.yaml").write_text(measured)
+        text = SCORE.format(**({"more": "", "how": "", "hand": ""} | fields))
+        loaded = load(str(tmp_path / "score.yaml"), text=text)
+        assert loaded.piece is not None, loaded.diagnostics
+        return loaded.piece
+
+    return of
+
+
+def test_the_whole_key_is_played(piece):
+    modules = {own.name: own for own in piece().keys["k"].modules}
+    kinds = [own.kind for own in modules.values()]
+    assert kinds == ["CEL", "MAS", "REF", "SOL", "DRY"]
+    cel = modules[""].fields
+    assert cel["M"] == pytest.approx(0.38)
+    assert (cel["K"], cel["Z"], cel["rest"], cel["X0"]) == (60.0, 1.2, -2.5e-3, -2.5e-3)
+    spring = modules["mode 1 spring"].fields
+    assert spring["K"] == pytest.approx(0.02 * (2 * math.pi * 180.0) ** 2)
+    assert spring["Z"] == pytest.approx(2 * 0.02 * 3 * math.log(10.0) / 0.3)
+    dry = modules["dry"].fields
+    assert (dry["F"], dry["static"], dry["speed"], dry["K"]) == (0.05, 0.08, 4e-3, None)
+    assert piece().keys["k"].measured == (pytest.approx(0.38), 1.2, 1e-3)
+
+
+def test_simple_leaves_mass_spring_and_damper(piece):
+    (own,) = piece(more=", simple: true").keys["k"].modules
+    fields = {name: own.fields[name] for name in ("M", "K", "Z", "rest", "X0")}
+    assert fields == {"M": 0.4, "K": 60.0, "Z": 1.2, "rest": 0.0, "X0": 0.0}
+
+
+def test_what_the_key_writes_holds(piece):
+    cel = piece(more=", K: 80N/m, rest: 1mm, X0: 0mm").keys["k"].modules[0].fields
+    assert (cel["M"], cel["K"]) == (pytest.approx(0.38), 80.0)
+    assert (cel["rest"], cel["X0"]) == (1e-3, 0.0)
+
+
+@pytest.mark.parametrize("touch", ["open", "tracked"])
+@pytest.mark.parametrize("curve", ["smooth", "throw"])
+def test_gestures_meet_their_points(piece, touch: str, curve: str):
+    how = f", touch: {touch}"
+    text = piece(how=how)
+    made = stage(text)
+    sound = np.empty((made.n_frames, made.simulation.n_out))
+    made.simulation.process(sound)
+    at = [round(when * 44100) for when in (0.125, 0.25)]
+    assert sound[at, 0] == pytest.approx(5e-3, abs=2e-7)
+    # Let go at -2 mm it rests there: its spring pulls 30 mN, and friction holds up to 80 mN.
+    assert np.ptp(sound[-2000:, 0]) < 1e-9
+    assert sound[-1, 0] == pytest.approx(-2e-3, abs=5e-5)
+
+
+def test_a_real_hand_holds_the_struck_mass_alone(piece):
+    text = piece(hand=", hand: live")
+    whole = stage(text)
+    real = stage(text, real={"ada": np.zeros(500)})
+    assert whole.network.n_mat - real.network.n_mat == 2  # what swings, and the ground
+    assert whole.network.n_lia - real.network.n_lia == 2
+    assert real.live[0].mat == 0
+
+
+def test_a_duet_is_told_what_was_measured(piece, monkeypatch: pytest.MonkeyPatch):
+    from ergon.live import perform
+
+    told = []
+
+    class Stop(Exception):
+        pass
+
+    def performance(*_: object, hands: list[_core.LiveHand], **__: object) -> None:
+        told.extend(hands)
+        raise Stop
+
+    monkeypatch.setattr(perform._core, "Performance", performance)
+    made = stage(piece(hand=", hand: live"), real={"ada": None})
+    with pytest.raises(Stop):
+        perform.perform(made, perform.PlaybackConfig())
+    assert [hand.measured for hand in told] == [(pytest.approx(0.38), 1.2, 1e-3)]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "code"),
+    [
+        ("M: 20g, f", "M: 500g, f", "E202"),
+        ("static: 80mN", "static: 30mN\npresliding: 1kN/m", "E111"),
+    ],
+)
+def test_what_no_key_can_be_is_told_at_its_place(
+    tmp_path: Path, before: str, after: str, code: str
+):
+    (tmp_path / "key.yaml").write_text(MEASURED.replace(before, after))
+    text = SCORE.format(more="", how="", hand="")
+    found = load(str(tmp_path / "score.yaml"), text=text).diagnostics
+    assert [(one.code, Path(one.place.file).name) for one in found] == [(code, "key.yaml")]
