@@ -9,6 +9,7 @@ use super::{Motion, Swing};
 /// What the derivatives of a step need of it.
 pub(super) struct Step<'a> {
     pub(super) slope: f64,
+    pub(super) before: f64,
     pub(super) gain: f64,
     pub(super) bound: f64,
     pub(super) per_level: f64,
@@ -103,6 +104,10 @@ impl<const N: usize> Motion<N> {
             },
             Parameter::Delay => Added {
                 force: of.slope,
+                ..none
+            },
+            Parameter::Force(tick) => Added {
+                force: self.share_of(tick, of.before),
                 ..none
             },
             Parameter::Dry => level(1.0 - of.friction.share),
