@@ -9,6 +9,10 @@ from .lazy import LazyGroup, Table
 COMMANDS: Table = {
     "measure": ("metrology_measure", "measure", "Measure a key of a device by pushing it."),
     "fit": ("metrology_fit", "fit", "Measure a key by takes of the forces that it was given."),
+    "replay": ("metrology_replay", "replay", "Give a key and its model the same gesture."),
+    "compare": ("metrology_compare", "compare", "Compare two calibrations of keys."),
+    "log": ("metrology_compare", "log", "List calibrations of a key, and how far it drifted."),
+    "weigh": ("metrology_compare", "weigh", "Find a device's gains by a weighed mass."),
 }
 
 

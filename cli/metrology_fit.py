@@ -57,6 +57,7 @@ def fit(
     judged = [] if apart is None else [apart]
     if output is not None:
         check_target(Path(output), force=force, inputs=(*paths, *judged))
+        check_target(Path(output).with_suffix(".svg"), force=force, inputs=(*paths, *judged))
     gestures = [gesture(console, path, hand) for path in paths]
     judge = None if apart is None else gesture(console, apart, hand)
     everything = gestures if judge is None else [*gestures, judge]
@@ -92,6 +93,8 @@ def report(
     _sum_up(console, measured)
     if output is not None:
         _write(console, measured, takes, output, force=force, dry=dry)
+        shown = gestures[-1] if held_out is None else held_out
+        _draw(console, measured, shown, output.with_suffix(".svg"), force=force, dry=dry)
     if measured.noise is not None and measured.fit.rms > _BAD * measured.noise:
         raise Findings(
             f"the model leaves {measured.fit.rms * 1e6:.3g} um where the sensor's noise is "
@@ -194,16 +197,22 @@ def _sum_up(console: Console, measured: Measured) -> None:
         console.say(f"the sensor's noise is {noise * 1e6:.3g} um")
 
 
-def _write(
-    console: Console, measured: Measured, takes: list[Path], path: Path, *, force: bool, dry: bool
+def _draw(
+    console: Console, measured: Measured, gesture: Gesture, path: Path, *, force: bool, dry: bool
 ) -> None:
-    from datetime import date
+    """A picture of a gesture on the key, and on its model with and without what was found last."""
+    from ergon.metrology.comparison import replay
+    from ergon.metrology.picture import picture
 
+    after = replay(measured.fit.row, gesture)
+    before = replay(measured.stages[0].fit.row, gesture)
+    written(console, picture(after, path.stem, before), path, force=force, dry=dry)
+
+
+def written(console: Console, said: str, path: Path, *, force: bool, dry: bool) -> None:
+    """Write a text file, or say that it would be written."""
     from ergon.exchange.safe import writing
-    from ergon.metrology.calibration_file import text
 
-    digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
-    said = text(measured, digests, date.today().isoformat())
     if not dry:
         with writing(path, binary=False, force=force) as file:
             file.write(said.encode())
@@ -212,3 +221,15 @@ def _write(
         console.record(event.replace(" ", "_"), file=str(path))
     else:
         console.say(f"{event} {path}")
+
+
+def _write(
+    console: Console, measured: Measured, takes: list[Path], path: Path, *, force: bool, dry: bool
+) -> None:
+    from datetime import date
+
+    from ergon.metrology.calibration_file import text
+
+    digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
+    said = text(measured, digests, date.today().isoformat())
+    written(console, said, path, force=force, dry=dry)

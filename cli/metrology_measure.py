@@ -78,6 +78,7 @@ def measure(
     path = None if dry or output is None else Path(output)
     if path is not None:
         check_target(path, force=force)
+        check_target(path.with_suffix(".svg"), force=force)
     axis, url = opened(device, force_max=force_max, force_step=force_step, gated=not no_gate)
     recorder = Recorder(path, about(url, axis.number))
     try:

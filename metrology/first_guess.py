@@ -57,7 +57,7 @@ def _equations(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[F
 def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, float]:
     """Mass, damping, stiffness, weight and dry friction at a delay in ticks; what is left."""
     matrix, force = _equations(gestures, delay, cut)
-    found = np.linalg.lstsq(matrix, force, rcond=None)[0]
+    found = np.asarray(np.linalg.lstsq(matrix, force, rcond=None)[0], np.float64)
     return found, float(np.sum((force - matrix @ found) ** 2))
 
 

@@ -90,7 +90,7 @@ def of_rows(
     clock: NDArray[np.uint32],
     rate: float,
 ) -> Gesture:
-    """The gesture of ticks (n,): forces [N]; position [m] and the device's clock [us] of each reply.
+    """A gesture of ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
 
     A force acts from the reply before its own on, for in lockstep a reply comes after the force has
     acted; by other clocks the delay is a tick longer. A tick without a reply has no position that

@@ -16,7 +16,7 @@ from ergon import _core
 
 from . import excitation
 from .first_guess import first_guess, signed_mass
-from .gesture import TICKS_MIN, MeasurementError, of_rows
+from .gesture import MeasurementError, of_rows
 from .output_error import fit
 from .parameters import INDEX
 
@@ -43,7 +43,7 @@ _GUIDE, _GUIDE_RATIO = 12.0, 0.8
 _BRAKE_STIFFNESS, _BRAKE_DAMPING = 3.0, 45.0  # of the guide's; 1/s of the mass
 _SPRING = 40.0  # (rad/s)²: with a faster spring of its own a key needs no guide
 _NEAR = 0.35  # of half the range: a key that rests nearer to an end has no room
-# Jolts that show which way the motor goes: for how long [s]; of the force, at first and at most; how
+# Jolts that show which way the motor goes: for how long [s]; of the force, at first, at most; how
 # far they may take the key, of half its travel; the mass they tell over its deviation, at least;
 # how many times as long each may be.
 _JOLTS, _FIRST_JOLT, _JOLT_MAX, _JOLTED, _SURE, _LONGEST = 0.6, 0.01, 0.8, 0.4, 15.0, 6.0
@@ -282,24 +282,19 @@ class _Place:
 
         Raises MeasurementError where the key does not move.
         """
-        most, force, length, sign = self.axis.most, _FIRST_JOLT * self.axis.most, 1.0, 1
+        most, force, length = self.axis.most, _FIRST_JOLT * self.axis.most, 1.0
         while length < _LONGEST:
             n = round(_JOLTS * TICK_RATE)
             stream = force * excitation.jolts(n, TICK_RATE, self.chance, length)
             framed, still = excitation.framed(stream, TICK_RATE)
-            turned = replace(self.axis, sign=sign * self.axis.sign)
-            excited = push(turned, framed, self.free, still, forgiven=True)
-            if excited.sent().size >= TICKS_MIN:
-                took = gesture(excited)
-                went = float(np.abs(took.position - took.start).max())
-                mass, sureness = signed_mass(took)
-                if went > self.shows and sureness > _SURE:
-                    return (sign if mass > 0 else -sign), abs(mass)
-                if went > _JOLTED * self.half:
-                    break
-            elif excited.end == "tripped: wrong way":
-                # A safety stage has found it out first; the jolts then have to agree.
-                sign = -sign
+            excited = push(self.axis, framed, self.free, still)
+            took = gesture(excited)
+            went = float(np.abs(took.position - took.start).max())
+            mass, sureness = signed_mass(took)
+            if went > self.shows and sureness > _SURE:
+                return (1 if mass > 0 else -1), abs(mass)
+            if went > _JOLTED * self.half:
+                break
             if force < _JOLT_MAX * most:
                 force = min(1.5 * force, _JOLT_MAX * most)
             else:

@@ -56,15 +56,32 @@ def plot(
         axis([t for curve in curves for t in curve.t], 8, tight=True),
         axis([x for curve in curves for x in curve.x], 6),
     )
-    parts = [axes(frame, t_label, x_label)]
-    for curve, (colour, dash) in zip(curves, _STROKES, strict=False):
-        parts.append(
-            f"<path d='{_path(curve, frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
-            f"stroke-linejoin='round'{_dash(dash)}/>"
-        )
-    parts.append(_legend(curves, frame))
+    parts = [axes(frame, t_label, x_label), lines(curves, frame), _legend(curves, frame)]
     parts.append(text(frame.left, 20, short(title), weight="bold"))
     return document(width, height, title, parts)
+
+
+def panels(rows: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900) -> str:
+    """Curves in frames one above the other over the same time, each with a label."""
+    high, between, top = 190, 46, 44
+    t_axis = axis([t for _, curves in rows for curve in curves for t in curve.t], 8, tight=True)
+    parts = [text(64, 20, short(title), weight="bold")]
+    for row, (label, curves) in enumerate(rows):
+        above = top + row * (high + between)
+        x_axis = axis([x for curve in curves for x in curve.x], 5)
+        frame = Frame(64, above, width - 16, above + high, t_axis, x_axis)
+        parts += [axes(frame, "time [s]" if row == len(rows) - 1 else "", label)]
+        parts += [lines(curves, frame), _legend(curves, frame)]
+    return document(width, top + len(rows) * (high + between), title, parts)
+
+
+def lines(curves: Sequence[Curve], frame: Frame) -> str:
+    """The curves, each in its stroke."""
+    return "\n".join(
+        f"<path d='{_path(curve, frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
+        f"stroke-linejoin='round'{_dash(dash)}/>"
+        for curve, (colour, dash) in zip(curves, _STROKES, strict=False)
+    )
 
 
 def document(width: int, height: int, title: str, parts: Sequence[str]) -> str:
@@ -143,9 +160,10 @@ def _legend(curves: Sequence[Curve], frame: Frame) -> str:
     parts, at = [], frame.right
     for curve, (colour, dash) in reversed(list(zip(curves, _STROKES, strict=False))):
         at -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
+        y = frame.top - 14
         parts.append(
-            f"<line x1='{at:g}' y1='26' x2='{at + 28:g}' y2='26' stroke='{colour}' "
+            f"<line x1='{at:g}' y1='{y:g}' x2='{at + 28:g}' y2='{y:g}' stroke='{colour}' "
             f"stroke-width='2'{_dash(dash)}/>"
         )
-        parts.append(text(at + 33, 30, curve.name))
+        parts.append(text(at + 33, y + 4, curve.name))
     return "\n".join(parts)

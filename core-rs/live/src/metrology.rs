@@ -137,7 +137,9 @@ pub fn excite<D: Device>(
         realtime::ask(realtime::PHYSICS);
     }
     let mut take = Take {
-        guarded: Guarded::new(device, limits, excitation.period).watched(),
+        guarded: Guarded::new(device, limits, excitation.period)
+            .watched()
+            .without_probes(),
         of: excitation,
         sample: Sample::default(),
         rows: Vec::with_capacity(excitation.forces.len()),
