@@ -46,7 +46,8 @@ _NEAR = 0.35  # of half the range: a key that rests nearer to an end has no room
 # Jolts that show which way the motor goes: for how long [s]; of the force, at first, at most; how
 # far they may take the key, of half its travel; the mass they tell over its deviation, at least;
 # how many times as long each may be.
-_JOLTS, _FIRST_JOLT, _JOLT_MAX, _JOLTED, _SURE, _LONGEST = 0.6, 0.01, 0.8, 0.4, 15.0, 6.0
+_JOLTS, _FIRST_JOLT, _JOLT_MAX, _JOLTED, _SURE, _LONGEST = 0.6, 0.01, 0.8, 0.2, 15.0, 6.0
+_IN_TIME = 0.75  # of the ticks: replies, without which nothing can be measured
 _RESTS = 3.0  # s at most, until a key rests
 
 # Why a take ended, and what to do.
@@ -59,6 +60,7 @@ _ENDS = {
     "silent": "the device no longer answers",
     "shared": "another program sends forces to the device",
     "stopped": "stopped; the force is zero",
+    "late": "too few replies of the device came in time; end what else loads this machine",
     "tripped: not finite": "a position or force was no number, so the force is zero",
     "tripped: speed": "the key went too fast, so its force is zero",
     "tripped: wrong way": "the motor pushes against what it is told, so its force is zero",
@@ -178,6 +180,8 @@ def push(
     )
     if excited.end != "done" and not (forgiven and excited.end in DOUBTS):
         raise TakeEnded(excited.end)
+    if excited.fresh().size >= TICK_RATE / 4 and excited.fresh().mean() < _IN_TIME:
+        raise TakeEnded("late")
     return excited
 
 
