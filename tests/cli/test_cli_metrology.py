@@ -1,11 +1,13 @@
-"""`ergon metrology fit`: takes to a table, a calibration, and a key of a score."""
+"""`ergon metrology`: takes or a device to a table, a calibration, and a key of a score."""
 
+import json
 from collections.abc import Set
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import records
+from emulators import emulator
 from measured_keys import KEY, Floats, knocks, path, rain, read
 from recordings import Axis, end, header, row, rows
 
@@ -119,4 +121,77 @@ def test_what_cannot_be_measured_is_refused(capsys: Capture, arguments: list[str
     take("gap.take", rain(KEY, 1.0), 1, gap=set(range(100, 200)))
     take("short.take", rain(KEY, 0.2), 1)
     assert app.run(["metrology", "fit", *arguments]) == 2
+    assert told in capsys.readouterr().err
+
+
+# The key of `measured_keys`, behind a device of 12 bits.
+EMULATED = (
+    *("--mass=380g", "--stiffness=60N/m", "--damping=1.2Ns/m", "--dry=50mN", "--weight=0.15N"),
+    *("--mode=20g 180Hz 0.02", "--travel=30mm", "--force-max=1.56N", "--resolution=7.32um"),
+    *("--noise=3.66um", "--free", "--lockstep"),
+)
+
+
+def test_a_key_of_a_device_is_measured(capsys: Capture):
+    """As a user does it: measure, look again, compare, list, weigh."""
+    with emulator("frame", "--udp", "0", *EMULATED) as board:
+        url = board.url + "&patience=600"
+        command = ["metrology", url, "-o", "key.yaml", "--seconds", "5", "--json"]
+        assert app.run(command) == 0
+        told = records(capsys)
+        assert [one["event"] for one in told][:2] == ["rung", "rung"]
+        last = [one for one in told if one["event"] == "stage" and one["kept"]][-1]
+        assert last["name"] == "mode"
+        for name, true in (("mass", 0.38), ("stiffness", 60.0), ("damping", 1.2), ("dry", 0.05)):
+            found = last["parameters"][name]
+            assert abs(found["value"] - true) < 4.5 * found["deviation"], name
+        for name in ("key.svg", "key.strikes.take", "key.rain.take", "key.held-out.take"):
+            assert Path(name).exists()
+        assert app.run(["metrology", "replay", "key.yaml", url, "--json"]) == 0
+        assert records(capsys)[-1]["rms_m"] < 5e-6
+    takes = ["key.strikes.take", "key.rain.take", "--held-out", "key.held-out.take"]
+    assert app.run(["metrology", "fit", *takes, "--json"]) == 0
+    said = capsys.readouterr()
+    again = json.loads(said.out.splitlines()[-2])
+    assert "an older take" not in said.err
+    assert again["parameters"] == last["parameters"] or not again["kept"]
+    assert app.run(["metrology", "compare", "key.yaml", "key.yaml", "--json"]) == 0
+    assert records(capsys)[-1]["replay_difference_m"] == 0
+    assert app.run(["metrology", "log", "key.yaml"]) == 0
+    assert "key.yaml" in capsys.readouterr().out
+    text = Path("key.yaml").read_text()
+    heavy = text.replace("M: 4", "M: 5").replace("M: 39", "M: 49")
+    Path("heavy.yaml").write_text(heavy)
+    assert app.run(["metrology", "weigh", "key.yaml", "heavy.yaml", "--mass", "100g"]) == 0
+    said = capsys.readouterr()
+    assert "true over found: 1;" in said.out
+    assert "does not sink" in said.err
+
+
+def test_a_device_that_ends_leaves_its_take(capsys: Capture):
+    """The host is told, and what was recorded is kept."""
+    with emulator("frame", "--pty", *EMULATED, "--seconds", "25") as board:
+        assert app.run(["metrology", board.url, "-o", "key.yaml"]) == 2
+    told = capsys.readouterr().err
+    assert "the device no longer answers" in told or "unplugged" in told
+    assert "kept key.strikes.take" in told
+    assert Path("key.strikes.take").stat().st_size > 10_000
+    assert not Path("key.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "told"),
+    [
+        (["emul:"], 2, "-o FILE says where"),
+        (["nobody"], 2, "No such command 'nobody'"),
+        (["frame+udp:127.0.0.1:1", "-n"], 3, "127.0.0.1:1"),
+        (["emul:#7", "-n"], 2, "axis 7 does not exist"),
+        (["replay", "rain.take", "knocks.take"], 2, "this is no text"),
+        (["compare", "none.yaml", "none.yaml"], 2, "none.yaml"),
+    ],
+)
+def test_what_measures_nothing_is_refused(
+    capsys: Capture, command: list[str], code: int, told: str
+):
+    assert app.run(["metrology", *command]) == code
     assert told in capsys.readouterr().err
