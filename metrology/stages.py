@@ -29,6 +29,7 @@ MODES_MAX = 3
 _LINEAR = tuple(INDEX[name] for name in ("mass", "stiffness", "damping", "weight"))
 _ROUGHLY = 4  # iterations from each of several starts
 _UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
+_DELAYS = (0.0, 1.0)  # ticks: of devices in lockstep and by their own clock; tried beside the guess
 _TRIED = 15  # iterations for what may not be there
 _ENOUGH = 1.02  # of the sensor's noise: nothing is left to explain
 
@@ -91,7 +92,9 @@ def measure(
         columns = (*best.fit.columns, *(INDEX[parameter] for parameter in added))
         row = _with(best.fit.row, added)
         take(judge.stage(name, row, columns, best, iterations=_TRIED))
-    take(judge.stage("delay", best.fit.row, (*best.fit.columns, INDEX["delay"]), best))
+    ticks = [{}, *({"delay": n / judge.gestures[0].rate} for n in _DELAYS)]
+    rows = [_with(best.fit.row, added) for added in ticks]
+    take(judge.best_of("delay", rows, (*best.fit.columns, INDEX["delay"]), best))
     while n_modes(best.fit.row) < MODES_MAX and not _is_noise(best.fit, noise):
         stage = _mode(judge, best)
         take(stage)
