@@ -7,10 +7,40 @@ import click
 from .lazy import LazyGroup, Table
 
 COMMANDS: Table = {
+    "measure": ("metrology_measure", "measure", "Measure a key of a device by pushing it."),
     "fit": ("metrology_fit", "fit", "Measure a key by takes of the forces that it was given."),
+    "replay": ("metrology_replay", "replay", "Give a key and its model the same gesture."),
+    "compare": ("metrology_compare", "compare", "Compare two calibrations of keys."),
+    "log": ("metrology_compare", "log", "List calibrations of a key, and how far it drifted."),
+    "weigh": ("metrology_compare", "weigh", "Find a device's gains by a weighed mass."),
 }
 
 
-@click.group(cls=LazyGroup, table=COMMANDS)
+class _Measuring(LazyGroup):
+    """Its first word may be a device; `measure` is meant then."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As the group does; a URL, or a name of the user's list, is measured."""
+        if args[0] not in self.table and (":" in args[0] or _is_named(args[0])):
+            args = ["measure", *args]
+        return super().resolve_command(ctx, args)
+
+
+def _is_named(word: str) -> bool:
+    """Whether the user's list of devices has this name, which an axis may follow: tgr0.3."""
+    from ergon.live.boards import BoardError, names
+
+    try:
+        return word.partition(".")[0] in names()
+    except BoardError:
+        return False
+
+
+@click.group(cls=_Measuring, table=COMMANDS)
 def metrology() -> None:
-    """Measure what a real key is made of."""
+    """Measure what a real key is made of.
+
+    `ergon metrology DEVICE -o FILE` measures a key of a device.
+    """

@@ -51,36 +51,61 @@ def fit(
     (the Bayesian information criterion falls) and a held-out gesture is followed better.
     """
     from ergon.exchange.safe import check_target
-    from ergon.metrology import stages
-    from ergon.metrology.gesture import MeasurementError
 
     paths = [Path(take) for take in takes]
     apart = None if held_out is None else Path(held_out)
     judged = [] if apart is None else [apart]
     if output is not None:
         check_target(Path(output), force=force, inputs=(*paths, *judged))
-    gestures = [_gesture(console, path, hand) for path in paths]
-    judge = None if apart is None else _gesture(console, apart, hand)
+        check_target(Path(output).with_suffix(".svg"), force=force, inputs=(*paths, *judged))
+    gestures = [gesture(console, path, hand) for path in paths]
+    judge = None if apart is None else gesture(console, apart, hand)
     everything = gestures if judge is None else [*gestures, judge]
     if len({gesture.rate for gesture in everything}) > 1:
         raise Refused("the takes are of different rates; measure by takes of one rate")
+    target = None if output is None else Path(output)
+    report(console, gestures, judge, [*paths, *judged], target, force=force, dry=dry)
+
+
+def report(
+    console: Console,
+    gestures: list[Gesture],
+    held_out: Gesture | None,
+    takes: list[Path],
+    output: Path | None,
+    *,
+    force: bool,
+    dry: bool,
+) -> Measured:
+    """Measure a key by gestures, whose `takes` are written down, and tell and write what was found.
+
+    Raises Refused, and Findings where the model does not explain the key.
+    """
+    from ergon.metrology import stages
+    from ergon.metrology.gesture import MeasurementError
+
     if not console.json:
         console.data(f"{'':14}{'fit rms':>10}{'replay':>10}   what was added\n")
     try:
-        measured = stages.measure(gestures, judge, lambda stage: _say(console, stage))
+        measured = stages.measure(gestures, held_out, lambda stage: _say(console, stage))
     except MeasurementError as error:
         raise Refused(str(error)) from None
     _sum_up(console, measured)
     if output is not None:
-        _write(console, measured, [*paths, *judged], Path(output), force=force, dry=dry)
+        _write(console, measured, takes, output, force=force, dry=dry)
+        shown = gestures[-1] if held_out is None else held_out
+        _draw(console, measured, shown, output.with_suffix(".svg"), force=force, dry=dry)
     if measured.noise is not None and measured.fit.rms > _BAD * measured.noise:
         raise Findings(
             f"the model leaves {measured.fit.rms * 1e6:.3g} um where the sensor's noise is "
             f"{measured.noise * 1e6:.3g} um: something acts on this key that the model lacks"
         )
+    return measured
 
 
-def _gesture(console: Console, path: Path, hand: str | None) -> Gesture:
+def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
+    """The gesture of a take's hand; Refused where it is none to measure by."""
+    from ergon.exchange.recording import about
     from ergon.metrology.gesture import MeasurementError, of_recording
 
     take = read(console, path)
@@ -89,6 +114,8 @@ def _gesture(console: Console, path: Path, hand: str | None) -> Gesture:
         raise Refused(f"{path}: this take has several hands ({', '.join(names)}); choose by --hand")
     if hand is not None and hand not in names:
         raise Refused(f"{path}: there is no hand {hand!r}; the take has {', '.join(names)}")
+    if about(take).get("sent") != "wire":
+        console.say(f"{path}: an older take: its forces are those before the wire rounded them")
     try:
         return of_recording(take, 0 if hand is None else names.index(hand))
     except MeasurementError as error:
@@ -170,16 +197,22 @@ def _sum_up(console: Console, measured: Measured) -> None:
         console.say(f"the sensor's noise is {noise * 1e6:.3g} um")
 
 
-def _write(
-    console: Console, measured: Measured, takes: list[Path], path: Path, *, force: bool, dry: bool
+def _draw(
+    console: Console, measured: Measured, gesture: Gesture, path: Path, *, force: bool, dry: bool
 ) -> None:
-    from datetime import date
+    """A picture of a gesture on the key, and on its model with and without what was found last."""
+    from ergon.metrology.comparison import replay
+    from ergon.metrology.picture import picture
 
+    after = replay(measured.fit.row, gesture)
+    before = replay(measured.stages[0].fit.row, gesture)
+    written(console, picture(after, path.stem, before), path, force=force, dry=dry)
+
+
+def written(console: Console, said: str, path: Path, *, force: bool, dry: bool) -> None:
+    """Write a text file, or say that it would be written."""
     from ergon.exchange.safe import writing
-    from ergon.metrology.calibration_file import text
 
-    digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
-    said = text(measured, digests, date.today().isoformat())
     if not dry:
         with writing(path, binary=False, force=force) as file:
             file.write(said.encode())
@@ -188,3 +221,15 @@ def _write(
         console.record(event.replace(" ", "_"), file=str(path))
     else:
         console.say(f"{event} {path}")
+
+
+def _write(
+    console: Console, measured: Measured, takes: list[Path], path: Path, *, force: bool, dry: bool
+) -> None:
+    from datetime import date
+
+    from ergon.metrology.calibration_file import text
+
+    digests = [hashlib.sha256(take.read_bytes()).hexdigest() for take in takes]
+    said = text(measured, digests, date.today().isoformat())
+    written(console, said, path, force=force, dry=dry)

@@ -93,7 +93,7 @@ def perform(
     record = None
     if config.record is not None:
         axes = [(hand.player, hand.key) for hand in stage.live]
-        about = json.dumps(dict(config.about), ensure_ascii=False)
+        about = json.dumps({**config.about, "sent": "wire"}, ensure_ascii=False)
         record = _core.RecordTarget(config.record, axes, about)
     fades_from = None
     if stage.fades_from is not None and not config.endless:

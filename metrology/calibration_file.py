@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ergon.common.decay import LN_1000
 
-from .parameters import INDEX, OF_MODE, OWN, n_modes, of_mode, total_mass
+from .gesture import MeasurementError
+from .parameters import INDEX, OF_MODE, OWN, START, n_modes, of_mode, total_mass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from .gesture import Floats
     from .stages import Measured
 
 
@@ -90,3 +94,83 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     lines.append("takes:")
     lines += [f"  - {digest}" for digest in takes]
     return "\n".join(lines) + "\n"
+
+
+# The figures of a file: unit, and units of it in one SI unit.
+_UNITS = {
+    "M": ("g", 1e3),
+    "K": ("N/m", 1.0),
+    "Z": ("Ns/m", 1.0),
+    "rest": ("mm", 1e3),
+    "weight": ("mN", 1e3),
+    "dry": ("mN", 1e3),
+    "presliding": ("N/m", 1.0),
+    "static": ("mN", 1e3),
+    "static_speed": ("mm/s", 1e3),
+    "delay": ("ms", 1e3),
+    "noise": ("mm", 1e3),
+}
+_NUMBER = r"([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)"
+_FIGURE = re.compile(rf"(\w+): {_NUMBER}([A-Za-z/]+)(?: # ± {_NUMBER})?$")
+_MODE = re.compile(rf"  - {{M: {_NUMBER}g, f: {_NUMBER}Hz, t60: (?:{_NUMBER}|inf)s}}$")
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A calibration file: its figures in SI units, the deviations that it tells, modes and date.
+
+    `modes` are rows of mass [kg], frequency [Hz] and damping ratio.
+    """
+
+    figures: dict[str, float]
+    deviations: dict[str, float]
+    modes: tuple[tuple[float, float, float], ...]
+    date: str
+
+    @property
+    def row(self) -> Floats:
+        """The parameters of the model, as `_core.key_path` takes them; it starts at rest."""
+        own = self.figures
+        row = np.zeros(OWN)
+        row[0] = own["M"] - sum(mass for mass, _, _ in self.modes)
+        row[1:3] = own["K"], own["Z"]
+        row[INDEX["weight"]] = own.get("weight", -own.get("rest", 0.0) * own["K"])
+        row[START] = own.get("rest", 0.0)
+        for name, parameter in (
+            ("dry", "dry"),
+            ("presliding", "presliding"),
+            ("static", "static_dry"),
+            ("static_speed", "static_speed"),
+            ("delay", "delay"),
+        ):
+            row[INDEX[parameter]] = own.get(name, 0.0)
+        return np.concatenate([row, *map(np.array, self.modes)]) if self.modes else row
+
+
+def read(said: str) -> Calibration:
+    """A calibration of a file's text. Raises MeasurementError where `text` did not write it."""
+    figures: dict[str, float] = {}
+    deviations: dict[str, float] = {}
+    modes = []
+    date = ""
+    for line in said.splitlines():
+        if found := _MODE.match(line):
+            mass, frequency, decay = found.groups()
+            ratio = _DECAY / (2 * np.pi * float(frequency) * float(decay)) if decay else 0.0
+            modes.append((float(mass) / 1e3, float(frequency), float(ratio)))
+        elif line.startswith("date: "):
+            date = line.removeprefix("date: ").strip()
+        elif (found := _FIGURE.match(line)) and found[1] in _UNITS:
+            name, value, unit, deviation = found.groups()
+            usual, per_unit = _UNITS[name]
+            if unit != usual:
+                raise MeasurementError(f"{name} must be in {usual}, as ergon metrology writes it")
+            figures[name] = float(value) / per_unit
+            if deviation is not None:
+                deviations[name] = float(deviation) / per_unit
+    missing = [name for name in ("M", "K", "Z") if name not in figures]
+    if missing:
+        raise MeasurementError(
+            f"this is no calibration that ergon metrology has written: it lacks {missing[0]}"
+        )
+    return Calibration(figures, deviations, tuple(modes), date)

@@ -36,8 +36,8 @@ def _derivatives(signal: Floats, rate: float, cut: float) -> tuple[Floats, Float
     )
 
 
-def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, float]:
-    """Mass, damping, stiffness, weight and dry friction at a delay in ticks; what is left."""
+def _equations(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, Floats]:
+    """What mass, damping, stiffness, weight and dry friction go with, (n, 5); forces (n,)."""
     rows, right = [], []
     for gesture in gestures:
         x, v, a = _derivatives(gesture.position, gesture.rate, cut)
@@ -49,8 +49,15 @@ def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floa
         inside = slice(edge, -edge if x.size > 4 * edge else None)
         rows.append(np.stack([a, v, x, np.ones_like(x), np.tanh(v / _MOVES)], 1)[inside])
         right.append(force[inside])
-    matrix, force = np.concatenate(rows), np.concatenate(right)
-    found = np.linalg.lstsq(matrix, force, rcond=None)[0]
+    matrix: Floats = np.concatenate(rows)
+    force_of_rows: Floats = np.concatenate(right)
+    return matrix, force_of_rows
+
+
+def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, float]:
+    """Mass, damping, stiffness, weight and dry friction at a delay in ticks; what is left."""
+    matrix, force = _equations(gestures, delay, cut)
+    found = np.asarray(np.linalg.lstsq(matrix, force, rcond=None)[0], np.float64)
     return found, float(np.sum((force - matrix @ found) ** 2))
 
 
@@ -64,3 +71,21 @@ def first_guess(gestures: Sequence[Gesture]) -> Floats:
     row[INDEX["dry"]] = max(dry, 5e-3)
     row[INDEX["delay"]] = delay / gestures[0].rate
     return row
+
+
+def signed_mass(gesture: Gesture) -> tuple[float, float]:
+    """The mass [kg] of a key that may be pushed the wrong way, then below zero; and how surely.
+
+    The second is the mass over its standard deviation.
+    """
+    delay = min(_DELAYS, key=lambda ticks: _solved([gesture], float(ticks), _WIDER)[1])
+    matrix, force = _equations([gesture], float(delay), _CUT)
+    size = np.sqrt(np.mean(matrix**2, axis=0))
+    size[size == 0] = 1.0
+    unit = matrix / size
+    square = unit.T @ unit + 1e-9 * len(unit) * np.eye(5)
+    found = np.linalg.solve(square, unit.T @ force)
+    left = force - unit @ found
+    independent = max(len(force) * 2 * _CUT / gesture.rate - 5, 1.0)
+    variance = np.linalg.inv(square)[0, 0] * len(force) * np.mean(left**2) / independent
+    return float(found[0] / size[0]), float(abs(found[0]) / np.sqrt(max(variance, 1e-300)))

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 _FRESH = 1  # of a recording's flags
-_TICKS_MIN = 500
+TICKS_MIN = 500
+_LOST_MAX = 0.04  # of the ticks
 _STILL = 50  # ticks of a still beginning by which the sensor's noise is known
 
 
@@ -31,18 +32,28 @@ class Gesture:
 
     `force` (n,) [N] is held from each tick to the next; `position` (n,) [m] is read at each tick's
     beginning; `counts` (n,) says which positions are compared with a model's. `rate` [Hz] is that
-    of the ticks.
+    of the ticks. `unknown` are the ticks whose forces nobody knows: packets or rows that were lost.
+    There `force` is a guess, and a fit finds it.
     """
 
     force: Floats
     position: Floats
     counts: NDArray[np.bool_]
     rate: float
+    unknown: tuple[int, ...] = ()
+
+    def with_forces(self, forces: Floats) -> Gesture:
+        """The gesture with other forces [N] at its unknown ticks."""
+        force = self.force.copy()
+        force[list(self.unknown)] = forces
+        return replace(self, force=force)
 
     @property
     def still(self) -> int:
         """The number of ticks, at least one, before the force changes for the first time."""
         changes = np.flatnonzero(self.force != self.force[0])
+        if self.unknown:
+            changes = np.union1d(changes, self.unknown)
         return int(changes[0]) if changes.size else self.force.size
 
     @property
@@ -64,35 +75,105 @@ def of_arrays(force: Floats, position: Floats, rate: float) -> Gesture:
     force, position = (np.ascontiguousarray(x, float) for x in (force, position))
     if force.shape != position.shape or force.ndim != 1:
         raise MeasurementError("forces and positions must be arrays of the same length")
-    if force.size < _TICKS_MIN:
-        raise MeasurementError(f"a take must have at least {_TICKS_MIN} ticks to measure a key by")
+    if force.size < TICKS_MIN:
+        raise MeasurementError(f"a take must have at least {TICKS_MIN} ticks to measure a key by")
     if not (np.isfinite(force).all() and np.isfinite(position).all()):
         raise MeasurementError("forces and positions must be finite numbers")
     return Gesture(force, position, np.ones(force.size, bool), rate)
 
 
+def of_rows(
+    ticks: NDArray[np.integer],
+    sent: Floats,
+    position: Floats,
+    fresh: NDArray[np.bool_],
+    clock: NDArray[np.uint32],
+    rate: float,
+) -> Gesture:
+    """A gesture of ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
+
+    A force acts from the reply before its own on, for in lockstep a reply comes after the force has
+    acted; by other clocks the delay is a tick longer. A tick without a reply has no position that
+    counts.
+    Raises MeasurementError.
+    """
+    at = _instants(np.asarray(ticks, np.int64), np.asarray(fresh), np.asarray(clock), rate)
+    n = int(at[-1]) + 1
+    which = np.searchsorted(at, np.arange(1, n + 1), side="right") - 1
+    force, positions = np.asarray(sent, float)[which], np.zeros(n)
+    positions[at], counts = position, np.zeros(n, bool)
+    counts[at] = fresh
+    held = np.maximum.accumulate(np.where(np.isin(np.arange(n), at), np.arange(n), 0))
+    found = of_arrays(force, positions[held], rate)
+    return replace(found, counts=counts, unknown=_unknown(at, which, np.asarray(fresh)))
+
+
+def _unknown(
+    at: NDArray[np.int64], which: NDArray[np.int64], fresh: NDArray[np.bool_]
+) -> tuple[int, ...]:
+    """Ticks of the device whose forces are not known: the host has no row of them, or no reply.
+
+    A request whose reply did not come may have been lost; the device then held the force before.
+    Where more than a few are, replies were late rather than lost, and all forces count as known.
+    """
+    lost = np.flatnonzero(~fresh[which])
+    return tuple(lost.tolist()) if lost.size <= _LOST_MAX * which.size else ()
+
+
+def _instants(
+    ticks: NDArray[np.int64], fresh: NDArray[np.bool_], clock: NDArray[np.uint32], rate: float
+) -> NDArray[np.int64]:
+    """At which tick of the device's own time each reply was made, (n,), rising.
+
+    A host that is late by more than a tick is seen there. Without a clock: the host's own count.
+    """
+    ticks = ticks - ticks[0]
+    told = np.flatnonzero(fresh & (clock != 0))
+    if told.size < max(2, ticks.size // 2):
+        return ticks
+    passed = np.concatenate([[0], np.cumsum(np.diff(clock[told]).astype(np.int64))])  # it wraps
+    passed = passed * 1e-6 * rate
+    # A clock that does not fit the count of ticks is another's, or counts otherwise.
+    if not np.all(np.abs(np.diff(passed)) < 1000):
+        return ticks
+    phase = np.angle(np.mean(np.exp(2j * np.pi * passed))) / (2 * np.pi)
+    at = np.round(passed - phase).astype(np.int64)
+    every = np.interp(np.arange(ticks.size), told, at - at[0] + ticks[told[0]])
+    rounded = np.round(every).astype(np.int64)
+    # Two replies within a tick of the device: the later one holds.
+    return np.maximum.accumulate(rounded)
+
+
 def of_recording(recording: Recording, axis: int) -> Gesture:
     """The gesture of one axis of a recording; a position held from a tick before does not count.
 
-    Raises MeasurementError where the recording is too short, lacks ticks or holds no force.
+    Raises MeasurementError where the recording is too short, lacks many ticks or holds no force.
     """
-    ticks = recording.ticks()
-    missing = int(ticks[-1] - ticks[0]) + 1 - ticks.size if ticks.size else 0
-    if missing:
-        raise MeasurementError(
-            f"this take lacks {missing:,} ticks, and the forces of these are not known; "
-            "measure by a take that is whole"
-        )
     sent = recording.sent()[:, axis].astype(float)
     if not sent.any():
         raise MeasurementError(
             "this take holds no force that was sent to the key, and without one it does not tell "
             "what the key is made of"
         )
-    rate = recording.rate / recording.frames
-    found = of_arrays(sent, recording.positions()[:, axis], rate)
+    ticks = recording.ticks()
     fresh = recording.flags()[:, axis] & _FRESH != 0
-    return replace(found, counts=fresh) if fresh.any() else found
+    # A tick without a row is one without a reply, too.
+    every = np.arange(ticks[0], ticks[-1] + 1)
+    if every.size - ticks.size > _LOST_MAX * every.size:
+        raise MeasurementError(
+            f"this take lacks {every.size - ticks.size:,} of {every.size:,} ticks, too many to "
+            "find the forces that nobody knows"
+        )
+    row = np.searchsorted(ticks, every, side="right") - 1
+    has_row = ticks[row] == every
+    return of_rows(
+        every,
+        sent[row],
+        recording.positions()[row, axis],
+        (fresh if fresh.any() else np.ones_like(fresh))[row] & has_row,
+        np.where(has_row, recording.clocks()[row, axis], 0).astype(np.uint32),
+        recording.rate / recording.frames,
+    )
 
 
 def sensor_noise(gestures: list[Gesture]) -> float | None:

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 
 _DAMPING = (1e-3, 1e-7)  # of Levenberg and Marquardt: at first, at least
 _TRIALS = 12
+_RECOVERIES, _SETTLED = (
+    20,
+    1e-4,
+)  # rounds in which forces are found; relative fall of the cost that ends them
+_FELT = 0.05  # of the greatest effect of a force: less cannot be told
+_EVERY = 3  # steps of a fit, from one look at what the unknown forces do to the next
 _CLOSE = 1e-7  # relative fall of the cost below which it has converged
 
 
@@ -28,6 +34,7 @@ class Fit:
     `row` holds its parameters; `columns` the indices of those that were fitted, but for the starts,
     one for each gesture, which `starts` holds [m]. `covariance` (p, p) is in SI units (the bound of
     Cramér and Rao at the noise that is left), `rms` [m] what is left, `n` the number of positions.
+    `forces` [N] are those at the unknown ticks of each gesture.
     """
 
     row: Floats
@@ -36,6 +43,11 @@ class Fit:
     covariance: Floats
     rms: float
     n: int
+    forces: tuple[Floats, ...] = ()
+
+    def recovered(self, gestures: Sequence[Gesture]) -> list[Gesture]:
+        """The gestures that it was fitted to, with what it found of the unknown forces."""
+        return [g.with_forces(f) for g, f in zip(gestures, self.forces, strict=True)]
 
     @property
     def bic(self) -> float:
@@ -71,22 +83,79 @@ def _cost(row: Floats, gestures: Sequence[Gesture], starts: Floats) -> float:
     return cost if np.isfinite(cost) else np.inf
 
 
+def _force_derivatives(row: Floats, gesture: Gesture, start: float) -> Floats:
+    """Derivatives of the positions that count with respect to the unknown forces, (n, q)."""
+    if not gesture.unknown:
+        return np.zeros((int(gesture.counts.sum()), 0))
+    row = row.copy()
+    row[START] = start
+    every = _core.key_force_derivatives(row, gesture.force, gesture.rate, gesture.unknown)
+    return every[gesture.counts]
+
+
+def recovered(row: Floats, gesture: Gesture, start: float) -> Gesture:
+    """The gesture with the unknown forces by which a key comes nearest to what was read."""
+    if not gesture.unknown:
+        return gesture
+    at = list(gesture.unknown)
+    cost, share = _cost(row, [gesture], np.array([start])), 1.0
+    for _ in range(_RECOVERIES):
+        by_force = _force_derivatives(row, gesture, start)
+        felt = np.linalg.norm(by_force, axis=0)
+        felt = felt > _FELT * felt.max()
+        found = np.zeros(len(at))
+        left = errors(row, gesture, start)
+        found[felt] = np.linalg.lstsq(by_force[:, felt], left, rcond=None)[0]
+        while share > 0.05:
+            nearer = gesture.with_forces(gesture.force[at] + share * found)
+            new = _cost(row, [nearer], np.array([start]))
+            if new < cost:
+                break
+            share *= 0.5
+        else:
+            break
+        fall, gesture, cost = (cost - new) / cost, nearer, new
+        share = min(2 * share, 1.0)
+        if fall < _SETTLED:
+            break
+    return gesture
+
+
 def _normal(
-    row: Floats, columns: Sequence[int], gestures: Sequence[Gesture], starts: Floats
+    row: Floats,
+    columns: Sequence[int],
+    gestures: Sequence[Gesture],
+    starts: Floats,
+    by_force: Sequence[Floats],
 ) -> tuple[Floats, Floats]:
-    """JᵀJ and Jᵀe on the scales of the fit; the starts of all gestures are last."""
+    """JᵀJ and Jᵀe on the scales of the fit: parameters, starts of all gestures, unknown forces."""
     p, own = len(columns), [*columns, START]
-    square, slope = np.zeros((p + len(starts),) * 2), np.zeros(p + len(starts))
+    first = p + len(starts)
+    size = first + sum(len(gesture.unknown) for gesture in gestures)
+    square, slope = np.zeros((size, size)), np.zeros(size)
     for i, (gesture, start) in enumerate(zip(gestures, starts, strict=True)):
         row = row.copy()
         row[START] = start
         x, jacobian = _core.key_path(row, gesture.force, gesture.rate, columns=own)
         jacobian = jacobian[gesture.counts] * scale(row, own)
+        jacobian = np.concatenate([jacobian, by_force[i]], 1)
         error = (gesture.position - x)[gesture.counts]
-        at = np.array([*range(p), p + i])
+        at = np.array([*range(p), p + i, *range(first, first + len(gesture.unknown))])
+        first += len(gesture.unknown)
         square[np.ix_(at, at)] += jacobian.T @ jacobian
         slope[at] += jacobian.T @ error
     return square, slope
+
+
+def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
+    """The gestures after a step of their unknown forces, (q,)."""
+    after, at = [], 0
+    for gesture in gestures:
+        q = len(gesture.unknown)
+        forces = gesture.force[list(gesture.unknown)] + step[at : at + q]
+        after.append(gesture.with_forces(forces) if q else gesture)
+        at += q
+    return after
 
 
 def fit(
@@ -98,37 +167,55 @@ def fit(
 ) -> Fit:
     """Fit the parameters of these indices, from `row` on, by Levenberg and Marquardt's method.
 
-    Raises EngineError where `row` is no key.
+    Unknown forces are fitted with them. Raises EngineError where `row` is no key.
     """
     from_ = np.array([g.start for g in gestures] if starts is None else starts)
     p, damping, least = len(columns), *_DAMPING
+    forces = p + len(from_)
     n = sum(int(g.counts.sum()) for g in gestures)
     cost = _cost(row, gestures, from_)
-    for _ in range(iterations):
+    by_force: list[Floats] = []
+    for iteration in range(iterations):
         _core.poll()
-        square, slope = _normal(row, columns, gestures, from_)
+        # What a force does changes little from step to step.
+        if iteration % _EVERY == 0 or not by_force:
+            each = zip(gestures, from_, strict=True)
+            by_force = [_force_derivatives(row, g, x) for g, x in each]
+        square, slope = _normal(row, columns, gestures, from_, by_force)
         size = np.sqrt(np.diag(square))
         size[size == 0] = 1.0
         unit = square / np.outer(size, size)
         for _ in range(_TRIALS):
             lifted = unit + damping * np.eye(len(unit))
             step = np.linalg.solve(lifted, slope / size) / size
-            to, at = moved(row, columns, step[:p]), from_ + step[p:]
-            new = _cost(to, gestures, at)
+            to, at = moved(row, columns, step[:p]), from_ + step[p:forces]
+            pushed = _forced(gestures, step[forces:])
+            new = _cost(to, pushed, at)
             if new < cost:
                 break
             damping *= 10
         else:
             break
-        fall, row, from_, cost = (cost - new) / cost, to, at, new
+        fall, row, from_, cost, gestures = (cost - new) / cost, to, at, new, pushed
         damping = max(damping / 10, least)
         if fall < _CLOSE:
-            break
-    square, _ = _normal(row, columns, gestures, from_)
+            if iteration % _EVERY == 0 or not any(g.unknown for g in gestures):
+                break
+            by_force = []
+    if not by_force:
+        each = zip(gestures, from_, strict=True)
+        by_force = [_force_derivatives(row, g, x) for g, x in each]
+    square, _ = _normal(row, columns, gestures, from_, by_force)
     free = max(n - len(square), 1)
     covariance = np.linalg.pinv(square, hermitian=True)[:p, :p] * (cost / free)
     size = scale(row, columns)
     rms = float(np.sqrt(cost / n))
     return Fit(
-        row, tuple(columns), tuple(map(float, from_)), covariance * np.outer(size, size), rms, n
+        row,
+        tuple(columns),
+        tuple(map(float, from_)),
+        covariance * np.outer(size, size),
+        rms,
+        n,
+        tuple(g.force[list(g.unknown)] for g in gestures),
     )

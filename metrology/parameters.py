@@ -78,6 +78,11 @@ def is_plain(index: int) -> bool:
     return index in _PLAIN
 
 
+def is_stiffest(row: Floats, index: int) -> bool:
+    """Whether a stiffness has come to its greatest, where it is as good as rigid."""
+    return index in _STIFFEST and bool(row[index] >= 0.99 * _STIFFEST[index])
+
+
 def total_mass(row: Floats) -> float:
     """Mass of the key with its modes [kg]."""
     return float(row[0] + row[OWN::OF_MODE].sum())

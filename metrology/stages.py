@@ -16,7 +16,7 @@ from . import output_error
 from .first_guess import first_guess
 from .gesture import sensor_noise
 from .mode_search import SCORE_MIN, highest_peak
-from .parameters import INDEX, is_plain, n_modes, of_mode
+from .parameters import INDEX, is_plain, is_stiffest, n_modes, of_mode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,6 +29,7 @@ MODES_MAX = 3
 _LINEAR = tuple(INDEX[name] for name in ("mass", "stiffness", "damping", "weight"))
 _ROUGHLY = 4  # iterations from each of several starts
 _UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
+_DELAYS = (0.0, 1.0)  # ticks: of devices in lockstep and by their own clock; tried beside the guess
 _TRIED = 15  # iterations for what may not be there
 _ENOUGH = 1.02  # of the sensor's noise: nothing is left to explain
 
@@ -91,7 +92,9 @@ def measure(
         columns = (*best.fit.columns, *(INDEX[parameter] for parameter in added))
         row = _with(best.fit.row, added)
         take(judge.stage(name, row, columns, best, iterations=_TRIED))
-    take(judge.stage("delay", best.fit.row, (*best.fit.columns, INDEX["delay"]), best))
+    ticks = [{}, *({"delay": n / judge.gestures[0].rate} for n in _DELAYS)]
+    rows = [_with(best.fit.row, added) for added in ticks]
+    take(judge.best_of("delay", rows, (*best.fit.columns, INDEX["delay"]), best))
     while n_modes(best.fit.row) < MODES_MAX and not _is_noise(best.fit, noise):
         stage = _mode(judge, best)
         take(stage)
@@ -124,7 +127,7 @@ def _is_noise(fit: Fit, noise: float | None) -> bool:
 
 def _mode(judge: _Judge, before: Stage) -> Stage:
     """One more mode; the delay is fitted with it, for both act on the quickest motions."""
-    peak = highest_peak(judge.gestures, before.fit)
+    peak = highest_peak(judge.recovered(before), before.fit)
     number = n_modes(before.fit.row)
     name = "mode" if number == 0 else f"mode {number + 1}"
     if peak.score < SCORE_MIN:
@@ -140,6 +143,8 @@ def _mode(judge: _Judge, before: Stage) -> Stage:
 
 def _is_known(fit: Fit, index: int) -> bool:
     """Whether the takes tell a parameter that cannot be zero, to a half of itself."""
+    if is_stiffest(fit.row, index):
+        return False
     return is_plain(index) or fit.deviation(index) < _UNKNOWN * fit.row[index]
 
 
@@ -152,6 +157,10 @@ class _Judge:
             gestures[-1], held_out = gestures[-1].parted(FITTED_SHARE)
         self.gestures, self.held_out = gestures, held_out
 
+    def recovered(self, before: Stage | None) -> list[Gesture]:
+        """The gestures, with what the fit before has found of unknown forces."""
+        return self.gestures if before is None else before.fit.recovered(self.gestures)
+
     def stage(
         self,
         name: str,
@@ -163,9 +172,13 @@ class _Judge:
     ) -> Stage:
         """Fit these columns from a row on, and judge the fit."""
         starts = None if before is None else before.fit.starts
-        fit = output_error.fit(self.gestures, row, columns, starts, iterations)
+        fit = output_error.fit(self.recovered(before), row, columns, starts, iterations)
         start = self.held_out.start if self.is_apart else fit.starts[-1]
-        errors = output_error.errors(fit.row, self.held_out, start)
+        held_out = self.held_out
+        if not self.is_apart:
+            held_out = held_out.with_forces(fit.forces[-1])
+        held_out = output_error.recovered(fit.row, held_out, start)
+        errors = output_error.errors(fit.row, held_out, start)
         replay = float(np.sqrt(np.mean(errors**2)))
         kept = before is None or (
             fit.bic < before.fit.bic
@@ -184,7 +197,7 @@ class _Judge:
     ) -> Stage:
         """The same from the best of several rows, each fitted roughly."""
         fits = [
-            output_error.fit(self.gestures, row, columns, before.fit.starts, _ROUGHLY)
+            output_error.fit(self.recovered(before), row, columns, before.fit.starts, _ROUGHLY)
             for row in rows
         ]
         row = min(fits, key=lambda fit: fit.rms).row

@@ -56,11 +56,28 @@ def plot(
         axis([t for curve in curves for t in curve.t], 8, tight=True),
         axis([x for curve in curves for x in curve.x], 6),
     )
-    parts = [axes(frame, t_label, x_label)]
-    parts += [curve_path(curve, frame, number) for number, curve in enumerate(curves)]
-    parts.append(_legend(curves, frame))
+    parts = [axes(frame, t_label, x_label), lines(curves, frame), _legend(curves, frame)]
     parts.append(text(frame.left, 20, short(title), weight="bold"))
     return document(width, height, title, parts)
+
+
+def panels(rows: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900) -> str:
+    """Curves in frames one above the other over the same time, each with a label."""
+    high, between, top = 190, 46, 44
+    t_axis = axis([t for _, curves in rows for curve in curves for t in curve.t], 8, tight=True)
+    parts = [text(64, 20, short(title), weight="bold")]
+    for row, (label, curves) in enumerate(rows):
+        above = top + row * (high + between)
+        x_axis = axis([x for curve in curves for x in curve.x], 5)
+        frame = Frame(64, above, width - 16, above + high, t_axis, x_axis)
+        parts += [axes(frame, "time [s]" if row == len(rows) - 1 else "", label)]
+        parts += [lines(curves, frame), _legend(curves, frame)]
+    return document(width, top + len(rows) * (high + between), title, parts)
+
+
+def lines(curves: Sequence[Curve], frame: Frame) -> str:
+    """The curves, each in its stroke."""
+    return "\n".join(curve_path(curve, frame, number) for number, curve in enumerate(curves))
 
 
 def document(width: int, height: int, title: str, parts: Sequence[str]) -> str:
@@ -157,6 +174,6 @@ def _legend(curves: Sequence[Curve], frame: Frame) -> str:
     parts, at = [], frame.right
     for number, curve in reversed(list(enumerate(curves))):
         at -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
-        parts.append(key_line(at, 26, number))
-        parts.append(text(at + 33, 30, curve.name))
+        parts.append(key_line(at, frame.top - 14, number))
+        parts.append(text(at + 33, frame.top - 10, curve.name))
     return "\n".join(parts)

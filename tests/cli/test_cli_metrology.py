@@ -1,31 +1,42 @@
-"""`ergon metrology fit`: takes to a table, a calibration, and a key of a score."""
+"""`ergon metrology`: takes or a device to a table, a calibration, and a key of a score."""
 
+import json
+from collections.abc import Set
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import records
+from emulators import emulator
 from measured_keys import KEY, Floats, knocks, path, rain, read
 from recordings import Axis, end, header, row, rows
 
 from ergon.cli import app
 
+NONE: Set[int] = frozenset()
 Capture = pytest.CaptureFixture[str]
 
 
-def take(name: str, force: Floats, seed: int, hands: int = 1, lost: int = 0, gap: int = 0) -> None:
-    """A recording of a key that was pushed; of every `lost` ticks one brought no new position."""
+def take(
+    name: str, force: Floats, seed: int, hands: int = 1, lost: int = 0, gap: Set[int] = NONE
+) -> None:
+    """A recording of a key that was pushed.
+
+    Of every `lost` ticks one brought no new position; rows of the ticks `gap` are missing.
+    """
     x = read(path(KEY, force, 176), seed)
     axes = [(f"hand{i}", f"k{i}") for i in range(hands)]
     fresh = np.ones(len(force), bool)
     if lost:
         fresh[lost - 1 :: lost] = False
         x[~fresh] = x[np.flatnonzero(~fresh) - 1]
+    # The force of a row went out before its position came in: it is that of the tick before.
+    sent = np.concatenate([[0.0], force[:-1]])
     each = [
-        row(k, *[Axis(float(x[k]), 0.0, float(force[k]), int(fresh[k]))] * hands)
+        row(k, *[Axis(float(x[k]), 0.0, float(sent[k]), int(fresh[k]))] * hands)
         for k in range(len(force))
     ]
-    del each[100 : 100 + gap]
+    each = [one for k, one in enumerate(each) if k not in gap]
     chunks = [rows(*each[i : i + 250]) for i in range(0, len(each), 250)]
     Path(name).write_bytes(b"".join([header(axes), *chunks, end()]))
 
@@ -79,6 +90,20 @@ def test_json_says_every_number_and_its_deviation(capsys: Capture):
     assert told[-1]["event"] == "measured"
 
 
+def test_a_take_that_lacks_ticks_is_fitted(capsys: Capture):
+    """Nobody knows the forces of a hundredth of the ticks; they are found with the key."""
+    gap = set(np.random.default_rng(3).choice(np.arange(200, 6000), 60, replace=False).tolist())
+    take("rain.take", rain(KEY, 6.0), 1, gap=gap)
+    assert app.run(["metrology", "fit", "rain.take", "--json"]) == 0
+    told = records(capsys)
+    last = [record for record in told if record["event"] == "stage" and record["kept"]][-1]
+    assert last["name"] == "mode"
+    assert last["rms_m"] < 4.5e-6
+    for name, true in (("mass", 0.38), ("stiffness", 60.0), ("dry", 0.05), ("delay", KEY[6])):
+        found = last["parameters"][name]
+        assert abs(found["value"] - true) < 4.5 * found["deviation"], name
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -87,13 +112,86 @@ def test_json_says_every_number_and_its_deviation(capsys: Capture):
         (["two.take", "--hand", "eve"], "there is no hand 'eve'"),
         (["still.take"], "no force that was sent"),
         (["short.take"], "at least 500 ticks"),
-        (["gap.take"], "this take lacks 3 ticks"),
+        (["gap.take"], "this take lacks 100 of 1,002 ticks"),
     ],
 )
 def test_what_cannot_be_measured_is_refused(capsys: Capture, arguments: list[str], told: str):
     take("two.take", rain(KEY, 1.0), 1, hands=2)
     take("still.take", np.zeros(1000), 1)
-    take("gap.take", rain(KEY, 1.0), 1, gap=3)
+    take("gap.take", rain(KEY, 1.0), 1, gap=set(range(100, 200)))
     take("short.take", rain(KEY, 0.2), 1)
     assert app.run(["metrology", "fit", *arguments]) == 2
+    assert told in capsys.readouterr().err
+
+
+# The key of `measured_keys`, behind a device of 12 bits.
+EMULATED = (
+    *("--mass=380g", "--stiffness=60N/m", "--damping=1.2Ns/m", "--dry=50mN", "--weight=0.15N"),
+    *("--mode=20g 180Hz 0.02", "--travel=30mm", "--force-max=1.56N", "--resolution=7.32um"),
+    *("--noise=3.66um", "--free", "--lockstep"),
+)
+
+
+def test_a_key_of_a_device_is_measured(capsys: Capture):
+    """As a user does it: measure, look again, compare, list, weigh."""
+    with emulator("frame", "--udp", "0", *EMULATED) as board:
+        url = board.url + "&patience=600"
+        command = ["metrology", url, "-o", "key.yaml", "--seconds", "5", "--json"]
+        assert app.run(command) == 0
+        told = records(capsys)
+        assert [one["event"] for one in told][:2] == ["rung", "rung"]
+        last = [one for one in told if one["event"] == "stage" and one["kept"]][-1]
+        assert last["name"] == "mode"
+        for name, true in (("mass", 0.38), ("stiffness", 60.0), ("damping", 1.2), ("dry", 0.05)):
+            found = last["parameters"][name]
+            assert abs(found["value"] - true) < 4.5 * found["deviation"], name
+        for name in ("key.svg", "key.strikes.take", "key.rain.take", "key.held-out.take"):
+            assert Path(name).exists()
+        assert app.run(["metrology", "replay", "key.yaml", url, "--json"]) == 0
+        assert records(capsys)[-1]["rms_m"] < 5e-6
+    takes = ["key.strikes.take", "key.rain.take", "--held-out", "key.held-out.take"]
+    assert app.run(["metrology", "fit", *takes, "--json"]) == 0
+    said = capsys.readouterr()
+    again = json.loads(said.out.splitlines()[-2])
+    assert "an older take" not in said.err
+    assert again["parameters"] == last["parameters"] or not again["kept"]
+    assert app.run(["metrology", "compare", "key.yaml", "key.yaml", "--json"]) == 0
+    assert records(capsys)[-1]["replay_difference_m"] == 0
+    assert app.run(["metrology", "log", "key.yaml"]) == 0
+    assert "key.yaml" in capsys.readouterr().out
+    text = Path("key.yaml").read_text()
+    heavy = text.replace("M: 4", "M: 5").replace("M: 39", "M: 49")
+    Path("heavy.yaml").write_text(heavy)
+    assert app.run(["metrology", "weigh", "key.yaml", "heavy.yaml", "--mass", "100g"]) == 0
+    said = capsys.readouterr()
+    assert "true over found: 1;" in said.out
+    assert "does not sink" in said.err
+
+
+def test_a_device_that_ends_leaves_its_take(capsys: Capture):
+    """The host is told, and what was recorded is kept."""
+    with emulator("frame", "--pty", *EMULATED, "--seconds", "25") as board:
+        assert app.run(["metrology", board.url, "-o", "key.yaml"]) == 2
+    told = capsys.readouterr().err
+    assert "the device no longer answers" in told or "unplugged" in told
+    assert "kept key.strikes.take" in told
+    assert Path("key.strikes.take").stat().st_size > 1000
+    assert not Path("key.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "told"),
+    [
+        (["emul:"], 2, "-o FILE says where"),
+        (["nobody"], 2, "No such command 'nobody'"),
+        (["frame+udp:127.0.0.1:1", "-n"], 3, "127.0.0.1:1"),
+        (["emul:#7", "-n"], 2, "axis 7 does not exist"),
+        (["replay", "rain.take", "knocks.take"], 2, "this is no text"),
+        (["compare", "none.yaml", "none.yaml"], 2, "none.yaml"),
+    ],
+)
+def test_what_measures_nothing_is_refused(
+    capsys: Capture, command: list[str], code: int, told: str
+):
+    assert app.run(["metrology", *command]) == code
     assert told in capsys.readouterr().err

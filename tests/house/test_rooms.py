@@ -27,7 +27,7 @@ MAY = {
     STAGING: {"notation", "instruments", GESTURE, PATTERN, READING, "_core"},
     "repl.language": {"notation", "instruments", "scores"},
     "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
-    "metrology": {"_core"},
+    "metrology": {"view", "_core"},
     "bells": {"notation", "exchange", "_core"},
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {

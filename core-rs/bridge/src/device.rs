@@ -25,7 +25,7 @@ const TICKS_MAX: f64 = 1e8;
 
 /// (number of the axis, sign, zero, gain, range, greatest force)
 pub(crate) type AxisOf = (usize, f64, f64, f64, (f64, f64), f64);
-type Opened = Box<dyn live::Device>;
+pub(crate) type Opened = Box<dyn live::Device>;
 
 /// What is known of an axis; EngineError where it cannot be so.
 pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
@@ -60,9 +60,10 @@ fn aside<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> T + Send) ->
     py.detach(|| {
         thread::scope(|scope| {
             let thread = scope.spawn(|| work(&stop));
-            let mut error = None;
+            let (mut error, mut wait) = (None, LOOK / 100);
             while !thread.is_finished() {
-                thread::sleep(LOOK);
+                thread::sleep(wait);
+                wait = (2 * wait).min(LOOK);
                 if error.is_none() {
                     error = Python::attach(|py| py.check_signals()).err();
                     stop.store(error.is_some(), Ordering::Relaxed);
@@ -158,10 +159,7 @@ impl Device {
         let device = py
             .detach(|| live::open(&url).map(|device| calibrate::applied(device, &known)))
             .map_err(said)?;
-        Ok(Self {
-            spec: device.spec().clone(),
-            device: Mutex::new(Some(device)),
-        })
+        Ok(Self::of(device))
     }
 
     #[getter]
@@ -195,6 +193,18 @@ impl Device {
     #[getter]
     fn force_max(&self) -> f64 {
         self.spec.force_max_peak
+    }
+
+    /// Force that its motors bear for hours [N or N·m].
+    #[getter]
+    fn force_continuous(&self) -> f64 {
+        self.spec.force_max_continuous
+    }
+
+    /// Whether it gives force only while a finger touches it.
+    #[getter]
+    fn touch_gated(&self) -> bool {
+        self.spec.touch_gated
     }
 
     /// Whether it has no clock of its own.
@@ -254,11 +264,18 @@ impl Device {
 }
 
 impl Device {
+    pub(crate) fn of(device: Opened) -> Self {
+        Self {
+            spec: device.spec().clone(),
+            device: Mutex::new(Some(device)),
+        }
+    }
+
     fn open(&self) -> std::sync::MutexGuard<'_, Option<Opened>> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn has(&self, axis: usize) -> PyResult<()> {
+    pub(crate) fn has(&self, axis: usize) -> PyResult<()> {
         let n = self.spec.dof;
         if axis < n {
             Ok(())
@@ -269,7 +286,7 @@ impl Device {
         }
     }
 
-    fn with<T: Send>(
+    pub(crate) fn with<T: Send>(
         &self,
         py: Python<'_>,
         work: impl FnOnce(&mut Opened, &AtomicBool) -> T + Send,

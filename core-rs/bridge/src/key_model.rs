@@ -35,3 +35,24 @@ pub(crate) fn key_path<'py>(
         .expect("a derivative for each tick and column");
     Ok((path.into_pyarray(py), jacobian.into_pyarray(py)))
 }
+
+/// Derivatives of positions with respect to the forces of some ticks (n, ticks).
+#[pyfunction]
+#[pyo3(signature = (parameters, force, rate, ticks, *, steps=None))]
+pub(crate) fn key_force_derivatives<'py>(
+    py: Python<'py>,
+    parameters: PyReadonlyArray1<'py, f64>,
+    force: PyReadonlyArray1<'py, f64>,
+    rate: f64,
+    ticks: Vec<usize>,
+    steps: Option<usize>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (row, force) = (parameters.as_slice()?, force.as_slice()?);
+    let derivatives = computing(py, || {
+        KeyModel::of_row(row)?.force_derivatives(force, rate, steps, &ticks)
+    })?
+    .map_err(|error| refused("key_force_derivatives", error))?;
+    let derivatives = Array2::from_shape_vec((force.len(), ticks.len()), derivatives)
+        .expect("a derivative for each tick and force");
+    Ok(derivatives.into_pyarray(py))
+}

@@ -10,6 +10,7 @@ mod curve;
 mod device;
 mod emulator;
 mod error;
+mod excitation;
 mod faults;
 mod frames;
 mod guardian;
@@ -58,11 +59,13 @@ mod _core {
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError, UnsureError};
     #[pymodule_export]
+    use super::excitation::{Excited, emulated_device, excite};
+    #[pymodule_export]
     use super::faults::{FaultMeasurement, measure_faults};
     #[pymodule_export]
     use super::guardian::guard_haply;
     #[pymodule_export]
-    use super::key_model::key_path;
+    use super::key_model::{key_force_derivatives, key_path};
     #[pymodule_export]
     use super::law::{Law, law_functions};
     #[pymodule_export]

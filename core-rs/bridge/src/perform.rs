@@ -45,7 +45,7 @@ type BoundOf = (u64, f64);
 /// The fields of a `LiveBoard`.
 type BoardOf = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisOf>);
 /// The fields of a `RecordTarget`.
-type RecordOf = (PathBuf, Vec<(String, String)>, String);
+pub(crate) type RecordOf = (PathBuf, Vec<(String, String)>, String);
 
 /// The fields of a `FrozenStem`.
 type StemOf = (PathBuf, u64, u64, Vec<usize>);

@@ -12,7 +12,7 @@ use crate::error::said;
 use crate::frames::rows;
 use crate::named::{RecordedAxis, RecordedEvent};
 
-fn from_recording(error: RecordingError) -> PyErr {
+pub(crate) fn from_recording(error: RecordingError) -> PyErr {
     match error {
         RecordingError::Io(error) => error.into(),
         error => said(error),

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use crate::named::PerformanceEvent;
 
-fn tripped(why: Trip) -> &'static str {
+pub(crate) fn tripped(why: Trip) -> &'static str {
     match why {
         Trip::NotFinite => "tripped: not finite",
         Trip::Speed => "tripped: speed",

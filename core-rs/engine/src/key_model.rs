@@ -20,11 +20,16 @@ use thiserror::Error;
 
 use crate::interrupt;
 pub use motion::Motion;
+use parameter::Parameter;
 
 /// Longest delay of a force [s].
 const DELAY_MAX: f64 = 1.0;
 /// Ticks between two looks at whether the computation is to end.
 const POLL: usize = 1024;
+/// Derivatives with respect to forces that are computed together, and the part of their greatest below which they have
+/// died away.
+const FORCES: usize = 16;
+const DIED_AWAY: f64 = 1e-7;
 
 /// A part of a key that swings on it: a mass on a spring and a damper.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -210,6 +215,50 @@ impl KeyModel {
             17..=32 => self.differentiated::<32>(forces, rate, steps, columns),
             _ => Err(KeyError::Count),
         }
+    }
+
+    /// Derivatives of the path (ticks, columns) with respect to the forces of these ticks, row by row.
+    ///
+    /// # Errors
+    /// As [`KeyModel::path`]; [`KeyError::Count`] for a tick that there is not.
+    pub fn force_derivatives(
+        &self,
+        forces: &[f64],
+        rate: f64,
+        steps: Option<usize>,
+        columns: &[usize],
+    ) -> Result<Vec<f64>, KeyError> {
+        if columns.iter().any(|&tick| tick >= forces.len()) || !columns.is_sorted() {
+            return Err(KeyError::Count);
+        }
+        let mut all = vec![0.0; forces.len() * columns.len()];
+        let mut motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
+        let mut at = 0;
+        for (number, group) in columns.chunks(FORCES).enumerate() {
+            while at < group[0] {
+                motion.tick(forces[at], 0.0);
+                at += 1;
+            }
+            let last = group[group.len() - 1];
+            let of: Vec<_> = group.iter().map(|&tick| Parameter::Force(tick)).collect();
+            let mut wide = motion.widened::<FORCES>(of);
+            let mut greatest = 0.0_f64;
+            for (n, &force) in forces.iter().enumerate().skip(at) {
+                if n % POLL == 0 {
+                    interrupt::poll();
+                }
+                let row = &wide.dx[..group.len()];
+                let most = row.iter().fold(0.0_f64, |most, dx| most.max(dx.abs()));
+                greatest = greatest.max(most);
+                if n > last && greatest > 0.0 && most < DIED_AWAY * greatest {
+                    break;
+                }
+                let to = n * columns.len() + number * FORCES;
+                all[to..to + group.len()].copy_from_slice(row);
+                wide.tick(force, 0.0);
+            }
+        }
+        Ok(all)
     }
 
     fn differentiated<const N: usize>(

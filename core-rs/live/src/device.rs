@@ -15,7 +15,7 @@ mod url;
 
 pub use crate::safety::contract::{Device, Gone, Histogram, LastResort, Sample, Spec, Stats, Unit};
 pub use crate::wire::MAX_AXES;
-pub use emulated::Emulated;
+pub use emulated::{Emulated, open_board};
 pub use haply::guardian;
 pub(crate) use port::InProcess;
 pub use url::{Kind, Url, UrlError};
@@ -86,8 +86,10 @@ pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
 pub(crate) fn open_in_process(
     kind: Kind,
     board: Box<dyn InProcess>,
+    lockstep: bool,
 ) -> Result<Box<dyn Device>, DeviceError> {
-    let url = Url::in_process(kind);
+    let mut url = Url::in_process(kind);
+    url.lockstep = lockstep;
     let port = port::Port::InProcess(board);
     Ok(match kind {
         Kind::Frame => Box::new(frame::Frame::over(port, &url)?),

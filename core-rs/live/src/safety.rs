@@ -115,6 +115,16 @@ impl<D: Device> Guarded<D> {
         self
     }
 
+    /// The same, and nothing is added to the forces that are asked for: for a key of which nothing is known, which a
+    /// probe might send to the end of its travel.
+    #[must_use]
+    pub(crate) fn without_probes(mut self) -> Self {
+        if let Some(watched) = &mut self.watched {
+            watched.probe_nothing();
+        }
+        self
+    }
+
     /// The same, and ages are judged by a clock that is set from elsewhere [ns].
     #[must_use]
     pub(crate) fn by_clock(mut self, nanoseconds: Arc<AtomicU64>) -> Self {

@@ -126,6 +126,19 @@ def key_path(
     Raises EngineError where there is no such key, or where it is too fast for its steps.
     """
 
+def key_force_derivatives(
+    parameters: _Floats,
+    force: _Floats,
+    rate: float,
+    ticks: Sequence[int],
+    *,
+    steps: int | None = None,
+) -> _Floats:
+    """Derivatives [m/N] of the path of `key_path` with respect to the forces of some ticks, (n, ticks).
+
+    `ticks` rise. Raises EngineError as `key_path` does, and for a tick that there is not.
+    """
+
 @final
 class Chance:
     """Random numbers: PCG64 keyed by SHA-256 of all arguments, so that no stream depends on another."""
@@ -1706,6 +1719,8 @@ class Device:
     resolution: float  # step of the position sensor [m or rad]
     range: Range
     force_max: float  # [N or N·m]
+    force_continuous: float  # that its motors bear for hours [N or N·m]
+    touch_gated: bool  # whether it gives force only while a finger touches it
     lockstep: bool
     def direction(self, axis: int, period: float) -> float:
         """The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
@@ -1718,6 +1733,76 @@ class Device:
         """Send zero forces every `period` [s] for `seconds` [s], and time the replies."""
     def close(self) -> None:
         """Close it; forces are zero."""
+
+def excite(
+    device: Device,
+    axis: int,
+    force: _Floats,
+    rate: float,
+    frames: int,
+    guide: tuple[float, float, tuple[float, float], tuple[float, float], float],
+    *,
+    sign: int = 1,
+    still: int = 0,
+    force_step: float = 0.0,
+    tells_touch: bool = True,
+    is_gated: bool = True,
+    record: RecordTarget | None = None,
+) -> Excited:
+    """Push an axis by forces (n_ticks,) [N], in ticks of `frames` at `rate`, then let go of it.
+
+    `guide`: where the key is kept [m]; from there to the nearer end [m]; stiffness [N/m] and damping
+    [N·s/m] of the guide, which pulls from the first tick after `still` ones on; those of the brake, which
+    replaces the forces beyond 0.6 of the way to an end; and the deceleration [m/s²] that the brake
+    surely reaches. `sign` is -1 for a motor that pushes the other way round. `force_step` [N] is the
+    motor's, where the wire does not tell it. With `tells_touch` a touch ends the take, with `is_gated` a
+    device that lets no force through. Every force passes the safety stages of a performance; only the
+    slew limit and the rises are off. Raises EngineError where there is no such axis, OSError where
+    the file of `record` cannot be written.
+    """
+
+@final
+class Excited:
+    """A key that was pushed by `excite`, tick by tick."""
+
+    end: str
+    """done, touched, gate closed, not finite, unplugged, silent, shared, stopped, or a trip."""
+    def asked(self) -> _Floats:
+        """Forces that were asked for, with those of guide and brake (n,) [N]."""
+    def sent(self) -> _Floats:
+        """Forces as they went over the wire, after all safety stages (n,) [N]."""
+    def positions(self) -> _Floats:
+        """Positions of the replies to the forces (n,) [m]; without a reply the position before."""
+    def fresh(self) -> NDArray[np.bool_]:
+        """Whether there was a reply to each force (n,)."""
+    def clocks(self) -> NDArray[np.uint32]:
+        """The device's clock in each reply (n,) [us]; 0 where it has none."""
+    def braked(self) -> NDArray[np.bool_]:
+        """Whether the brake pushed instead of the written force (n,)."""
+
+def emulated_device(
+    protocol: Literal["firefader", "frame"],
+    model: _Floats,
+    *,
+    rate: float,
+    travel: float = 0.1,
+    force_max: float = 20.0,
+    resolution: float = 0.0,
+    noise: float = 0.0,
+    force_step: float = 0.0,
+    seed: int = 0,
+    path: _Floats | None = None,
+    hand: tuple[float, float] = ...,
+    touch_gate: bool = False,
+    seconds: float | None = None,
+    calibration: Sequence[AxisCalibration] = ...,
+) -> Device:
+    """An emulated device in this process, in lockstep, behind the driver of its protocol.
+
+    `model` is that of `key_path`, `rate` that of its periods [Hz]; lengths are in m, forces in N. `path`
+    [m] (n_periods,) is that of a hand which pulls the key by `hand`, a spring [N/m] and a damper [N·s/m].
+    After `seconds` the device is gone. Raises EngineError where there is no such device.
+    """
 
 def measure_faults() -> list[FaultMeasurement]:
     """Make every fault on every emulated device, in virtual time: some seconds of computing.

@@ -48,8 +48,9 @@ pub struct Motion<const N: usize = 0> {
     push: f64,
     drag: f64,
     under: f64,
-    /// The last forces, the newest last; those before the first are zero.
+    /// The last forces, the newest last; those before the first are zero. How many there were.
     sent: Vec<f64>,
+    ticks: usize,
     /// Steps of a tick in which the force before still acts.
     late: f64,
     x: f64,
@@ -132,6 +133,7 @@ impl<const N: usize> Motion<N> {
             drag,
             under: 1.0 + drag,
             sent: vec![0.0; whole as usize + 2],
+            ticks: 0,
             late: (shift - whole) * steps as f64,
             x: key.start,
             v: 0.0,
@@ -159,22 +161,74 @@ impl<const N: usize> Motion<N> {
     pub fn tick(&mut self, force: f64, direct: f64) {
         self.sent.remove(0);
         self.sent.push(force);
+        self.ticks += 1;
         let (before, now) = (self.sent[0], self.sent[1]);
         for step in 0..self.steps {
             let rest = self.late - step as f64; // of the force before, in steps
             if rest >= 1.0 {
-                self.step(before + direct, 0.0);
+                self.step(before + direct, 0.0, 1.0);
             } else if rest < 0.0 {
-                self.step(now + direct, 0.0);
+                self.step(now + direct, 0.0, 0.0);
             } else {
                 let slope = (before - now) / self.step;
-                self.step(rest * before + (1.0 - rest) * now + direct, slope);
+                self.step(rest * before + (1.0 - rest) * now + direct, slope, rest);
             }
         }
     }
 
-    /// One step with this force, of which `slope` is the derivative with respect to the delay.
-    fn step(&mut self, force: f64, slope: f64) {
+    /// The same motion with other columns, whose derivatives begin as zero.
+    pub(super) fn widened<const M: usize>(&self, columns: Vec<Parameter>) -> Motion<M> {
+        let none = [0.0; M];
+        let swing = |mode: &Swing<N>| Swing {
+            mass: mode.mass,
+            stiff: mode.stiff,
+            damp: mode.damp,
+            omega: mode.omega,
+            under: mode.under,
+            x: mode.x,
+            v: mode.v,
+            gain: mode.gain,
+            dx: none,
+            dv: none,
+        };
+        Motion {
+            key: self.key.clone(),
+            columns,
+            steps: self.steps,
+            step: self.step,
+            push: self.push,
+            drag: self.drag,
+            under: self.under,
+            sent: self.sent.clone(),
+            ticks: self.ticks,
+            late: self.late,
+            x: self.x,
+            v: self.v,
+            part: self.part,
+            s: self.s,
+            dx: none,
+            dv: none,
+            ds: none,
+            modes: self.modes.iter().map(swing).collect(),
+        }
+    }
+
+    /// How much of a step's force is that of a tick, of whose two forces the earlier has the share `before`.
+    fn share_of(&self, tick: usize, before: f64) -> f64 {
+        let age = self.ticks.wrapping_sub(tick + 1); // 0: the newest
+        let oldest = self.sent.len() - 1;
+        if age == oldest {
+            before
+        } else if age == oldest - 1 {
+            1.0 - before
+        } else {
+            0.0
+        }
+    }
+
+    /// One step with this force, of which `slope` is the derivative with respect to the delay, and `before` the share of
+    /// the earlier of the two forces of this tick.
+    fn step(&mut self, force: f64, slope: f64, before: f64) {
         let (h, x, v) = (self.step, self.x, self.v);
         let mut pull = 0.0;
         for mode in &mut self.modes {
@@ -197,6 +251,7 @@ impl<const N: usize> Motion<N> {
         if N > 0 {
             let of = Step {
                 slope,
+                before,
                 gain,
                 bound,
                 per_level,

@@ -18,6 +18,8 @@ pub(super) enum Parameter {
     ModeMass(usize),
     ModeFrequency(usize),
     ModeRatio(usize),
+    /// The force of a tick.
+    Force(usize),
 }
 
 impl Parameter {

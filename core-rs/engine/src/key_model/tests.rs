@@ -217,3 +217,37 @@ proptest! {
         prop_assert!(path.iter().all(|x| x.abs() < 50.0));
     }
 }
+
+#[test]
+fn derivatives_with_respect_to_forces_equal_differences() {
+    let key = KeyModel::of_row(&[
+        0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1.3e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
+    ])
+    .unwrap();
+    let force: Vec<f64> = (0..3000)
+        .map(|n| if (n / 170) % 2 == 0 { 0.5 } else { -0.7 } + 0.2 * f64::from(n % 3))
+        .collect();
+    let ticks: Vec<usize> = (0..20).map(|i| 40 + 97 * i).collect();
+    let found = key.force_derivatives(&force, 1000.0, None, &ticks).unwrap();
+    let by = 1e-6;
+    for (column, &tick) in ticks.iter().enumerate() {
+        let path = |by: f64| {
+            let mut force = force.clone();
+            force[tick] += by;
+            key.path(&force, 1000.0, None).unwrap()
+        };
+        let (more, less) = (path(by), path(-by));
+        let (mut error, mut size) = (0.0, 0.0);
+        for n in 0..force.len() {
+            let wide = (more[n] - less[n]) / (2.0 * by);
+            let own = found[n * ticks.len() + column];
+            error += (wide - own) * (wide - own);
+            size += wide * wide;
+        }
+        assert!(error < 1e-8 * size, "{tick}: {error} {size}");
+    }
+    assert!(
+        key.force_derivatives(&force, 1000.0, None, &[3000])
+            .is_err()
+    );
+}

@@ -111,6 +111,14 @@ impl<D: Device> Device for Calibrated<D> {
         self.device.send(&force.turned(&self.gains))
     }
 
+    fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
+        let mut carried = self.device.on_wire(&force.turned(&self.gains));
+        for (force, gain) in carried.iter_mut().zip(&self.gains) {
+            *force *= gain;
+        }
+        carried
+    }
+
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
         let fresh = self.device.receive(into, deadline)?;
         for (position, axis) in into.position.iter_mut().zip(&self.axes) {

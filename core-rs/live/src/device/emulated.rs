@@ -1,10 +1,10 @@
 //! Keys in this process: a device without a wire, always in lockstep.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use super::{Device, DeviceError, Gone, Sample, Spec, Stats, Unit, Url};
+use super::{Device, DeviceError, Gone, InProcess, Kind, Sample, Spec, Stats, Unit, Url};
 use crate::device::MAX_AXES;
-use crate::emulate::{Hand, Key, Keys};
+use crate::emulate::{Firmware, Hand, Key, Keys, Options, Protocol};
 use crate::safety::SafeForce;
 
 /// A tick of 44 samples at 44.1 kHz.
@@ -64,6 +64,60 @@ impl Emulated {
     /// The keys.
     pub fn keys(&self) -> &Keys {
         &self.keys
+    }
+}
+
+/// The driver of an emulated board whose wire does not leave this process, in lockstep. After `options.seconds` the board
+/// is gone.
+///
+/// # Errors
+/// [`DeviceError`] where the board cannot be, or has no such wire.
+pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
+    let kind = match options.board.protocol {
+        Protocol::FireFader => Kind::FireFader,
+        Protocol::Frame => Kind::Frame,
+        Protocol::Haply => Kind::Haply,
+    };
+    let url = Url::in_process(kind);
+    let firmware = options.firmware().map_err(|error| url.closed(error))?;
+    let board = BoardHere {
+        periods: options
+            .seconds
+            .map(|seconds| (seconds * firmware.keys().rate().hertz()) as u64),
+        firmware,
+        replies: Vec::new(),
+    };
+    super::open_in_process(kind, Box::new(board), true)
+}
+
+/// A board, and what it has answered.
+struct BoardHere {
+    firmware: Firmware,
+    /// How long it is there.
+    periods: Option<u64>,
+    replies: Vec<u8>,
+}
+
+impl InProcess for BoardHere {
+    fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
+        if self
+            .periods
+            .is_some_and(|periods| self.firmware.keys().periods() >= periods)
+        {
+            return Err(Gone::Closed);
+        }
+        let Self {
+            firmware, replies, ..
+        } = self;
+        firmware.hear(packet, Duration::ZERO, &mut |reply| replies.extend(reply));
+        Ok(())
+    }
+
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
+        let n = self.replies.len().min(into.len());
+        into[..n].copy_from_slice(&self.replies[..n]);
+        self.replies.drain(..n);
+        Ok(n)
     }
 }
 

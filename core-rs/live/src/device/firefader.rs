@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use super::port::Port;
 use super::{
-    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, Sample, Spec,
-    Stats, Unit, Url,
+    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
+    Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
 use crate::wire::{Inbox, firefader as wire};
@@ -148,6 +148,13 @@ impl Device for FireFader {
             self.waiting = 1;
         }
         self.put([of(0), of(1)])
+    }
+
+    fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
+        let of = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
+        let mut carried = [0.0; MAX_AXES];
+        carried[..2].copy_from_slice(&wire::carried([of(0), of(1)]));
+        carried
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {

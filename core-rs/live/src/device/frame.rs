@@ -225,6 +225,18 @@ impl Device for Frame {
         self.put(forces, flag::ENABLE)
     }
 
+    fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
+        let mut carried = [0.0; MAX_AXES];
+        for (carried, &force) in carried.iter_mut().zip(force.newtons()) {
+            *carried = if self.wide {
+                force
+            } else {
+                wire::carried(force, self.spec.force_max_peak)
+            };
+        }
+        carried
+    }
+
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
         let latest =
             |last: &Option<wire::Reply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
@@ -247,6 +259,7 @@ impl Device for Frame {
             into.force_enabled = [reply.status & status::ENABLED != 0; MAX_AXES];
             into.hot = reply.status & status::HOT != 0;
             into.seq = u32::from(reply.seq);
+            into.behind = self.latest.wrapping_sub(reply.seq);
             into.t_dev_us = Some(reply.t_us);
         }
         Ok(into.fresh)

@@ -190,6 +190,7 @@ impl Device for Haply {
         into.force_enabled = [!self.let_go; MAX_AXES];
         (into.hot, into.let_go) = (false, self.let_go); // the service does not say whether it is hot
         into.seq = u32::from(self.answered);
+        into.behind = self.latest.wrapping_sub(self.answered);
         Ok(into.fresh)
     }
 

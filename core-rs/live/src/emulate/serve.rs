@@ -41,6 +41,24 @@ pub struct Options {
     pub once: bool,
 }
 
+impl Options {
+    /// The board that they describe, which begins to run.
+    ///
+    /// # Errors
+    /// [`EmulateError`] where the keys cannot be.
+    pub fn firmware(&self) -> Result<Firmware, EmulateError> {
+        let mut keys = Keys::new(self.axes, self.key, self.rate, self.hands.clone())?;
+        if let Some(model) = &self.model {
+            keys = keys.with_model(model)?;
+        }
+        if let Some((network, struck)) = &self.network {
+            let rate = Rate::new(self.rate)?;
+            keys = keys.with_network(LoneKey::new(network, *struck, rate)?);
+        }
+        Ok(Firmware::new(self.board, keys))
+    }
+}
+
 /// What happens meanwhile.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
@@ -72,17 +90,9 @@ pub fn serve(
     tell: &mut dyn FnMut(Event),
     keep: &mut dyn FnMut() -> bool,
 ) -> Result<Outcome, EmulateError> {
-    let mut keys = Keys::new(options.axes, options.key, options.rate, options.hands)?;
-    if let Some(model) = &options.model {
-        keys = keys.with_model(model)?;
-    }
-    if let Some((network, struck)) = &options.network {
-        let rate = Rate::new(options.rate)?;
-        keys = keys.with_network(LoneKey::new(network, *struck, rate)?);
-    }
     let lockstep = options.board.lockstep;
-    let rate = keys.rate().hertz();
-    let mut firmware = Firmware::new(options.board, keys);
+    let mut firmware = options.firmware()?;
+    let rate = firmware.keys().rate().hertz();
     let mut line = Line::open(options.transport)?;
     tell(Event::Ready(line.address()?));
     let mut bytes = vec![0; LONGEST];

@@ -337,7 +337,7 @@ pub(super) fn held(
     let device: Box<dyn Device> = if is_haply {
         Box::new(HaplyHost::new(shared.clone()))
     } else {
-        device::open_in_process(emulator.kind(), Box::new(shared.clone()))?
+        device::open_in_process(emulator.kind(), Box::new(shared.clone()), false)?
     };
     Ok((Defective::new(device, None), shared))
 }

@@ -252,8 +252,7 @@ impl Slot {
         };
         match guarded.send(&self.forces) {
             Ok(sent) => {
-                let newtons = sent.newtons();
-                self.sent[..newtons.len()].copy_from_slice(newtons);
+                self.sent = guarded.device().on_wire(&sent);
                 true
             }
             Err(_) => self.let_go(),

@@ -71,6 +71,8 @@ pub struct Sample {
     pub let_go: bool,
     /// Counts replies, or echoes the request where the protocol can.
     pub seq: u32,
+    /// Requests that were sent after the one that this answers.
+    pub behind: u16,
     /// The device's own clock [µs], wrapping.
     pub t_dev_us: Option<u32>,
     /// Whether this came with the latest `receive`.
@@ -110,6 +112,13 @@ pub trait Device: Send {
     /// [`Gone`] when there is nobody to send it to.
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone>;
 
+    /// The forces as the wire carries them: those of the packet that [`Device::send`] makes [N] or [N·m].
+    fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
+        let mut carried = [0.0; MAX_AXES];
+        carried[..force.newtons().len()].copy_from_slice(force.newtons());
+        carried
+    }
+
     /// Take the newest reply; says whether there was a new one. Waits for one until `deadline` (a past one: not at
     /// all); in lockstep for the reply to what was sent last, whatever the deadline. The first time, before anything
     /// is sent, it gives where the axes are by themselves.
@@ -147,6 +156,9 @@ macro_rules! devices {
             }
             fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
                 (**self).send(force)
+            }
+            fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
+                (**self).on_wire(force)
             }
             fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
                 (**self).receive(into, deadline)

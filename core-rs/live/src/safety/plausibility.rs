@@ -85,6 +85,8 @@ pub(super) struct Plausibility {
     ticks: u32,
     /// Greatest force [N].
     force: f64,
+    /// Whether a suspicion is probed; otherwise only what is evident counts.
+    may_probe: bool,
     signs: Signs,
     mode: Mode,
     /// From a trip to full force, 0 to 1.
@@ -112,6 +114,7 @@ impl Plausibility {
             every: every as u32,
             ticks: 0,
             force: built.force.max(0.0),
+            may_probe: true,
             signs: Signs::default(),
             mode: Mode::Watching,
             fade: 1.0,
@@ -248,7 +251,8 @@ impl Plausibility {
         }
         if let Some(trip) = self.signs.evident(sent, &self.built) {
             self.off(trip);
-        } else if let Some((kind, way)) = self.signs.suspected(sent, self.confirmed, &self.built)
+        } else if self.may_probe
+            && let Some((kind, way)) = self.signs.suspected(sent, self.confirmed, &self.built)
             && self.pauses[kind as usize].0 <= 0
         {
             self.probes += 1;
@@ -318,6 +322,13 @@ impl Watched {
             n: built.len().min(MAX_AXES),
             sent: [0.0; MAX_AXES],
             positions: None,
+        }
+    }
+
+    /// Nothing is added to the forces that are asked for: what is evident trips, what is suspected does not.
+    pub(super) fn probe_nothing(&mut self) {
+        for axis in &mut self.axes {
+            axis.may_probe = false;
         }
     }
 

@@ -23,9 +23,18 @@ pub const REPLY: usize = 7;
 
 /// The packet of two forces [N].
 pub fn request(force: [f64; 2]) -> [u8; 3] {
-    // `as` makes a NaN 0. 127 is the first byte's.
-    let byte = |f: f64| ((f / FORCE_LSB).round().clamp(-127.0, 126.0) as i8).cast_unsigned();
-    [TO_DEVICE, byte(force[0]), byte(force[1])]
+    let [a, b] = force.map(|force| steps(force).cast_unsigned());
+    [TO_DEVICE, a, b]
+}
+
+/// The forces [N] that the packet of two forces [N] holds.
+pub fn carried(force: [f64; 2]) -> [f64; 2] {
+    force.map(|force| f64::from(steps(force)) * FORCE_LSB)
+}
+
+/// A force in steps. `as` makes a NaN 0; 127 is the first byte's.
+fn steps(force: f64) -> i8 {
+    (force / FORCE_LSB).round().clamp(-127.0, 126.0) as i8
 }
 
 /// The forces [N] of a packet.

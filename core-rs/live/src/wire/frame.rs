@@ -115,6 +115,16 @@ fn count(n: usize, wide: bool) -> u8 {
     n as u8 | if wide { WIDE } else { 0 }
 }
 
+/// A force in steps of a narrow frame, `full` [N] being all of it. `as` saturates, and makes a NaN 0.
+fn steps(force: f64, full: f64) -> i16 {
+    ((force / full * FORCE_STEPS).round() as i16).max(-i16::MAX)
+}
+
+/// The force [N] that a narrow frame carries for a force [N].
+pub fn carried(force: f64, full: f64) -> f64 {
+    f64::from(steps(force, full)) * (full / FORCE_STEPS)
+}
+
 impl Request {
     /// Write the bytes, a force of `full` [N] being all of it; returns how many.
     pub fn write(&self, full: f64, bytes: &mut [u8; LONGEST]) -> usize {
@@ -126,9 +136,7 @@ impl Request {
             if self.wide {
                 frame.put(&force.to_le_bytes());
             } else {
-                // `as` saturates, and makes a NaN 0.
-                let steps = (force / full * FORCE_STEPS).round() as i16;
-                frame.put(&steps.max(-i16::MAX).to_le_bytes());
+                frame.put(&steps(*force, full).to_le_bytes());
             }
         }
         frame.put(&[self.flags]);

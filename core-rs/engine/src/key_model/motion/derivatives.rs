@@ -10,6 +10,7 @@ use crate::dry::Turned;
 /// What the derivatives of a step need of it.
 pub(super) struct Step<'a> {
     pub(super) slope: f64,
+    pub(super) before: f64,
     pub(super) gain: f64,
     pub(super) bound: f64,
     pub(super) per_level: f64,
@@ -104,6 +105,10 @@ impl<const N: usize> Motion<N> {
             },
             Parameter::Delay => Added {
                 force: of.slope,
+                ..none
+            },
+            Parameter::Force(tick) => Added {
+                force: self.share_of(tick, of.before),
                 ..none
             },
             Parameter::Dry => level(1.0 - of.friction.share),

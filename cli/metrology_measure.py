@@ -1,0 +1,248 @@
+"""`ergon metrology DEVICE`: a key measured by what it is pushed by."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import metrology_fit, options
+from .console import Console
+from .emulate import Quantity
+from .outcome import DeviceMissing, Refused
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.live.calibration import Axis as Known
+    from ergon.metrology.ladder import Axis, Ladder, Rung
+    from ergon.metrology.takes import Take
+
+
+@click.command()
+@click.argument("device", metavar="DEVICE")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(2, 600),
+    default=10.0,
+    show_default=True,
+    help="Length of the take of strikes, and of the take of rain.",
+)
+@click.option(
+    "--force-max", type=Quantity("FORCE"), help="Greatest force, where less than the device's."
+)
+@click.option(
+    "--force-step",
+    type=Quantity("FORCE"),
+    default=0.0,
+    help="Step of the motor's force, where the device rounds more than its wire.",
+)
+@click.option(
+    "--no-gate",
+    is_flag=True,
+    help="The firmware lets forces through without a touch, whatever its kind usually does.",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the forces.")
+@options.target("Write the calibration into this file; takes and report have its name.")
+@options.force
+@options.dry_run
+@options.speaking
+def measure(
+    console: Console,
+    device: str,
+    seconds: float,
+    force_max: float | None,
+    force_step: float,
+    no_gate: bool,
+    seed: int,
+    output: str | None,
+    force: bool,
+    dry: bool,
+) -> None:
+    """Measure a key of a device, which nobody may touch meanwhile.
+
+    DEVICE is a URL or a name of your list, with its axis: frame:/dev/ttyACM0#1, tgr0.1. The key is
+    pushed so little at first that it hardly moves, then more and more (a ladder), and never near
+    an end of its travel. Then come takes of strikes, of single ticks of random sign (rain), and a
+    held-out gesture of knocks, by which the parts of the model are judged. What a key is made of is
+    then found as by `ergon metrology fit`. Ctrl-C ends every force at once.
+    """
+    from ergon.exchange.safe import check_target
+    from ergon.metrology.gesture import MeasurementError
+
+    if output is None and not dry:
+        raise Refused("-o FILE says where the calibration is written; -n writes nothing")
+    path = None if dry or output is None else Path(output)
+    if path is not None:
+        check_target(path, force=force)
+        check_target(path.with_suffix(".svg"), force=force)
+    axis, url = opened(device, force_max=force_max, force_step=force_step, gated=not no_gate)
+    recorder = Recorder(path, about(url, axis.number))
+    try:
+        try:
+            ladder = _climbed(console, axis, seed)
+            takes = _taken(console, ladder, seconds, recorder, seed)
+        finally:
+            axis.device.close()
+    except MeasurementError as error:
+        recorder.tell(console)
+        raise Refused(f"{device}: {error}") from None
+    except KeyboardInterrupt:
+        recorder.tell(console)
+        raise
+    *fitted, held_out = takes
+    metrology_fit.report(
+        console,
+        [take.gesture for take in fitted],
+        held_out.gesture,
+        recorder.paths,
+        path,
+        force=force,
+        dry=dry,
+    )
+
+
+def opened(
+    device: str,
+    *,
+    force_max: float | None = None,
+    force_step: float = 0.0,
+    gated: bool = True,
+) -> tuple[Axis, str]:
+    """An open axis of a device of the user's list or a URL, and the URL. Refused, DeviceMissing."""
+    from ergon import _core
+    from ergon.live.boards import BoardError, names, resolve
+    from ergon.live.calibration import known
+    from ergon.metrology.ladder import Axis
+
+    try:
+        url, number = resolve(device, {} if ":" in device else names())
+        calibrated: dict[int, Known] = known(url)
+    except BoardError as error:
+        raise Refused(str(error)) from None
+    try:
+        own = _core.Device(url, [axis.for_core(i) for i, axis in calibrated.items()])
+    except _core.EngineError as error:
+        raise DeviceMissing(str(error)) from None
+    if own.unit != "m" or number >= own.axes:
+        own.close()
+        raise Refused(
+            f"{url}: axis {number} does not exist: the device has {own.axes}, counted from 0"
+            if own.unit == "m"
+            else f"{url}: the axis rotates (its unit is rad), and the model of a key is in metres"
+        )
+    # A Haply device cannot tell what touches it.
+    return (
+        Axis(
+            own,
+            number,
+            force_step=force_step,
+            tells_touch=not url.startswith("haply:"),
+            is_gated=gated,
+            force_max=force_max,
+        ),
+        url,
+    )
+
+
+def about(url: str, number: int) -> str:
+    """The header of a take of an axis, as JSON."""
+    from ergon import _core
+    from ergon.live.boards import Board
+    from ergon.live.calibration import as_recorded, known
+
+    return json.dumps(
+        {
+            "made": f"by ergon {_core.__version__}",
+            "day": time.strftime("%Y-%m-%d %H:%M:%S"),
+            "sent": "wire",
+            "axes": [as_recorded(Board(url, (), known(url)), number)],
+        }
+    )
+
+
+@dataclass(slots=True)
+class Recorder:
+    """Where takes are written: beside the calibration `path`, each under a name that is free.
+
+    `paths` are those of the takes so far.
+    """
+
+    path: Path | None
+    about: str
+    paths: list[Path] = field(default_factory=list)
+
+    def target(self, kind: str, part: int) -> _core.RecordTarget | None:
+        """The file of a take; None where nothing is written."""
+        from ergon import _core
+
+        if self.path is None:
+            return None
+        number = 0
+        while True:
+            number += 1
+            file = self.path.with_name(
+                f"{self.path.stem}.{kind}{'' if number == 1 else f'-{number}'}.take"
+            )
+            if not file.exists():
+                break
+        self.paths.append(file)
+        return _core.RecordTarget(file, [("key", "")], self.about)
+
+    def tell(self, console: Console) -> None:
+        """Name the takes that were kept, where a measurement ends before its time."""
+        kept = [str(path) for path in self.paths if path.exists()]
+        if kept:
+            console.say(f"kept {', '.join(kept)}")
+
+
+def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
+    from ergon.metrology.ladder import climb
+
+    console.say("let go of the key: it is pushed now, gently at first")
+
+    def tell(rung: Rung) -> None:
+        if console.json:
+            console.record(
+                "rung", force_N=rung.force, excursion_m=rung.excursion, braked=rung.braked
+            )
+
+    ladder = climb(axis, seed, tell)
+    forces = " ".join(f"{rung.force:.3g}{'!' if rung.braked else ''}" for rung in ladder.rungs)
+    farthest = max(rung.excursion for rung in ladder.rungs) * 1e3
+    console.say(
+        f"rungs: {forces} N, at most {farthest:.2g} of {ladder.guide.half * 1e3:.3g} mm"
+        + (" (! was braked)" if any(rung.braked for rung in ladder.rungs) else "")
+    )
+    if ladder.axis.sign < 0:
+        console.say(
+            "the motor pushes the other way round; that was turned here, and "
+            "`ergon devices calibrate` turns it for scores"
+        )
+    if ladder.needs_guide:
+        console.say("the key has no spring to speak of, so a soft guide keeps it in its place")
+    return ladder
+
+
+def _taken(
+    console: Console, ladder: Ladder, seconds: float, recorder: Recorder, seed: int
+) -> list[Take]:
+    """Takes of strikes and rain, then one that is held out."""
+    from ergon.metrology import takes
+
+    found: list[Take] = []
+    said = []
+    for kind in takes.KINDS:
+        length = takes.HELD_OUT if kind == "held-out" else seconds
+        each = takes.record(ladder, kind, length, recorder.target, seed)
+        lasted = sum(len(take.gesture.force) / take.gesture.rate for take in each)
+        said.append(f"{kind} {lasted:.0f} s")
+        # The longest part of what is held out judges; the others would be lost.
+        found += (
+            [max(each, key=lambda take: len(take.gesture.force))] if kind == "held-out" else each
+        )
+    console.say(f"takes: {', '.join(said)}")
+    return found

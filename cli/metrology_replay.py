@@ -1,0 +1,116 @@
+"""`ergon metrology replay`: the same gesture on a key and on its model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .metrology_compare import calibration
+from .metrology_fit import gesture, written
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from ergon.metrology.comparison import Replay
+    from ergon.metrology.gesture import Gesture
+
+_WARNS = 5.0  # times the noise of the sensor
+
+
+@click.command()
+@click.argument("file", metavar="CALIBRATION")
+@click.argument("real", metavar="DEVICE|TAKE")
+@click.option("--hand", metavar="NAME", help="The hand of a take with several.")
+@click.option("--no-gate", is_flag=True, help="As for `ergon metrology DEVICE`.")
+@options.target("Write a picture of asked, real, model and residual into this SVG file.")
+@options.force
+@options.dry_run
+@options.speaking
+def replay(
+    console: Console,
+    file: str,
+    real: str,
+    hand: str | None,
+    no_gate: bool,
+    output: str | None,
+    force: bool,
+    dry: bool,
+) -> None:
+    """Give a key and the model of a calibration the same gesture, and compare their motions.
+
+    A device is pushed by the ladder and then by knocks, and nobody may touch it; of a take the
+    recorded gesture counts. The table has the residual (real less model) of each second.
+    """
+    from ergon.exchange.safe import check_target
+    from ergon.metrology import comparison
+    from ergon.metrology.gesture import sensor_noise
+
+    known = calibration(file)
+    if output is not None:
+        check_target(Path(output), force=force, inputs=[Path(file)])
+    took = (
+        gesture(console, Path(real), hand)
+        if Path(real).is_file()
+        else _pushed(console, real, gated=not no_gate)
+    )
+    found = comparison.replay(known.row, took)
+    _tell(console, found, sensor_noise([took]))
+    if output is not None:
+        from ergon.metrology.picture import picture
+
+        title = f"{real} and {file}"
+        written(console, picture(found, title), Path(output), force=force, dry=dry)
+
+
+def _pushed(console: Console, device: str, *, gated: bool) -> Gesture:
+    """Knocks on a key of a device."""
+    from ergon.metrology.gesture import MeasurementError
+    from ergon.metrology.ladder import climb
+    from ergon.metrology.takes import HELD_OUT, record
+
+    from .metrology_measure import opened
+
+    axis, _ = opened(device, gated=gated)
+    console.say("let go of the key: it is pushed now, gently at first")
+    try:
+        takes = record(climb(axis), "held-out", HELD_OUT, lambda kind, part: None)
+    except MeasurementError as error:
+        raise Refused(f"{device}: {error}") from None
+    finally:
+        axis.device.close()
+    return max((take.gesture for take in takes), key=lambda took: len(took.force))
+
+
+def _tell(console: Console, found: Replay, noise: float | None) -> None:
+    import numpy as np
+
+    if not console.json:
+        console.data(f"{'s':>5}{'real':>12}{'residual':>14}{'at most':>12}\n")
+    seconds = found.t.astype(int)
+    real = found.gesture.position[found.gesture.counts]
+    for second in np.unique(seconds):
+        inside = seconds == second
+        left = found.residual[inside] * 1e6
+        moved = float(np.ptp(real[inside]))
+        rms, most = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
+        if console.json:
+            console.record(
+                "second", s=int(second), real_m=moved, rms_m=rms * 1e-6, most_m=most * 1e-6
+            )
+        else:
+            console.data(f"{second:5d}{moved * 1e3:9.3g} mm{rms:11.4g} um{most:9.4g} um\n")
+    if console.json:
+        console.record("replay", rms_m=found.rms, most_m=found.most, noise_m=noise)
+        return
+    console.data(f"{'all':>5}{'':12}{found.rms * 1e6:11.4g} um{found.most * 1e6:9.4g} um\n")
+    if noise is not None:
+        # Both are as a sensor reads them: a model without error leaves the sensor's noise.
+        beyond = max(found.rms**2 - noise**2, 0.0) ** 0.5
+        console.say(
+            f"the sensor's noise is {noise * 1e6:.3g} um; beyond it the model is off by "
+            f"{beyond * 1e6:.3g} um"
+            + (": measure the key again" if beyond > _WARNS * noise else "")
+        )

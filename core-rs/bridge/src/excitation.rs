@@ -1,0 +1,239 @@
+//! Keys that are pushed to find out what they are made of.
+
+use std::time::Duration;
+
+use ergon_engine::key_model::KeyModel;
+use ergon_live::device::calibrate::{self, Axis, Calibrated};
+use ergon_live::device::{self as live, Device as _, Gone};
+use ergon_live::emulate::{Board, Hand, Key, Options, Protocol};
+use ergon_live::metrology::{self, End, Excitation, Guide, Pull, Row};
+use ergon_live::recording::{self, Header, Recorder};
+use numpy::{Element, PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use crate::device::{AxisOf, Device, axis};
+use crate::error::{refused, said};
+use crate::perform::RecordOf;
+use crate::status::tripped;
+
+/// (where the key is kept, from there to the nearer end, stiffness and damping of the guide and of the brake, by how much
+/// the brake slows down)
+type GuideOf = (f64, f64, (f64, f64), (f64, f64), f64);
+
+/// Push an axis of a device by forces (n_ticks,), and let go of it.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (device, axis, force, rate, frames, guide, *, sign=1, still=0, force_step=0.0, tells_touch=true,
+    is_gated=true, record=None))]
+pub(crate) fn excite(
+    py: Python<'_>,
+    device: &Device,
+    axis: usize,
+    force: PyReadonlyArray1<'_, f64>,
+    rate: f64,
+    frames: u32,
+    guide: GuideOf,
+    sign: i32,
+    still: usize,
+    force_step: f64,
+    tells_touch: bool,
+    is_gated: bool,
+    record: Option<RecordOf>,
+) -> PyResult<Excited> {
+    let (centre, half, soft, firm, deceleration) = guide;
+    let pull = |(stiffness, damping)| Pull { stiffness, damping };
+    let positive = |x: f64| x.is_finite() && x > 0.0;
+    if !(positive(half) && positive(deceleration) && positive(rate) && frames > 0) {
+        return Err(refused(
+            "excite",
+            "rate, frames, half the travel and the deceleration must be above zero",
+        ));
+    }
+    let excitation = Excitation {
+        axis,
+        forces: force.as_slice()?,
+        still,
+        period: f64::from(frames) / rate,
+        guide: Guide {
+            centre,
+            half,
+            guide: pull(soft),
+            brake: pull(firm),
+            deceleration,
+        },
+        force_step,
+        tells_touch,
+        is_gated,
+    };
+    device.has(axis)?;
+    let recorder = record.map(|(path, axes, about)| {
+        let axis = |(player, key)| recording::Axis { player, key };
+        let header = Header {
+            rate,
+            frames,
+            axes: axes.into_iter().map(axis).collect(),
+            about,
+        };
+        Recorder::start(&path, &header).map_err(crate::recording::from_recording)
+    });
+    let (mut sink, handle) = recorder.transpose()?.unzip();
+    let found = device.with(py, |own, stop| {
+        let turned = Axis {
+            sign: f64::from(sign),
+            range: own.range(axis),
+            ..Axis::plain(own.spec())
+        };
+        let mut axes = vec![Axis::plain(own.spec()); own.spec().dof];
+        axes[axis] = turned;
+        metrology::excite(Calibrated::new(own, axes), &excitation, sink.as_mut(), stop)
+    });
+    drop(sink);
+    let stopped = handle.map(|handle| py.detach(|| handle.stop()));
+    let found = found?;
+    stopped
+        .transpose()
+        .map_err(crate::recording::from_recording)?;
+    Ok(Excited(found))
+}
+
+/// A key that was pushed: columns of its ticks, and why they ended.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Excited(metrology::Excited);
+
+#[pymethods]
+impl Excited {
+    /// Why it ended: done, touched, gate closed, not finite, unplugged, silent, shared, stopped or a trip.
+    #[getter]
+    fn end(&self) -> &'static str {
+        match self.0.end {
+            End::Done => "done",
+            End::Touched => "touched",
+            End::GateClosed => "gate closed",
+            End::NotFinite => "not finite",
+            End::Tripped(why) => tripped(why),
+            End::Gone(Gone::Silent) => "silent",
+            End::Gone(Gone::Shared) => "shared",
+            End::Gone(_) => "unplugged",
+            End::Stopped => "stopped",
+        }
+    }
+
+    /// Asked for, with guide and brake (n,) [N].
+    fn asked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |row| row.asked)
+    }
+
+    /// As it went over the wire (n,) [N].
+    fn sent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |row| row.sent)
+    }
+
+    /// Of the reply to each force (n,) [m].
+    fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |row| row.position)
+    }
+
+    /// Whether there was a reply (n,).
+    fn fresh<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |row| row.fresh)
+    }
+
+    /// The device's clock in each reply (n,) [µs].
+    fn clocks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.column(py, |row| row.clock)
+    }
+
+    /// Whether the brake pushed (n,).
+    fn braked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |row| row.braked)
+    }
+}
+
+impl Excited {
+    fn column<'py, T: Element>(
+        &self,
+        py: Python<'py>,
+        of: fn(&Row) -> T,
+    ) -> Bound<'py, PyArray1<T>> {
+        PyArray1::from_iter(py, self.0.rows.iter().map(of))
+    }
+}
+
+/// An emulated device in this process, in lockstep, whose keys move as a model says.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (protocol, model, *, rate, travel=0.1, force_max=20.0, resolution=0.0, noise=0.0, force_step=0.0, seed=0,
+    path=None, hand=(400.0, 4.0), touch_gate=false, seconds=None, calibration=Vec::new()))]
+pub(crate) fn emulated_device(
+    py: Python<'_>,
+    protocol: &str,
+    model: PyReadonlyArray1<'_, f64>,
+    rate: f64,
+    travel: f64,
+    force_max: f64,
+    resolution: f64,
+    noise: f64,
+    force_step: f64,
+    seed: u64,
+    path: Option<PyReadonlyArray1<'_, f64>>,
+    hand: (f64, f64),
+    touch_gate: bool,
+    seconds: Option<f64>,
+    calibration: Vec<AxisOf>,
+) -> PyResult<Device> {
+    let model = KeyModel::of_row(model.as_slice()?);
+    let model = model.map_err(|error| refused("emulated_device", error))?;
+    let protocol = match protocol {
+        "firefader" => Protocol::FireFader,
+        "frame" => Protocol::Frame,
+        _ => return Err(refused("protocol", "must be firefader or frame")),
+    };
+    let half = 0.5 * travel;
+    let key = Key {
+        mass: model.mass,
+        stiffness: model.stiffness,
+        damping: model.damping,
+        range: [-half, half],
+    };
+    let hands = path.map_or(Vec::new(), |path| {
+        let (stiffness, damping) = hand;
+        vec![Hand::Going {
+            path: path.as_array().to_vec(),
+            stiffness,
+            damping,
+        }]
+    });
+    let options = Options {
+        board: Board {
+            protocol,
+            lockstep: true,
+            touch_gate,
+            force_max,
+            resolution,
+            noise,
+            seed,
+            force_step,
+            watchdog: Duration::from_secs(1),
+            known: [key.mass, key.damping],
+            range: key.range,
+        },
+        transport: ergon_live::emulate::Transport::Udp(0),
+        axes: if protocol == Protocol::FireFader {
+            2
+        } else {
+            1
+        },
+        key,
+        model: Some(model),
+        rate,
+        hands,
+        seconds,
+        once: false,
+    };
+    let known = calibration
+        .into_iter()
+        .map(axis)
+        .collect::<PyResult<Vec<_>>>()?;
+    let open = || live::open_board(&options).map(|device| calibrate::applied(device, &known));
+    Ok(Device::of(py.detach(open).map_err(said)?))
+}

@@ -1,0 +1,328 @@
+//! A key that is pushed by written forces, to find out what it is made of.
+//!
+//! Nobody touches the key, and nothing of it is known beforehand. A guide, a soft spring and damper, keeps a key in the
+//! middle that has no spring of its own; a brake, a firmer one, replaces the written forces where the key would come near
+//! an end of its travel. Both are sums of forces that pass every safety stage, and are in what is recorded.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::device::{Device, Gone, MAX_AXES, Sample};
+use crate::realtime;
+use crate::recording::{self, RowSink};
+use crate::safety::{Guarded, Limits, Trip};
+
+/// Time over which the velocity of a key is averaged [s]: one step of a coarse sensor is no speed.
+const VELOCITY_OVER: f64 = 5e-3;
+/// Parts of half the travel: where the brake takes over, where it expects to, and where it lets go.
+const BRAKE_AT: f64 = 0.6;
+const BRAKE_AHEAD: f64 = 0.75;
+const RELEASE_AT: f64 = 0.3;
+/// Replies that come later than so many ticks after their forces count as lost.
+const LATE: usize = 8;
+/// A device without a new position for so long is gone [s].
+const SILENT: f64 = 0.25;
+/// Longest wait for a reply, as a part of a tick.
+const WAIT: f64 = 0.6;
+/// Wait for room in the file of a device that takes no time [s].
+const ROOM: Duration = Duration::from_millis(1);
+
+/// A spring and a damper.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pull {
+    /// [N/m]
+    pub stiffness: f64,
+    /// [N·s/m]
+    pub damping: f64,
+}
+
+/// What keeps a key away from the ends of its travel.
+#[derive(Clone, Copy, Debug)]
+pub struct Guide {
+    /// Where it is kept [m].
+    pub centre: f64,
+    /// From there to the nearer end [m].
+    pub half: f64,
+    /// What pulls it there all the time.
+    pub guide: Pull,
+    /// What pulls it back from an end.
+    pub brake: Pull,
+    /// By how much the brake surely slows the key down [m/s²].
+    pub deceleration: f64,
+}
+
+/// What one axis is pushed by, tick by tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Excitation<'a> {
+    /// The axis of the device.
+    pub axis: usize,
+    /// Forces [N]   (n_ticks,)
+    pub forces: &'a [f64],
+    /// Ticks at the beginning in which nothing pushes, the guide neither.
+    pub still: usize,
+    /// Length of a tick [s].
+    pub period: f64,
+    /// What keeps it from the ends.
+    pub guide: Guide,
+    /// Step of the motor's force, where the device does not tell it [N]; 0: the wire's.
+    pub force_step: f64,
+    /// Whether the device says what touches its keys; then a touch ends the take.
+    pub tells_touch: bool,
+    /// Whether a device that lets no force through ends the take.
+    pub is_gated: bool,
+}
+
+/// Why a take ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// All forces were sent.
+    Done,
+    /// A hand touched the key.
+    Touched,
+    /// The device let no force through.
+    GateClosed,
+    /// The position was no number.
+    NotFinite,
+    /// A safety stage held the axis at zero.
+    Tripped(Trip),
+    /// The device went away.
+    Gone(Gone),
+    /// Somebody asked for the end.
+    Stopped,
+}
+
+/// A tick of a take.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Row {
+    /// The force that was asked for, with the guide's or the brake's [N].
+    pub asked: f64,
+    /// The force as it went over the wire, after all safety stages [N].
+    pub sent: f64,
+    /// The position of the reply to this force; where there was none, the position before [m].
+    pub position: f64,
+    /// Whether there was a reply.
+    pub fresh: bool,
+    /// The device's clock in that reply [µs].
+    pub clock: u32,
+    /// Whether the brake pushed instead of the written force.
+    pub braked: bool,
+}
+
+/// A take.
+#[derive(Clone, Debug)]
+pub struct Excited {
+    /// Its ticks.
+    pub rows: Vec<Row>,
+    /// Why it ended.
+    pub end: End,
+}
+
+/// Push an axis, and let go of it. Every row goes into `sink` too. Gives this thread the priority of the physics thread,
+/// so call it in one of its own.
+pub fn excite<D: Device>(
+    device: D,
+    excitation: &Excitation<'_>,
+    sink: Option<&mut RowSink>,
+    stop: &AtomicBool,
+) -> Excited {
+    // The forces jump by themselves, and from the first tick on; all other limits hold.
+    let limits = Limits {
+        slew: f64::INFINITY,
+        ramp: 0.0,
+        fade: 0.0,
+        ..Limits::of(device.spec())
+    };
+    let in_lockstep = device.in_lockstep();
+    if !in_lockstep {
+        realtime::ask(realtime::PHYSICS);
+    }
+    let mut take = Take {
+        guarded: Guarded::new(device, limits, excitation.period)
+            .watched()
+            .without_probes(),
+        of: excitation,
+        sample: Sample::default(),
+        rows: Vec::with_capacity(excitation.forces.len()),
+        motion: Motion::default(),
+        braking: false,
+        silent: 0.0,
+        sink,
+        written: 0,
+    };
+    let end = take.run(stop).err().unwrap_or(End::Done);
+    take.guarded.zero();
+    take.write(0);
+    Excited {
+        rows: take.rows,
+        end,
+    }
+}
+
+/// Where a key is and how fast it goes, as far as it was read.
+#[derive(Clone, Copy, Debug, Default)]
+struct Motion {
+    x: f64,
+    v: f64,
+    /// Since the position was read [s].
+    age: f64,
+}
+
+struct Take<'a, 'b, D: Device> {
+    guarded: Guarded<D>,
+    of: &'a Excitation<'a>,
+    sample: Sample,
+    rows: Vec<Row>,
+    motion: Motion,
+    braking: bool,
+    /// Since the last reply [s].
+    silent: f64,
+    sink: Option<&'b mut RowSink>,
+    /// Rows that the sink has.
+    written: usize,
+}
+
+impl<D: Device> Take<'_, '_, D> {
+    fn run(&mut self, stop: &AtomicBool) -> Result<(), End> {
+        let of = self.of;
+        let axis = of.axis;
+        self.receive(Instant::now())?;
+        self.motion.x = self.sample.position[axis];
+        if !self.motion.x.is_finite() {
+            return Err(End::NotFinite);
+        }
+        let mut next = Instant::now();
+        for (tick, &force) in of.forces.iter().enumerate() {
+            if stop.load(Ordering::Relaxed) || crate::stop::has_let_go() {
+                return Err(End::Stopped);
+            }
+            let asked = self.guided(force, tick < of.still);
+            let mut forces = [0.0; MAX_AXES];
+            forces[axis] = asked;
+            let safe = self.guarded.send(&forces).map_err(End::Gone)?;
+            let mut sent = self.guarded.device().on_wire(&safe)[axis];
+            if of.force_step > 0.0 {
+                sent = (sent / of.force_step).round() * of.force_step;
+            }
+            self.rows.push(Row {
+                asked,
+                sent,
+                position: self.motion.x,
+                braked: self.braking,
+                ..Row::default()
+            });
+            next += Duration::from_secs_f64(of.period);
+            let wait = Duration::from_secs_f64(WAIT * of.period);
+            self.receive(Instant::now() + wait)?;
+            self.note(force != 0.0)?;
+            self.write(LATE);
+            if !self.guarded.in_lockstep() {
+                let late = realtime::sleep_until(next);
+                if late.as_secs_f64() > 10.0 * of.period {
+                    next = Instant::now();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The written force with the guide's, or the brake's instead.
+    fn guided(&mut self, force: f64, is_still: bool) -> f64 {
+        let Guide {
+            centre,
+            half,
+            guide,
+            brake,
+            deceleration,
+        } = self.of.guide;
+        let (away, v) = (self.motion.x - centre, self.motion.v);
+        let outwards = (v * away.signum()).max(0.0);
+        let ahead = away.abs() + 0.5 * outwards * outwards / deceleration;
+        self.braking = if self.braking {
+            away.abs() > RELEASE_AT * half || ahead > BRAKE_AT * half
+        } else {
+            away.abs() > BRAKE_AT * half || ahead > BRAKE_AHEAD * half
+        };
+        if self.braking {
+            return -brake.stiffness * away - brake.damping * v;
+        }
+        if is_still {
+            return force;
+        }
+        force - guide.stiffness * away - guide.damping * v
+    }
+
+    fn receive(&mut self, deadline: Instant) -> Result<(), End> {
+        self.sample.fresh = false;
+        let fresh = self.guarded.receive(&mut self.sample, deadline);
+        self.sample.fresh = fresh.map_err(End::Gone)?;
+        Ok(())
+    }
+
+    /// What was read in this tick: to which row it belongs, how the key moves, and whether that is a reason to end.
+    fn note(&mut self, pushes: bool) -> Result<(), End> {
+        let (axis, sample) = (self.of.axis, &self.sample);
+        let (x, period) = (sample.position[axis], self.of.period);
+        self.motion.age += period;
+        if let Some(trip) = self.guarded.tripped(axis) {
+            return Err(End::Tripped(trip));
+        }
+        if !sample.fresh {
+            self.silent += period;
+            return if self.silent > SILENT {
+                Err(End::Gone(Gone::Silent))
+            } else {
+                Ok(())
+            };
+        }
+        self.silent = 0.0;
+        if !x.is_finite() {
+            return Err(End::NotFinite);
+        }
+        let age = self.motion.age;
+        let weight = (age / VELOCITY_OVER).min(1.0);
+        self.motion.v += ((x - self.motion.x) / age - self.motion.v) * weight;
+        (self.motion.x, self.motion.age) = (x, 0.0);
+        let row = (self.rows.len() - 1).checked_sub(usize::from(sample.behind));
+        if let Some(row) = row.filter(|&row| row >= self.written)
+            && let Some(row) = self.rows.get_mut(row)
+        {
+            (row.position, row.fresh) = (x, true);
+            row.clock = sample.t_dev_us.unwrap_or(0);
+        }
+        if self.of.tells_touch && sample.touch[axis] {
+            return Err(End::Touched);
+        }
+        if self.of.is_gated && pushes && sample.behind == 0 && !sample.force_enabled[axis] {
+            return Err(End::GateClosed);
+        }
+        Ok(())
+    }
+
+    /// Give the sink all rows but the newest `keep`, whose replies may still come.
+    fn write(&mut self, keep: usize) {
+        let end = self.rows.len().saturating_sub(keep);
+        let Some(sink) = &mut self.sink else {
+            self.written = end;
+            return;
+        };
+        while self.written < end {
+            while self.guarded.in_lockstep() && !sink.has_room() {
+                std::thread::sleep(ROOM);
+            }
+            let row = &self.rows[self.written];
+            let fresh = if row.fresh { recording::flag::FRESH } else { 0 };
+            let sample = recording::Sample {
+                position: row.position,
+                force: row.asked,
+                sent: row.sent as f32,
+                flags: fresh | recording::flag::FORCE_ENABLED,
+                clock: row.clock,
+            };
+            sink.row(self.written as u64, &[sample]);
+            self.written += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,190 @@
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+
+use super::*;
+use crate::device::{Emulated, Spec};
+use crate::emulate::{Key, Keys};
+use crate::recording::{Axis, Header, Recorder, flag, read};
+use crate::safety::SafeForce;
+
+const RATE: f64 = 44_100.0;
+const PERIOD: f64 = 44.0 / RATE;
+const HALF: f64 = 0.015;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    None,
+    Touch,
+    Gate,
+    NotANumber,
+    Unplugged,
+    Silent,
+}
+
+/// A key in this process that has a fault from a tick on.
+struct Faulty {
+    keys: Emulated,
+    fault: Fault,
+    at: u64,
+    ticks: u64,
+    /// Bits of the last force of the first axis.
+    last: Arc<AtomicU64>,
+}
+
+impl Faulty {
+    fn is_on(&self, fault: Fault) -> bool {
+        self.fault == fault && self.ticks >= self.at
+    }
+}
+
+impl Device for Faulty {
+    fn spec(&self) -> &Spec {
+        self.keys.spec()
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        self.ticks += 1;
+        if self.is_on(Fault::Unplugged) {
+            return Err(Gone::Closed);
+        }
+        self.last
+            .store(force.newtons()[0].to_bits(), Ordering::Relaxed);
+        self.keys.send(force)
+    }
+
+    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+        let fresh = self.keys.receive(into, deadline)?;
+        into.touch[0] = self.is_on(Fault::Touch);
+        into.force_enabled[0] = !self.is_on(Fault::Gate);
+        if self.is_on(Fault::NotANumber) {
+            into.position[0] = f64::NAN;
+        }
+        Ok(fresh && !self.is_on(Fault::Silent))
+    }
+
+    fn in_lockstep(&self) -> bool {
+        true
+    }
+
+    fn zero(&mut self) {
+        self.last.store(0, Ordering::Relaxed);
+    }
+}
+
+fn key(fault: Fault, at: u64) -> (Faulty, Arc<AtomicU64>) {
+    let key = Key {
+        mass: 0.4,
+        stiffness: 0.0,
+        damping: 1.2,
+        range: [-HALF, HALF],
+    };
+    let keys = Keys::new(1, key, RATE / 44.0, Vec::new()).unwrap();
+    let last = Arc::new(AtomicU64::new(1.0_f64.to_bits()));
+    let faulty = Faulty {
+        keys: Emulated::new(keys, key),
+        fault,
+        at,
+        ticks: 0,
+        last: Arc::clone(&last),
+    };
+    (faulty, last)
+}
+
+fn pushed(forces: &[f64]) -> Excitation<'_> {
+    Excitation {
+        axis: 0,
+        forces,
+        still: 100,
+        period: PERIOD,
+        guide: Guide {
+            centre: 0.0,
+            half: HALF,
+            guide: Pull {
+                stiffness: 50.0,
+                damping: 7.0,
+            },
+            brake: Pull {
+                stiffness: 150.0,
+                damping: 18.0,
+            },
+            deceleration: 10.0,
+        },
+        force_step: 0.0,
+        tells_touch: true,
+        is_gated: true,
+    }
+}
+
+fn jumps() -> Vec<f64> {
+    let at = |n: usize| match n {
+        0..100 => 0.0,
+        _ if (n / 200).is_multiple_of(2) => 0.3,
+        _ => -0.3,
+    };
+    (0..3000).map(at).collect()
+}
+
+#[test]
+fn every_fault_ends_the_force_and_keeps_what_was_recorded() {
+    for (fault, end, n) in [
+        (Fault::None, End::Done, 3000),
+        (Fault::Touch, End::Touched, 700),
+        (Fault::Gate, End::GateClosed, 700),
+        (Fault::NotANumber, End::NotFinite, 700),
+        (Fault::Unplugged, End::Gone(Gone::Closed), 699),
+        (Fault::Silent, End::Gone(Gone::Silent), 950),
+    ] {
+        let forces = jumps();
+        let (device, last) = key(fault, 700);
+        let path =
+            std::env::temp_dir().join(format!("ergon-{fault:?}-{}.take", std::process::id()));
+        let header = Header {
+            rate: RATE,
+            frames: 44,
+            axes: vec![Axis::default()],
+            about: String::new(),
+        };
+        let (mut sink, handle) = Recorder::start(&path, &header).unwrap();
+        let stop = AtomicBool::new(false);
+        let found = excite(device, &pushed(&forces), Some(&mut sink), &stop);
+        drop(sink);
+        handle.stop().unwrap();
+        let take = read(&path, None).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(found.end, end, "{fault:?}");
+        assert!(
+            found.rows.len().abs_diff(n) <= 2,
+            "{fault:?} {}",
+            found.rows.len()
+        );
+        assert_eq!(take.ticks.len(), found.rows.len());
+        for (row, sample) in found.rows.iter().zip(&take.samples) {
+            assert_eq!(row.position.to_bits(), sample.position.to_bits());
+            assert_eq!(row.sent as f32, sample.sent);
+            assert_eq!(row.fresh, sample.flags & flag::FRESH != 0);
+        }
+        assert_eq!(last.load(Ordering::Relaxed), 0, "{fault:?}");
+    }
+}
+
+#[test]
+fn a_hand_that_asks_for_the_end_gets_it_at_once() {
+    let (device, last) = key(Fault::None, 0);
+    let found = excite(device, &pushed(&jumps()), None, &AtomicBool::new(true));
+    assert_eq!((found.end, found.rows.len()), (End::Stopped, 0));
+    assert_eq!(last.load(Ordering::Relaxed), 0);
+}
+
+/// A steady push takes a key without a spring nowhere near an end: the brake takes over, and the guide has it back.
+#[test]
+fn the_brake_keeps_the_key_from_its_ends() {
+    let mut forces = vec![1.5; 4000];
+    forces[..100].fill(0.0);
+    let (device, _) = key(Fault::None, 0);
+    let found = excite(device, &pushed(&forces), None, &AtomicBool::new(false));
+    assert_eq!(found.end, End::Done);
+    let farthest = found.rows.iter().map(|row| row.position.abs());
+    let farthest = farthest.fold(0.0, f64::max);
+    assert!((0.5 * HALF..0.8 * HALF).contains(&farthest), "{farthest}");
+    assert!(found.rows.iter().any(|row| row.braked));
+}

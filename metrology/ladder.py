@@ -1,0 +1,326 @@
+"""The way from nothing known of a key to forces that measure it and touch no end of its travel.
+
+First jolts, as short and as weak as show which way the motor goes, and about what it moves. Then
+rungs of two seconds, from a twentieth of the force on, each at most twice as strong as the one
+before. A guide keeps a key in its place that has no spring; a brake takes over near an end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ergon import _core
+
+from . import excitation
+from .first_guess import first_guess, signed_mass
+from .gesture import MeasurementError, of_rows
+from .output_error import fit
+from .parameters import INDEX
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ergon._core import Device, Excited
+
+    from .gesture import Floats, Gesture
+
+FRAMES, RATE = 44, 44100.0  # of a tick
+TICK_RATE = RATE / FRAMES
+RUNG = 2.0  # s
+_FIRST, _MOST = 0.05, 0.9  # of the force
+_RUNGS_MAX = 12
+_ENOUGH, _TARGET = (
+    0.4,
+    0.55,
+)  # of half the travel: a rung that goes so far is the last; what is aimed at
+_BRAKED = 3  # rungs that were braked, until no further one is tried
+_RAIN = 0.3  # of the force of a rung
+# The guide: a pole of so many rad/s, and the brake in multiples of it; a delay of 10 ms is borne.
+_GUIDE, _GUIDE_RATIO = 12.0, 0.8
+_BRAKE_STIFFNESS, _BRAKE_DAMPING = 3.0, 45.0  # of the guide's; 1/s of the mass
+_SPRING = 40.0  # (rad/s)²: with a faster spring of its own a key needs no guide
+_NEAR = 0.35  # of half the range: a key that rests nearer to an end has no room
+# Jolts that show which way the motor goes: for how long [s]; of the force, at first, at most; how
+# far they may take the key, of half its travel; the mass they tell over its deviation, at least;
+# how many times as long each may be.
+_JOLTS, _FIRST_JOLT, _JOLT_MAX, _JOLTED, _SURE, _LONGEST = 0.6, 0.01, 0.8, 0.2, 15.0, 6.0
+_IN_TIME = 0.75  # of the ticks: replies, without which nothing can be measured
+_RESTS = 3.0  # s at most, until a key rests
+
+# Why a take ended, and what to do.
+_ENDS = {
+    "touched": "a hand touched the key, so its force is zero; let go of it and measure again",
+    "gate closed": "the device lets no force through but while a hand touches the key, "
+    "and nobody may touch it; measure with a firmware without that gate, and --no-gate",
+    "not finite": "the device sent a position that is no number, so its force is zero",
+    "unplugged": "the device was unplugged, or its program ended",
+    "silent": "the device no longer answers",
+    "shared": "another program sends forces to the device",
+    "stopped": "stopped; the force is zero",
+    "late": "too few replies of the device came in time; end what else loads this machine",
+    "tripped: not finite": "a position or force was no number, so the force is zero",
+    "tripped: speed": "the key went too fast, so its force is zero",
+    "tripped: wrong way": "the motor pushes against what it is told, so its force is zero",
+    "tripped: at stop": "the key was pushed into an end of its travel, so its force is zero",
+    "tripped: frozen": "the sensor shows one place whatever the force does, so the force is zero",
+}
+
+
+class TakeEnded(MeasurementError):
+    """A take that did not come to its end; the message says why and what to do."""
+
+    def __init__(self, end: str) -> None:
+        """`end` is that of `_core.Excited`."""
+        super().__init__(_ENDS.get(end, end))
+        self.end = end
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """An axis that is measured, and what is known of its device.
+
+    `sign` turns forces round; `force_step` [N] is the motor's where the wire does not show it;
+    `is_gated` is false for a device whose gate is to be passed over.
+    """
+
+    device: Device
+    number: int = 0
+    sign: int = 1
+    force_step: float = 0.0
+    tells_touch: bool = True
+    is_gated: bool = True
+    force_max: float | None = None
+
+    @property
+    def most(self) -> float:
+        """The greatest force that is asked for [N]."""
+        own = min(self.device.force_max, 1.2 * self.device.force_continuous)
+        return own if self.force_max is None else min(own, self.force_max)
+
+
+@dataclass(frozen=True, slots=True)
+class Guide:
+    """Where a key is kept, half its travel there [m], and the springs and dampers that keep it."""
+
+    centre: float
+    half: float
+    guide: tuple[float, float]
+    brake: tuple[float, float]
+    deceleration: float
+
+    def for_core(self) -> tuple[float, float, tuple[float, float], tuple[float, float], float]:
+        """As `_core.excite` takes it."""
+        return self.centre, self.half, self.guide, self.brake, self.deceleration
+
+    @property
+    def off(self) -> Guide:
+        """The brake alone."""
+        return replace(self, guide=(0.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """A rung of the ladder: its force [N], how far the key went [m], and whether it was braked."""
+
+    force: float
+    excursion: float
+    braked: bool
+
+
+@dataclass(slots=True)
+class Ladder:
+    """What the ladder found: the axis with the motor's sign, the guide, a rough key, the rungs."""
+
+    axis: Axis
+    guide: Guide
+    needs_guide: bool
+    rough: Floats
+    rungs: list[Rung] = field(default_factory=list)
+
+    @property
+    def force(self) -> float:
+        """The force of the strongest rung that was not braked, or of the weakest [N]."""
+        free = [rung.force for rung in self.rungs if not rung.braked]
+        return max(free) if free else min(rung.force for rung in self.rungs)
+
+
+# Forces and motion are compared for keys that are played; a key in the rain may look wrong to that.
+DOUBTS = ("tripped: wrong way", "tripped: frozen", "tripped: at stop", "tripped: speed")
+
+
+def push(
+    axis: Axis,
+    force: Floats,
+    guide: Guide,
+    still: int = 0,
+    record: _core.RecordTarget | None = None,
+    *,
+    forgiven: bool = False,
+) -> Excited:
+    """Push a key by forces (n,) [N]. Raises TakeEnded where that ends before its time.
+
+    `forgiven`: not where a safety stage held the axis at zero because force and motion disagreed.
+    """
+    excited = _core.excite(
+        axis.device,
+        axis.number,
+        np.ascontiguousarray(force, float),
+        RATE,
+        FRAMES,
+        guide.for_core(),
+        sign=axis.sign,
+        still=still,
+        force_step=axis.force_step,
+        tells_touch=axis.tells_touch,
+        is_gated=axis.is_gated,
+        record=record,
+    )
+    if excited.end != "done" and not (forgiven and excited.end in DOUBTS):
+        raise TakeEnded(excited.end)
+    if excited.fresh().size >= TICK_RATE / 4 and excited.fresh().mean() < _IN_TIME:
+        raise TakeEnded("late")
+    return excited
+
+
+def settle(axis: Axis, guide: Guide) -> None:
+    """Let the guide bring the key to rest. Raises TakeEnded."""
+    n = round(0.3 * TICK_RATE)
+    moves = max(4 * axis.device.resolution, 1e-2 * guide.half)
+    for _ in range(round(_RESTS / 0.3)):
+        read = push(axis, np.zeros(n), guide, forgiven=True).positions()
+        if read.size == n and np.ptp(read[n // 2 :]) <= moves:
+            break
+    push(axis, np.zeros(n // 3), guide, n, forgiven=True)
+
+
+def gesture(excited: Excited) -> Gesture:
+    """A take as the fit sees it."""
+    n = excited.sent().size
+    return of_rows(
+        np.arange(n),
+        excited.sent(),
+        excited.positions(),
+        excited.fresh(),
+        excited.clocks(),
+        TICK_RATE,
+    )
+
+
+def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda rung: None) -> Ladder:
+    """Find the motor's direction and the greatest force that keeps a key away from its ends.
+
+    Raises TakeEnded, MeasurementError where the key does not move, or has no room.
+    """
+    chance = np.random.default_rng(seed)
+    where = _Place(axis, chance)
+    sign, mass = where.pushed()
+    axis, most = replace(axis, sign=axis.sign * sign), axis.most
+    guide = where.guide(mass)
+    settle(axis, guide)
+    force, gestures = _FIRST * most, []
+    rungs: list[Rung] = []
+    while len(rungs) < _RUNGS_MAX:
+        n = round(RUNG * TICK_RATE)
+        stream = excitation.mixed(n, TICK_RATE, chance, excitation.rain(n, chance), _RAIN)
+        framed, still = excitation.framed(force * stream, TICK_RATE)
+        excited = push(axis, framed, guide, still, forgiven=True)
+        settle(axis, guide)
+        excursion = float(np.abs(excited.positions() - guide.centre).max())
+        braked = excited.end != "done" or bool(excited.braked().any())
+        rungs.append(Rung(force, excursion, braked))
+        tell(rungs[-1])
+        if excited.end == "done":
+            gestures.append(gesture(excited))
+        share = excursion / guide.half
+        if not braked:
+            mass = where.better(mass, gestures[-1])
+            guide = where.guide(mass)
+            if share >= _ENOUGH or force >= _MOST * most:
+                break
+        elif sum(rung.braked for rung in rungs) >= _BRAKED:
+            break
+        factor = 0.7 if braked else min(2.0, _TARGET / max(share, 1e-6))
+        force = min(_MOST * most, force * factor)
+    if not gestures:
+        raise TakeEnded(excited.end)
+    rough = _rough(gestures[-2:])
+    needs_guide = bool(rough[INDEX["stiffness"]] <= _SPRING * rough[0])
+    return Ladder(axis, guide, needs_guide, rough, rungs)
+
+
+def _rough(gestures: list[Gesture]) -> Floats:
+    """A rough key of takes: mass, spring, damper, weight and dry friction."""
+    row = first_guess(gestures)
+    columns = [INDEX[name] for name in ("mass", "stiffness", "damping", "weight", "dry")]
+    try:
+        return fit(gestures, row, columns, iterations=8).row
+    except _core.EngineError:
+        return row
+
+
+class _Place:
+    """Where a key rests, how much its sensor trembles, and what a push does to it."""
+
+    def __init__(self, axis: Axis, chance: np.random.Generator) -> None:
+        self.axis, self.chance = axis, chance
+        low, high = axis.device.range
+        free = Guide(0.5 * (low + high), high - low, (0.0, 0.0), (0.0, 0.0), 1.0)
+        read = push(axis, np.zeros(round(0.2 * TICK_RATE)), free).positions()
+        self.centre = float(np.median(read))
+        self.half = min(self.centre - low, high - self.centre)
+        if self.half < _NEAR * 0.5 * (high - low):
+            raise MeasurementError(
+                f"the key rests at {self.centre * 1e3:.3g} mm, {max(self.half, 0.0) * 1e3:.2g} mm "
+                f"from an end of its travel ({low * 1e3:.3g} to {high * 1e3:.3g} mm), and has no "
+                "room to be pushed; put it near the middle"
+            )
+        trembles = float(np.std(np.diff(read))) / np.sqrt(2)
+        self.shows = max(8 * trembles, 3 * axis.device.resolution, 2e-4 * (high - low))
+        self.free = Guide(self.centre, self.half, (0.0, 0.0), (0.0, 0.0), 1.0)
+
+    def pushed(self) -> tuple[int, float]:
+        """Which way the motor goes, 1 or -1, and about what it moves [kg].
+
+        Raises MeasurementError where the key does not move.
+        """
+        most, force, length = self.axis.most, _FIRST_JOLT * self.axis.most, 1.0
+        while length < _LONGEST:
+            n = round(_JOLTS * TICK_RATE)
+            stream = force * excitation.jolts(n, TICK_RATE, self.chance, length)
+            framed, still = excitation.framed(stream, TICK_RATE)
+            excited = push(self.axis, framed, self.free, still)
+            took = gesture(excited)
+            went = float(np.abs(took.position - took.start).max())
+            mass, sureness = signed_mass(took)
+            if went > self.shows and sureness > _SURE:
+                return (1 if mass > 0 else -1), abs(mass)
+            if went > _JOLTED * self.half:
+                break
+            if force < _JOLT_MAX * most:
+                force = min(1.5 * force, _JOLT_MAX * most)
+            else:
+                length *= 1.5
+        raise MeasurementError(
+            f"it could not be found how the key moves under {force:.2g} N: check the power of its "
+            "motor, and let go of the key"
+        )
+
+    def better(self, mass: float, gesture: Gesture) -> float:
+        """The mass as a rung tells it, where that is no more than the push told."""
+        if np.ptp(gesture.position) < 10 * self.shows:
+            return mass
+        return float(np.clip(first_guess([gesture])[0], 0.2 * mass, 1.5 * mass))
+
+    def guide(self, mass: float) -> Guide:
+        """The guide and the brake of a key of about this mass."""
+        stiffness = mass * _GUIDE**2
+        return Guide(
+            self.centre,
+            self.half,
+            (stiffness, 2 * _GUIDE_RATIO * _GUIDE * mass),
+            (_BRAKE_STIFFNESS * stiffness, _BRAKE_DAMPING * mass),
+            0.5 * self.axis.most / mass,
+        )

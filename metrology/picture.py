@@ -1,0 +1,53 @@
+"""What a key was asked, what it did, what its model does, and what is left: a picture as SVG."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ergon.view.curve import Curve
+from ergon.view.svg import panels
+
+if TYPE_CHECKING:
+    from .comparison import Replay
+    from .gesture import Floats
+
+_COLUMNS = 700  # of a picture: more points than two a column show nothing
+
+
+def picture(after: Replay, title: str, before: Replay | None = None) -> str:
+    """An SVG of the forces, of the real key and its model, and of their difference.
+
+    `before` is the replay of a model with less in it.
+    """
+    rate = after.gesture.rate
+    t = np.arange(after.gesture.force.size) / rate
+    real = np.where(after.gesture.counts, after.gesture.position, np.nan)
+    residuals = [_curve("residual", after.t, after.residual * 1e6)]
+    rows = [
+        ("force [N]", [_curve("asked", t, after.gesture.force)]),
+        (
+            "position [mm]",
+            [_curve("real", t, real * 1e3), _curve("model", t, after.model * 1e3)],
+        ),
+        ("residual [um]", residuals),
+    ]
+    if before is not None:
+        rows.insert(2, ("M K Z alone [um]", [_curve("residual", before.t, before.residual * 1e6)]))
+    return panels(rows, title=title)
+
+
+def _curve(name: str, t: Floats, x: Floats) -> Curve:
+    """A curve with its least and greatest value in each column of a picture."""
+    step = max(1, len(t) // _COLUMNS)
+    if step == 1:
+        return Curve(name, t.tolist(), x.tolist())
+    n = len(t) // step
+    parts, at = x[: n * step].reshape(n, step), np.arange(n) * step
+    low, high = (
+        at + np.argmin(np.nan_to_num(parts, nan=np.inf), axis=1),
+        at + np.argmax(np.nan_to_num(parts, nan=-np.inf), axis=1),
+    )
+    points = np.sort(np.stack([low, high], 1), axis=1).ravel()
+    return Curve(name, t[points].tolist(), x[points].tolist())

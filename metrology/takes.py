@@ -1,0 +1,112 @@
+"""The takes by which a key is measured, once the ladder has found what it bears."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import excitation
+from .gesture import TICKS_MIN
+from .ladder import DOUBTS, TICK_RATE, Guide, Ladder, TakeEnded, gesture, push, settle
+from .parameters import INDEX
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ergon import _core
+
+    from .gesture import Floats, Gesture
+
+KINDS = ("strikes", "rain", "held-out")
+HELD_OUT = 8.0  # s
+_SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
+_REACH, _TARGET = 0.4, 0.5  # of half the travel: enough, by the rough key too; what is aimed at
+_RUNG, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
+_MOST = 0.9  # of the force
+_WEAKER = 0.7  # where a safety stage held the axis at zero
+_PARTS_MAX = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Take:
+    """A take: its kind, its number where a safety stage cut it into parts, its gesture."""
+
+    kind: str
+    part: int
+    gesture: Gesture
+
+
+def record(
+    ladder: Ladder,
+    kind: str,
+    seconds: float,
+    target: Callable[[str, int], _core.RecordTarget | None],
+    seed: int = 0,
+) -> list[Take]:
+    """Takes of a kind that last so long [s] in all; `target` names the file of each, or None.
+
+    Where a safety stage holds the axis at zero, what was recorded counts, and a weaker part
+    follows.
+    Raises TakeEnded.
+    """
+    axis, takes, left = ladder.axis, [], seconds
+    guide = ladder.guide if ladder.needs_guide else ladder.guide.off
+    force = _borne(ladder, kind, guide, seed)
+    for part in range(1, _PARTS_MAX + 1):
+        stream = _stream(ladder, kind, left, force, seed + part)
+        framed, still = excitation.framed(stream, TICK_RATE)
+        settle(axis, ladder.guide)
+        excited = push(axis, framed, guide, still, target(kind, part), forgiven=True)
+        n = excited.sent().size
+        if n >= max(TICKS_MIN, still + TICK_RATE) or excited.end == "done":
+            takes.append(Take(kind, part, gesture(excited)))
+            left -= (n - still) / TICK_RATE
+        if excited.end not in DOUBTS:
+            break
+        if left < 1.0:
+            break
+        force *= _WEAKER
+    settle(axis, ladder.guide)
+    if not takes:
+        raise TakeEnded(excited.end)
+    return takes
+
+
+def _borne(ladder: Ladder, kind: str, guide: Guide, seed: int) -> float:
+    """The force of such a take that the key bears [N]: found by rungs, as on the ladder."""
+    axis, most = ladder.axis, _MOST * ladder.axis.most
+    force = min(most, 0.5 * ladder.force)
+    for rung in range(_RUNGS_MAX):
+        stream = _stream(ladder, kind, _RUNG, force, seed + 100 + rung)
+        settle(axis, ladder.guide)
+        excited = push(axis, stream, guide, forgiven=True)
+        if excited.end != "done" or excited.braked().any():
+            return _WEAKER * force
+        share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
+        if share >= _REACH or force >= most:
+            break
+        force = min(most, force * min(2.0, _TARGET / max(share, 1e-6)))
+    return force
+
+
+def _stream(ladder: Ladder, kind: str, seconds: float, force: float, seed: int) -> Floats:
+    """Forces of a take (n,) [N]."""
+    n, chance, rough = round(seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
+    reach = _REACH * ladder.guide.half
+    guided = rough.copy()
+    if ladder.needs_guide:
+        stiffness, damping = ladder.guide.guide
+        guided[INDEX["stiffness"]] += stiffness
+        guided[INDEX["damping"]] += damping
+    if kind == "held-out":
+        stream = excitation.knocks(rough, TICK_RATE, seconds, reach, force)
+    else:
+        quick = (
+            excitation.rain(n, chance)
+            if kind == "rain"
+            else excitation.strikes(n, TICK_RATE, chance)
+        )
+        stream = force * excitation.mixed(n, TICK_RATE, chance, quick, _SHARES[kind])
+    return excitation.within(stream, TICK_RATE, guided, reach)

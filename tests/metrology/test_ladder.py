@@ -1,0 +1,149 @@
+"""Ladders on keys of which nothing is known: no end of a travel is touched, the sign is found."""
+
+import numpy as np
+import pytest
+from measured_keys import FORCE_STEP, KEY, QUANTUM, RATE, Floats, path
+
+from ergon import _core
+from ergon.metrology import ladder, takes
+from ergon.metrology.ladder import Axis, Ladder, TakeEnded, climb
+from ergon.metrology.parameters import INDEX, total_mass
+from ergon.metrology.stages import measure
+
+
+def plant(seed: int) -> tuple[Floats, int, float, _core.Device]:
+    """A key, the sign of its motor, its travel and its device, all drawn."""
+    chance = np.random.default_rng(seed)
+    mass = np.exp(chance.uniform(np.log(0.02), np.log(0.8)))
+    stiffness = chance.uniform(0, 200) * (chance.random() > 0.25)
+    damping = chance.uniform(0.1, 2.5)
+    dry = chance.uniform(0.005, 0.15) * (chance.random() > 0.5)
+    travel = chance.uniform(0.03, 0.12)
+    if stiffness > 5:
+        weight = chance.uniform(-0.4, 0.4) * min(0.25 * stiffness * travel, 0.3)
+        start = -weight / stiffness
+    else:
+        weight, start = 0.0, chance.uniform(-0.1, 0.1) * travel
+    delay = chance.integers(4) / RATE
+    row = [mass, stiffness, damping, weight, dry, start, delay, 0.0, 0.0, 0.0]
+    if chance.random() < 0.3:
+        row += [0.05 * mass, chance.uniform(60, 250), 0.02]
+    sign = int(chance.choice([-1, 1]))
+    force_max = float(np.exp(chance.uniform(np.log(1.0), np.log(20))))
+    end = 0.5 * travel
+    device = _core.emulated_device(
+        "frame",
+        np.array(row),
+        rate=RATE,
+        travel=travel,
+        force_max=force_max,
+        noise=2e-6 * chance.uniform(0, 4),
+        resolution=float(chance.choice([0, 7e-6, 5e-5])),
+        seed=seed,
+        calibration=[_core.AxisCalibration(0, float(sign), 0.0, 1.0, (-end, end), force_max)],
+    )
+    return np.array(row), sign, travel, device
+
+
+def climbed(seed: int, monkeypatch: pytest.MonkeyPatch, rain: bool = False) -> float:
+    """How far a key went in all, as a part of half its travel."""
+    row, sign, travel, device = plant(seed)
+    farthest = 0.0
+
+    class Watched:
+        """The core, whose `excite` tells how far a key went."""
+
+        EngineError = _core.EngineError
+
+        @staticmethod
+        def excite(*arguments: object, **options: object) -> _core.Excited:
+            nonlocal farthest
+            excited = _core.excite(*arguments, **options)  # type: ignore[arg-type]
+            went = np.abs(excited.positions()).max(initial=0.0)
+            farthest = max(farthest, float(went) / (0.5 * travel))
+            return excited
+
+    monkeypatch.setattr(ladder, "_core", Watched)
+    found = climb(Axis(device))
+    assert found.axis.sign == sign, seed
+    assert abs(found.rough[0] / total_mass(row) - 1) < 0.5, seed
+    if rain:
+        takes.record(found, "rain", 3.0, lambda kind, part: None)
+        takes.record(found, "strikes", 3.0, lambda kind, part: None)
+    return farthest
+
+
+def test_no_end_of_a_travel_is_touched(monkeypatch: pytest.MonkeyPatch):
+    farthest = [climbed(seed, monkeypatch, rain=seed < 4) for seed in range(40)]
+    assert max(farthest) < 0.85, farthest
+
+
+@pytest.mark.slow
+def test_no_end_of_a_travel_is_touched_in_500_ladders(monkeypatch: pytest.MonkeyPatch):
+    farthest = [climbed(seed, monkeypatch, rain=True) for seed in range(500)]
+    assert max(farthest) < 0.95, farthest
+
+
+def emulated(row: Floats = KEY, **options: object) -> _core.Device:
+    known = {"travel": 30e-3, "force_max": 1.56, "resolution": QUANTUM, "noise": 0.5 * QUANTUM}
+    return _core.emulated_device("frame", row, rate=RATE, **{**known, **options})  # type: ignore[arg-type]
+
+
+def taken(found: Ladder, seconds: float = 8.0) -> list[takes.Take]:
+    each = takes.record(found, "rain", seconds, lambda kind, part: None)
+    return each + takes.record(found, "held-out", 6.0, lambda kind, part: None)
+
+
+def test_a_key_is_measured_by_its_device():
+    """Through the safety stages and the wire the key is known as well as its sensor allows."""
+    *fitted, apart = taken(climb(Axis(emulated(seed=3))))
+    found = measure([take.gesture for take in fitted], apart.gesture).fit
+    assert found.rms < 1.1 * np.hypot(0.5, 1 / np.sqrt(12)) * QUANTUM
+    for index in (0, 1, 2, 3, 4, INDEX["delay"], 10, 11, 12):
+        assert abs(found.row[index] - KEY[index]) < 4.5 * found.deviation(index), index
+    force = apart.gesture.force
+    truth = path(KEY, force, 176, 0.0)
+    replay = path(found.row, force, None, 0.0)
+    assert np.sqrt(np.mean((replay - truth) ** 2)) < 0.05 * QUANTUM
+
+
+def test_a_fader_without_a_spring_is_guided():
+    """A fader of eight bits both ways, as FireFader is one."""
+    fader = np.array([0.05, 0.0, 1.0, 0.0, 0.1, 2e-3, 0.0, 0.0, 0.0, 0.0])
+    device = _core.emulated_device("firefader", fader, rate=RATE, noise=1e-4)
+    found = climb(Axis(device, is_gated=False))
+    assert found.needs_guide
+    *fitted, apart = taken(found)
+    force = fitted[0].gesture.force
+    assert np.abs(force / FORCE_STEP - np.round(force / FORCE_STEP)).max() < 1e-4
+    fit = measure([take.gesture for take in fitted], apart.gesture).fit
+    for index in (0, 2, 4):
+        assert abs(fit.row[index] / fader[index] - 1) < 0.02, (index, fit.row)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"seconds": 4.0}, "the device was unplugged"),
+        ({"path": np.zeros(100_000)}, "a hand touched the key"),
+        ({"touch_gate": True}, "lets no force through"),
+    ],
+    ids=["unplugged", "hand", "gate"],
+)
+def test_what_goes_wrong_is_said(options: dict[str, object], told: str):
+    with pytest.raises(TakeEnded, match=told):
+        climb(Axis(emulated(**options)))
+
+
+def test_a_key_that_rests_near_an_end_has_no_room():
+    row = KEY.copy()
+    row[3], row[5] = 0.8, -0.8 / 60
+    with pytest.raises(ladder.MeasurementError, match="put it near the middle"):
+        climb(Axis(emulated(row)))
+
+
+def test_a_motor_without_power_is_told():
+    row = KEY.copy()
+    row[0], row[4] = 0.4, 20.0
+    with pytest.raises(ladder.MeasurementError, match="check the power of its motor"):
+        climb(Axis(emulated(row)))
