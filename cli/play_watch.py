@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ergon.repl.session_protocol import SessionProtocol
 
 _LOOK = 0.1  # [s] between two looks for messages
-# What a session has no way to do: it has no end, computes as it is edited, and finds its own plan.
-_EXCLUDED = ("loop", "frozen", "method", "error", "cents", "plan", "draft", "seed")
+# What a session has no way to do: it has no end, and finds its own plan.
+_EXCLUDED = ("loop", "method", "error", "cents", "plan", "draft", "seed")
 
 
 def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: bool) -> None:

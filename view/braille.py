@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from .curve import CURVES_MAX, Axis, Curve, axis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 # Bits of U+2800 by dot column (0, 1) and dot row (0 at the top); ISO/TR 11548-1.
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
@@ -55,36 +60,41 @@ def _columns(
     curve: Curve, t_axis: Axis, x_axis: Axis, columns: int, rows: int
 ) -> dict[int, tuple[int, int]]:
     """Which dots (lowest and highest row, from the top) the curve covers in each dot column."""
-    across, down = 2 * columns - 1, 4 * rows - 1
+    across = _parts(t_axis, curve.t) * (2 * columns - 1)
+    down = (1 - _parts(x_axis, curve.x)) * (4 * rows - 1)
+    is_finite = np.isfinite(across) & np.isfinite(down)
+    # A curve is drawn in one stroke until it has a gap or goes back in time.
+    is_new = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(across) < 0)
     covered: dict[int, tuple[int, int]] = {}
-
-    def cover(column: int, one: float, other: float) -> None:
-        top, bottom = sorted((round(one), round(other)))
-        low, high = covered.get(column, (top, bottom))
-        covered[column] = min(low, top), max(high, bottom)
-
-    before: tuple[float, float] | None = None
-    for t, x in zip(curve.t, curve.x, strict=True):
-        if not (isfinite(t) and isfinite(x)):
-            before = None
+    for stroke in np.split(np.arange(len(across)), np.flatnonzero(is_new) + 1):
+        if not is_finite[stroke[:1]].any():
             continue
-        point = t_axis.part(t) * across, (1 - x_axis.part(x)) * down
-        first = before or point
-        before = point
-        if point[0] < first[0]:  # back in time: a point of its own
-            first = point
-        start, stop = round(first[0]), round(point[0])
-        for column in range(start, stop + 1):
-            ends = (max(column - 0.5, first[0]), min(column + 0.5, point[0]))
-            cover(column, *(_between(first, point, at) for at in ends))
+        first, top, bottom = _stroke(across[stroke], down[stroke])
+        for column, ends in enumerate(zip(top.tolist(), bottom.tolist(), strict=True), first):
+            low, high = covered.get(column, ends)
+            covered[column] = min(low, ends[0]), max(high, ends[1])
     return covered
 
 
-def _between(one: tuple[float, float], other: tuple[float, float], at: float) -> float:
-    if other[0] <= one[0]:
-        return other[1]
-    part = min(max((at - one[0]) / (other[0] - one[0]), 0.0), 1.0)
-    return one[1] + part * (other[1] - one[1])
+def _parts(axis: Axis, values: Sequence[float]) -> NDArray[np.float64]:
+    """`Axis.part` of each value."""
+    return (np.asarray(values, np.float64) - axis.low) / (axis.high - axis.low)
+
+
+def _stroke(
+    across: NDArray[np.float64], down: NDArray[np.float64]
+) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
+    """The first column of a stroke, and the lowest and the highest row in each of its columns."""
+    column = np.rint(across).astype(np.int64)
+    first, n_columns = int(column[0]), int(column[-1] - column[0]) + 1
+    middles = np.arange(first, first + n_columns)
+    # It enters and leaves a column at its edges, or begins and ends within it.
+    enters = np.interp(np.maximum(middles - 0.5, across[0]), across, down)
+    leaves = np.interp(np.minimum(middles + 0.5, across[-1]), across, down)
+    top, bottom = np.minimum(enters, leaves), np.maximum(enters, leaves)
+    np.minimum.at(top, column - first, down)
+    np.maximum.at(bottom, column - first, down)
+    return first, np.rint(top).astype(np.int64), np.rint(bottom).astype(np.int64)
 
 
 def _legend(curves: Sequence[Curve], x_label: str, margin: int) -> str:

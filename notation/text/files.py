@@ -181,7 +181,15 @@ class Files:
     def required(self, name: str, folder: Path, asked: Place) -> Document | None:
         """The document that a file names; None after a report."""
         path = self.locate(name, folder, asked)
-        return None if path is None else self.open(path, asked)
+        if path is None:
+            return None
+        is_new, n_reports = str(path) not in self.documents, self.collector.told
+        document = self.open(path, asked)
+        if document is None or document.root is not None:
+            return document
+        if is_new and self.collector.told == n_reports:  # nothing in it was refused
+            self._refuse("E103", f"{name} is empty", str(path), asked)
+        return None
 
     def plain(self, name: str, folder: Path, asked: Place) -> Document | None:
         """A text that is no YAML, such as a table; None after a report."""

@@ -209,7 +209,9 @@ def _defined(texts: Texts, name: str) -> list[str]:
             known += node.entries
             if name in node.entries:
                 first, last = node.entries[name]
-                row, stop = document.row(first.start), document.row(max(last.end - 1, last.start))
+                # A block of YAML ends where the next entry begins: what is blank is not its own.
+                end = last.start + len(document.text[last.start : last.end].rstrip())
+                row, stop = document.row(first.start), document.row(max(end - 1, last.start))
                 numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))
                 return [f"{number:5} {document.line(number)}" for number in numbers]
     close = nearest(name, known)

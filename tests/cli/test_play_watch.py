@@ -67,3 +67,18 @@ def test_what_a_session_cannot_do_is_refused(
     monkeypatch.setattr(local_session, "begin", lambda *_: pytest.fail("a session was opened"))
     assert app.run(["play", "a.yaml", "--watch", *option]) == 2
     assert f"--watch excludes {option[0]}" in capsys.readouterr().err
+
+
+def test_frozen_parts_are_the_session_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text(SCORE)
+    assert app.run(["render", "a.yaml", "--freeze", "bell", "-q"]) == 0
+    opened = []
+
+    def begin(path, options, console):
+        opened.append(options)
+        raise Refused("that is all")
+
+    monkeypatch.setattr(local_session, "begin", begin)
+    assert app.run(["play", "a.yaml", "--watch", "--frozen", "a.frozen"]) == 2
+    assert [Path(options.frozen) for options in opened] == [Path("a.frozen")]

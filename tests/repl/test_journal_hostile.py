@@ -220,7 +220,8 @@ def hostile(chance: random.Random, box: Sandbox) -> bytes:
                 event["overlay"][path] = text
             disk = event.setdefault("disk", {})
             there = chance.choice(("keys.yaml", "score.yaml", "tool.py", ".bashrc"))
-            disk[path] = hashlib.sha256((box.outside / there).read_bytes()).hexdigest()
+            if isinstance(disk, dict):
+                disk[path] = hashlib.sha256((box.outside / there).read_bytes()).hexdigest()
         elif kind == 5:
             name = chance.choice(("overlay", "gains", "muted", "solo", "disk", *event))
             event[name] = said(chance.choice([*NUMBERS, *PATHS, {"a": {}}, {"bell": "x"}, [["x"]]]))

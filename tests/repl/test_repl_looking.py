@@ -41,6 +41,7 @@ def test_a_parameter_is_shown_as_it_sounds(own: Stepped):
     """Lines that wait for their bar do not count, and automation leads it."""
     own.run(1.0)
     definition = own.ok("show bell").lines
+    assert [line[6:] for line in definition][::4] == ["  bell:", "    out: {SOX: m}"]
     assert own.ok("show bell.m.f").lines == ("bell.m.f: 220.0Hz", *definition)
     assert own.ok("? bell.m.K").lines[0] == "bell.m.K: 3821.89N/m"
     assert own.ok("show bell.b.gap").lines[0] == "bell.b.gap: 0.001m"

@@ -43,3 +43,25 @@ def test_a_file_of_names_is_told_of_nothing(tmp_path: Path):
     path = tmp_path / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
     assert not [one for one in load(path).diagnostics if one.code == "W330"]
+
+
+@pytest.mark.parametrize("text", ["", "# keys are to come\n"])
+@pytest.mark.parametrize(
+    "score",
+    [
+        SCORE + "gestures: {}\n",
+        "ergon: 1\nkeys: {k1: {calib: other.yaml}}\n",
+        "ergon: 1\nmix: {layout: other.yaml}\n",
+    ],
+    ids=["use", "calib", "layout"],
+)
+def test_an_empty_file_is_refused_where_it_is_named(tmp_path: Path, text: str, score: str):
+    """Names that the score lacks went on to the engine, which was an internal error."""
+    (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
+    path = tmp_path / "score.yaml"
+    path.write_text(score, encoding="utf-8")
+    found = load(path)
+    assert found.has_errors
+    (empty,) = [one for one in found.diagnostics if one.code == "E103" and "empty" in one.message]
+    assert empty.message == "other.yaml is empty"
+    assert empty.place.file == str(path)

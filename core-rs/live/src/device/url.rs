@@ -133,6 +133,14 @@ impl Url {
                 _ => "a path or an address must follow the colon".to_owned(),
             }));
         }
+        if kind.is_serial() && is_network_address(target) {
+            return Err(bad(match kind {
+                Kind::Frame => format!(
+                    "'{target}' is a network address; over a network a frame is frame+udp:{target}"
+                ),
+                _ => format!("'{target}' is a network address, and {name} takes a serial port"),
+            }));
+        }
         let mut url = Self {
             kind,
             target: target.to_owned(),
@@ -205,6 +213,14 @@ impl Url {
     }
 }
 
+/// Whether a target is `HOST:PORT`; no serial port is called so.
+fn is_network_address(target: &str) -> bool {
+    let is_port = |text: &str| text.parse::<u16>().is_ok();
+    target
+        .rsplit_once(':')
+        .is_some_and(|(host, port)| !host.contains('/') && is_port(port))
+}
+
 impl fmt::Display for Url {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         to.write_str(&self.text)
@@ -241,6 +257,8 @@ mod tests {
             ("emul:?masss=1", "masss"),
             ("frame:/dev/x?mass", "'mass'"),
             ("frame:/dev/x#one", "number of an axis"),
+            ("frame:127.0.0.1:9999", "frame+udp:127.0.0.1:9999"),
+            ("firefader:board.local:80", "takes a serial port"),
         ] {
             let said = Url::parse(text).unwrap_err().to_string();
             assert!(said.contains(word), "{text}: {said}");
