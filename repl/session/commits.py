@@ -181,7 +181,13 @@ class Commits:
 
         Raises NotTakenError or StageError, and then nothing has changed.
         """
-        place = sum(one.is_before(waiting) for one in self.waiting)
+        return self._insert(waiting, sum(one.is_before(waiting) for one in self.waiting))
+
+    def take_last(self, waiting: Waiting) -> Running:
+        """As `take`, behind all lines of its frame, in the order in which a journal has them."""
+        return self._insert(waiting, sum(one.start <= waiting.start for one in self.waiting))
+
+    def _insert(self, waiting: Waiting, place: int) -> Running:
         before, after = self.waiting[:place], self.waiting[place:]
         made = self._make_all([*before, waiting])
         self._replace_queue([*before, waiting], made, after)

@@ -150,7 +150,7 @@ class ReplayedSession:
                     bool(event.fields.get("resets")),
                     number=number,
                 )
-                self._versions[number] = PastVersion.of(self._commits.take(waiting).version)
+                self._versions[number] = PastVersion.of(self._commits.take_last(waiting).version)
                 self._done = event
         with _errors_placed(self._done):
             self._commits.tick()

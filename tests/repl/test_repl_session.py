@@ -14,6 +14,7 @@ from sessions import EVERY, Stepped
 
 from ergon.repl.language import commands as c
 from ergon.repl.session import version_edits
+from ergon.repl.session.journal_content import read_journal
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
@@ -285,6 +286,26 @@ def test_the_journal_renders_the_same_samples(session):
     assert np.max(np.abs(again)) > 0
     assert np.array_equal(again, session.sound[: len(again)])
     assert len(again) == len(session.sound)
+
+
+def test_lines_of_one_frame_keep_their_order_in_the_journal(session):
+    """A jump makes two lines due at once, the one of the later beat first."""
+    commits = session.session.commits
+    session.ok("play")
+    session.run(1.0)
+    session.ok("set bell.m.f 300Hz in 3")
+    session.ok("stop now")
+    session.run(0.5)
+    commits.making_seconds = 10.0  # as on a slow machine: this line waits longer than the other
+    session.ok("set bell.m.f 400Hz")
+    commits.making_seconds = 0.0
+    session.ok("play from 100|1")
+    session.ok("ada plays knock every 1 now")
+    session.run(3.0)
+    done = [event.get("number", int) for _, _, event in read_journal(session.journal).commits]
+    assert done.index(2) + 1 == done.index(4)
+    session.close()
+    assert np.array_equal(session.again(), session.sound)
 
 
 def test_a_saved_score_keeps_its_comments_and_passes(session, tmp_path):
