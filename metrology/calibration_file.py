@@ -156,7 +156,7 @@ def read(said: str) -> Calibration:
     for line in said.splitlines():
         if found := _MODE.match(line):
             mass, frequency, decay = found.groups()
-            ratio = _DECAY / (2 * np.pi * float(frequency) * float(decay)) if decay else 0.0
+            ratio = LN_1000 / (2 * np.pi * float(frequency) * float(decay)) if decay else 0.0
             modes.append((float(mass) / 1e3, float(frequency), float(ratio)))
         elif line.startswith("date: "):
             date = line.removeprefix("date: ").strip()

@@ -1,4 +1,4 @@
-"""The pictures of `docs/gallery.md`: a spectrogram of each piece on it, or of those named."""
+"""The pictures and figures of `docs/gallery.md`: of all pieces on it, or of those named."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from docs.generators.spectra import spectrogram
+from numpy.typing import NDArray
 
 from ergon.cli.demo import bundled
 from ergon.scores.reading.load import load
@@ -16,10 +17,13 @@ from ergon.scores.staging.stage import stage
 PAGE = Path(__file__).parents[1] / "gallery.md"
 FOLDER = PAGE.with_suffix("")
 _BLOCK = 65_536  # frames
+_WINDOW = 4096
+_LOWEST, _BRIGHT, _HIGHEST = 20.0, 2000.0, 16_000.0  # Hz
+_LEVELS_S = 0.1  # of each level that dynamics are taken from
 
 
-def draw(path: Path) -> str:
-    """SVG of the mean of all channels of a score, played to its end."""
+def drawn(path: Path) -> tuple[str, str]:
+    """SVG and a line of features of the mean of all channels of a score, played to its end."""
     loaded = load(path)
     if loaded.piece is None:
         raise ValueError(str(loaded.diagnostics))
@@ -33,17 +37,49 @@ def draw(path: Path) -> str:
         mixed = np.zeros((n_frames, staged.n_channels))
         mixer.process(frames, mixed)
         heard.append(mixed.mean(axis=1))
-    title = loaded.piece.title or path.stem
-    return spectrogram(np.concatenate(heard)[None, :], staged.rate, title)
+    sound = np.concatenate(heard)
+    picture = spectrogram(sound[None, :], staged.rate, loaded.piece.title or path.stem)
+    return picture, features(sound, staged.rate, loaded.piece.render.tail)
+
+
+def features(sound: NDArray[np.float64], rate: float, tail: float) -> str:
+    """Length, centre of the spectrum, level above 2 kHz and dynamics of a sound, as a line."""
+    window = np.hanning(_WINDOW)
+    power = sum(
+        np.abs(np.fft.rfft(sound[first : first + _WINDOW] * window)) ** 2
+        for first in range(0, len(sound) - _WINDOW, _WINDOW // 2)
+    )
+    f = np.fft.rfftfreq(_WINDOW, 1 / rate)
+    heard = (f >= _LOWEST) & (f < _HIGHEST)
+    centre = float(np.sum(f[heard] * power[heard]) / np.sum(power[heard]))
+    above = 10 * np.log10(np.sum(power[heard & (f > _BRIGHT)]) / np.sum(power[heard]))
+    wide = int(_LEVELS_S * rate)
+    n_levels = int((len(sound) / rate - tail) / _LEVELS_S)
+    levels = np.sqrt(np.mean(sound[: n_levels * wide].reshape(n_levels, wide) ** 2, axis=1))
+    soft, loud = 20 * np.log10(np.percentile(levels, [10, 95]) + 1e-30)
+    return (
+        f"{len(sound) / rate:.0f} s; centre of the spectrum {centre:,.0f} Hz, "
+        f"{_said(above)} above 2 kHz; "
+        f"{loud - soft:.0f} dB from soft to loud."
+    )
+
+
+def _said(level: float) -> str:
+    return f"{level:.0f} dB".replace("-", "\N{MINUS SIGN}")
 
 
 def main() -> None:
-    """Play the pieces and write their pictures."""
+    """Play the pieces, write their pictures, and put what was measured under each."""
     FOLDER.mkdir(exist_ok=True)
     pieces = bundled()
-    shown = re.findall(r"\(gallery/(.+)\.svg\)", PAGE.read_text(encoding="utf-8"))
+    page = PAGE.read_text(encoding="utf-8")
+    shown = re.findall(r"\(gallery/(.+)\.svg\)", page)
     for name in sys.argv[1:] or shown:
-        (FOLDER / f"{name}.svg").write_text(draw(pieces[name]), encoding="utf-8")
+        picture, line = drawn(pieces[name])
+        (FOLDER / f"{name}.svg").write_text(picture, encoding="utf-8")
+        below = re.compile(rf"(\(gallery/{name}\.svg\)\n\n)(?:\d+ s; centre .+\n\n)?")
+        page = below.sub(lambda found, line=line: f"{found[1]}{line}\n\n", page)
+        PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

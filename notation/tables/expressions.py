@@ -37,6 +37,9 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
 _SPACE = re.compile(r"\s*")
 _OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
+_BEGUN = re.compile(r"\s*(\d+\|[\d./]+|[^\W\d]\w*(?:-[^\W\d]\w*)*)\s*([+-])(.+)")  # B+2, 3|1-gap
+_BAR_BEAT = re.compile(r"\s*\d+\|[\d./]+\s*")
+_MARKED = re.compile(r"\s*([^\W\d]\w*(?:-[^\W\d]\w*)*)")
 _PATH = re.compile(r"[A-Za-z_]\w*(\.[^\s.()*/]+)+")  # a member or a module, such as bell.m
 _SIGNS_OF_WORDS = re.compile(r"[*/(]|\w\+\d")  # no name has these
 _LETTERS = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}
@@ -319,6 +322,10 @@ def _read(section: document.Mapping) -> Lets:
             message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
             found.wrong.append((key, TextError(message, length=len(word), code="E104")))
             continue
+        if _BAR_BEAT.fullmatch(node.text):
+            message = f"{quote(node.text.strip())} is a position; name it under `marks:`"
+            found.wrong.append((node, TextError(message, length=len(node.text), code="E201")))
+            continue
         try:
             found.names[word] = evaluate(node.text, found.names)
         except TextError as error:
@@ -384,6 +391,46 @@ def word_value(word: str, of: Document, parse: Callable[[str], _T]) -> _T:
     except TextError as error:
         message = f"{quote(word)} is {said}: {error.message}"
         raise TextError(message, length=len(word), code=error.code) from None
+
+
+def position(text: str, of: Document, parse: Callable[[str], _T]) -> _T:
+    """Read a position: names of `let:` stand in it for beats and lengths, if no mark has the name.
+
+    Raises TextError.
+    """
+    names = lets(of).names
+    begun = _BEGUN.fullmatch(text)
+    try:
+        found = parse(text)
+        if getattr(found, "mark", None) not in names or _is_mark(text, of):
+            return found
+    except TextError:
+        is_name_meant = names and begun is not None and begun[3].lstrip()[:1].isalpha()
+        if not (has_name(text, of) or is_name_meant or re.search(r"[*(]", text)):
+            raise
+    if begun is None or (begun[1] in names and not _is_mark(text, of)):
+        said = evaluate(text, names).literal
+    else:
+        try:
+            length = evaluate(begun[3], names)
+        except TextError as error:
+            error.offset += begun.start(3)
+            raise
+        sign = "+" if (begun[2] == "+") == (length.number >= 0) else "-"
+        said = f"{begun[1]}{sign}{Amount(abs(length.number), length.unit).literal}"
+    try:
+        return parse(said)
+    except TextError as error:
+        message = f"{quote(text.strip())} is {said}: {error.message}"
+        raise TextError(message, length=max(1, len(text)), code=error.code) from None
+
+
+def _is_mark(text: str, of: Document) -> bool:
+    """Whether a position begins with a mark of its own file."""
+    root, begun = of.root, _MARKED.match(text)
+    marks = root.entries.get("marks") if isinstance(root, document.Mapping) else None
+    known = marks[1] if marks is not None else None
+    return begun is not None and isinstance(known, document.Mapping) and begun[1] in known.entries
 
 
 def note_of(word: str, of: Document) -> str | None:

@@ -118,12 +118,15 @@ class Text(Shape):
     inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
     is_value: bool = False  # names of `let:` and arithmetic may stand for it
     has_values: bool = False  # names of `let:` may stand for words of it
+    is_position: bool = False  # both may stand where no mark has the name
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if not isinstance(node, Scalar):
             return wrong_shape(self, node, name, context)
         try:
+            if self.is_position:
+                return expressions.position(node.text, node.document, self.parse)
             if self.has_values:
                 return expressions.with_names(node, self.parse)
             return self.parse(node.text)
@@ -132,6 +135,12 @@ class Text(Shape):
                 return self._computed(node, name, context, error)
             context.text_error(error, node, name, self.inside)
             return MISSING
+
+    def of_word(self, word: str, of: document.Document) -> Any:
+        """The value of a word of a table. Raises TextError."""
+        if self.is_position:
+            return expressions.position(word, of, self.parse)
+        return expressions.word_value(word, of, self.parse)
 
     def _computed(self, node: Scalar, name: str, context: Context, plain: TextError) -> Any:
         """The value of a node that is no plain one: an expression, or a mistake."""
@@ -163,7 +172,7 @@ class Text(Shape):
             schema["enum"] = list(self.choices)
         if self.pattern:
             pattern = self.pattern
-            if self.is_value:
+            if self.is_value or self.is_position:
                 pattern = f"^(?:{pattern.removeprefix('^').removesuffix('$')}|{EXPRESSION})$"
             schema |= {"pattern": pattern, "patternErrorMessage": f"Expected: {self.what}"}
         return schema

@@ -159,6 +159,7 @@ WHEN = Text(
     _cached(parse_position),
     "a position in the piece, such as 3|2.5, B+2, 12.5s or beats",
     f"^({_POSITION})$",
+    is_position=True,
 )
 LENGTH = Text(
     _cached(parse_length),

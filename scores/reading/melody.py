@@ -17,7 +17,6 @@ from ergon.notation.tables.expressions import (
     has_name,
     is_computed,
     note_of,
-    word_value,
 )
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
@@ -168,7 +167,7 @@ class Entries(Shape):
         shape = self.entry.by_name[field].shape
         assert isinstance(shape, Text)
         try:
-            return word_value(word, node.document, shape.parse)
+            return shape.of_word(word, node.document)
         except TextError as error:
             error.offset += offset
             context.text_error(error, node, field, inside=False)

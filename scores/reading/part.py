@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.expressions import word_value
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
@@ -214,7 +213,7 @@ def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
         context.error("E108", f"{name!r} is not built yet for a part", _place(word, node))
         return MISSING
     try:
-        return word_value(word.text, node.document, shape.parse)
+        return shape.of_word(word.text, node.document)
     except TextError as error:
         error.offset += word.offset
         context.text_error(error, node, name, inside=False)

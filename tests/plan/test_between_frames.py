@@ -13,13 +13,13 @@ from ergon.scores.reading.load import load
 from ergon.scores.staging import planning
 from ergon.scores.staging.stage import Stage, prepare
 
-LIBRARY = Path(__file__).parents[2] / "scores" / "library"
+PIECES = Path(__file__).parents[1] / "data" / "pieces"
 CONTACTS = [*(f"hammer-{i}" for i in (0, 6, 9, 15, 17, 20, 24)), "multi-0", "multi-14", "multi-16"]
 LAWS = ["laws-10", "laws-23", "hard-7", "hard-8"]
 
 
-def load_bundled(name: str) -> Stage:
-    piece = load(str(LIBRARY / f"{name}.yaml")).piece
+def piece_of_data(name: str) -> Stage:
+    piece = load(str(PIECES / f"{name}.yaml")).piece
     assert piece is not None
     return prepare(piece)
 
@@ -99,8 +99,8 @@ def test_contacts_that_chaos_moves_are_not_computed_ever_finer():
 
 
 def test_contacts_that_turn_at_one_instant_end():
-    """The bundled two keys: two contacts took turns for ever, and the plan never came."""
-    ready = load_bundled("two-keys")
+    """Two keys, a bell and a tamtam: two contacts took turns for ever, and the plan never came."""
+    ready = piece_of_data("two-keys")
     rows = _core.Plan(ready.network, ready.timeline, error_db=-60.0).rows()
     assert rows[0].contact_substeps == 2
 

@@ -118,7 +118,7 @@ def test_what_is_linear_but_for_a_blow_is_judged_by_its_waveform(heard: str):
 
 
 def test_so_is_a_bow_that_pulls_its_string_out_of_phase():
-    piece = load(str(Path(_core.__file__).parent / "scores" / "library" / "hand.yaml")).piece
+    piece = load(str(Path(__file__).parents[1] / "data" / "pieces" / "hand.yaml")).piece
     assert piece is not None
     hand = Score(piece).at(RATE)
     rows = _core.Plan(hand.network, hand.timeline).rows()

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from edited import DUET, ROOT, SCORES, TEMPO, TWO, lines, opened, piece_of
+from edited import DUET, PIECES, SCORES, TEMPO, TWO, lines, opened, piece_of
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import keys, names, times
@@ -71,7 +71,7 @@ def test_a_gesture_is_what_was_said(name):
 def test_a_gesture_of_a_file_is_redefined_there():
     texts, _ = opened(TEMPO)
     after = names.define(texts, "tap", "0@0 smooth 7@1/8 0@1/4")
-    file = str(ROOT / "scores" / "library" / "gestures" / "common.yaml")
+    file = str(PIECES / "gestures" / "common.yaml")
     assert after.text == texts.text
     assert lines(texts, after, file)[1] == [
         "tap: 0@0 smooth 7@1/8 0@1/4     # throws a hammer over a gap of 7 mm"

@@ -372,3 +372,81 @@ def test_a_wrong_value_where_no_field_is_has_one_message() -> None:
     text = "ergon: 1\ninstruments: {b: {from: bell/bell, t60: 3x}}\n"
     (found,) = load("score.yaml", text=text).diagnostics
     assert (found.code, found.place.column) == ("E203", 42)
+
+
+PLACED = """\
+ergon: 1
+{let}tempo: [{{at: 1|1, bpm: 60}}]
+marks: {{A: {mark}, c: 3|1}}
+instruments: {{bell: {{modules: {{m: {{CEL: {{M: 2g, f: A4, t60: 1s}}}}}}, out: {{SOX: m}}}}}}
+keys: {{k: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}}}
+gestures: {{knock: 0mm@0 smooth 3mm@1/8}}
+players: {{ada: {{key: k}}}}
+strikes:
+  one: {{to: bell.m, at: {one}, until: {until}, every: 1, impulse: 1mNs}}
+  rows: |
+    {row}  bell.m  1mNs
+parts:
+  ada: |
+    {at}  knock every 1 until {cell}
+mix: {{channels: 1, route: [{{from: bell, to: 1}}]}}
+"""
+
+
+def test_names_and_arithmetic_stand_in_positions():
+    let = "let: {first: 4, gap_: 1/2, later: 250ms, c: 7, step: 2bar}\n"
+    named = {
+        "mark": "first*2",
+        "one": "(first + 1)*2",
+        "until": "3|1 + step",
+        "row": "A+3*gap_",
+        "at": "c+later",  # a mark has the name: it wins
+        "cell": "c+2*step",
+    }
+    plain = {
+        "mark": "8",
+        "one": "10",
+        "until": "3|1+2bar",
+        "row": "A+1.5",
+        "at": "c+250ms",
+        "cell": "c+4bar",
+    }
+    found = [
+        load("s.yaml", text=PLACED.format(let=said, **values))
+        for said, values in ((let, named), ("", plain))
+    ]
+    assert [one.diagnostics for one in found] == [[], []]
+    marks, strikes, parts = (
+        [
+            [one.piece.tempo_map.resolve(value.at) for value in getattr(one.piece, name)]
+            for one in found
+        ]
+        for name in ("marks", "strikes", "parts")
+    )
+    assert marks[0] == marks[1]
+    assert strikes[0] == strikes[1]
+    assert parts[0] == parts[1]
+
+
+@pytest.mark.parametrize(
+    ("at", "code", "said"),
+    [
+        ("step*2", "E204", "'step*2' is 4bar: a number of bars is not a position"),
+        ("first*400g", "E203", "is 1.6kg"),
+        ("A+frst", "E201", "'frst' is no name"),
+        ("first*", "E201", "a value is missing"),
+        ("A+(first", "E201", "never closed"),
+        ("3|1+first*x", "E201", "'x' is no name"),
+    ],
+)
+def test_positions_that_are_none_say_so(at: str, code: str, said: str):
+    text = f"ergon: 1\nlet: {{first: 4, step: 2bar}}\nmarks: {{A: 2|1, B: '{at}'}}\n"
+    (found,) = load("s.yaml", text=text).diagnostics
+    assert found.code == code
+    assert said in found.message
+    assert found.place.line == 3
+
+
+def test_a_position_among_named_values_is_sent_to_the_marks():
+    (found,) = load("s.yaml", text="ergon: 1\nlet: {first: 3|1}\n").diagnostics
+    assert "name it under `marks:`" in found.message

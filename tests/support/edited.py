@@ -11,9 +11,8 @@ ROOT = Path(__file__).parents[2]
 BUNDLED = sorted(ROOT.glob("scores/library/*.yaml"))
 TEMPLATES = sorted(ROOT.glob("cli/templates/*/score.yaml"))
 SCORES = [str(path) for path in BUNDLED + TEMPLATES]
-DUET, TEMPO, TWO = (
-    str(ROOT / "scores" / "library" / name) for name in ("duet.yaml", "tempo.yaml", "two-keys.yaml")
-)
+PIECES = ROOT / "tests" / "data" / "pieces"
+DUET, TEMPO, TWO = (str(PIECES / f"{name}.yaml") for name in ("duet", "tempo", "two-keys"))
 
 
 def opened(path, text=None):
