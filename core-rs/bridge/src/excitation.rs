@@ -224,6 +224,7 @@ pub(crate) fn emulated_device(
             1
         },
         key,
+        network: None,
         model: Some(model),
         rate,
         hands,
