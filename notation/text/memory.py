@@ -30,9 +30,13 @@ class Memory:
         self.lines: dict[tuple[str, str], dict[str, Line]] = {}
         self._held: dict[str, tuple[Any, Any]] = {}
 
-    def begin(self) -> Collector:
-        """Another reading; where it reports."""
-        self._before, self._now = self._now, {}
+    def begin(self, *, is_whole: bool = True) -> Collector:
+        """Another reading; where it reports.
+
+        One that is not whole, of names alone, needs little: what it leaves aside is not forgotten.
+        """
+        if is_whole:
+            self._before, self._now = self._now, {}
         self._collector.clear()
         return self._collector
 

@@ -26,6 +26,7 @@ from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading import leads
 from ergon.scores.reading.piece import Key, Piece, Strikes
+from ergon.scores.reading.uses import Names
 
 END = "end"  # the mark at which a scene begins again
 
@@ -53,8 +54,10 @@ class Scene:
 def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | None = None) -> Texts:
     """Let the scene be played from a beat on, again and again until another; all else rests.
 
-    Its gestures, takes, couplings, strikes and automation come with it. Raises EditError.
+    Its gestures, takes, couplings, strikes and automation come with it. `piece` is what `texts`
+    say. Raises EditError.
     """
+    here = texts.load().names
     missing = next((name for name in scene.piece.players if name not in piece.players), None)
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
         raise EditError(f"this score has no player {missing}, who plays in the scene")
@@ -72,7 +75,7 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
             if at + begin < last
         ]
         texts = parts.ended(texts, piece, player, at, new)
-    texts = _defined(texts, scene)
+    texts = _defined(texts, here, scene)
     texts = _coupled(texts, piece, scene, at, None if until is None else stop)
     for strikes in scene.piece.strikes:
         texts = _struck(texts, piece, scene, strikes, at, last, stop)
@@ -134,10 +137,12 @@ def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
         yield begin, entry
 
 
-def _defined(texts: Texts, scene: Scene) -> Texts:
-    """The gestures and takes of a scene, where they differ or are missing."""
-    here, _ = texts.names()
-    there, _ = scene.texts.names()
+def _defined(texts: Texts, here: Names | None, scene: Scene) -> Texts:
+    """The gestures and takes of a scene, where they differ from those that are `here` or are
+    missing."""
+    there = scene.texts.load().names
+    assert here is not None  # a score without a text has no scenes
+    assert there is not None
     for section in ("gestures", "takes"):
         for name, entry in there.tables[section].items():
             own = here.tables[section].get(name)

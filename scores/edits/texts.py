@@ -107,7 +107,7 @@ class Texts:
 
     def names(self) -> tuple[Names, Uses]:
         """Every name that the score knows, with the node where it is written."""
-        collector = self.memory.begin()
+        collector = self.memory.begin(is_whole=False)
         home = Path(self.path).parent
         files = Files(collector, home, self.overlay, self.memory, self.bounds, sealed=self.sealed)
         uses = Uses(files, collector)

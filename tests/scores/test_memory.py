@@ -10,10 +10,16 @@ import pytest
 
 from ergon.notation.text import document
 from ergon.notation.text.memory import Memory
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading import matter
 from ergon.scores.reading.load import Loaded, load
 
 _LIBRARY = Path(__file__).parents[2] / "scores" / "library"
 _SCORES = sorted(path.name for path in _LIBRARY.glob("*.yaml"))
+_BELL = """\
+ergon: 1
+instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 440Hz, t60: 0.5s}}}, out: {SOX: m}}}
+"""
 STEPS = 16  # of each score, one after the other
 _NUMBER = re.compile(r"\d+")
 _STRANGE = (
@@ -142,3 +148,24 @@ def test_two_instruments_may_be_one_node() -> None:
         for _ in range(2):
             kept = load("s.yaml", text=text, memory=memory)
             assert _told(kept) == _told(load("s.yaml", text=text))
+
+
+def test_a_reading_of_names_forgets_no_instrument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A scene reads names between two whole readings, which each read a hundred modules again."""
+    path = tmp_path / "score.yaml"
+    path.write_text(_BELL, encoding="utf-8")
+    texts = Texts.read(path)
+    read: list[str] = []
+    instrument = matter.instrument
+    monkeypatch.setattr(
+        matter, "instrument", lambda node, *rest: read.append("one") or instrument(node, *rest)
+    )
+    assert texts.changed(_BELL + "seed: 2\n").load().piece is not None
+    assert not read
+    for _ in range(3):
+        texts.names()
+    assert texts.changed(_BELL + "seed: 3\n").load().piece is not None
+    assert not read
+    changed = texts.changed(_BELL.replace("440Hz", "450Hz")).load().piece
+    assert changed is not None
+    assert read == ["one"]
