@@ -32,10 +32,8 @@ TICK_RATE = RATE / FRAMES
 RUNG = 2.0  # s
 _FIRST, _MOST = 0.05, 0.9  # of the force
 _RUNGS_MAX = 12
-_ENOUGH, _TARGET = (
-    0.4,
-    0.55,
-)  # of half the travel: a rung that goes so far is the last; what is aimed at
+_ENOUGH = 0.4  # of half the travel: a rung that goes so far is the last
+_TARGET = 0.55  # of half the travel: what the next rung aims at
 _BRAKED = 3  # rungs that were braked, until no further one is tried
 _RAIN = 0.3  # of the force of a rung
 # The guide: a pole of so many rad/s, and the brake in multiples of it; a delay of 10 ms is borne.
@@ -43,10 +41,12 @@ _GUIDE, _GUIDE_RATIO = 12.0, 0.8
 _BRAKE_STIFFNESS, _BRAKE_DAMPING = 3.0, 45.0  # of the guide's; 1/s of the mass
 _SPRING = 40.0  # (rad/s)²: with a faster spring of its own a key needs no guide
 _NEAR = 0.35  # of half the range: a key that rests nearer to an end has no room
-# Jolts that show which way the motor goes: for how long [s]; of the force, at first, at most; how
-# far they may take the key, of half its travel; the mass they tell over its deviation, at least;
-# how many times as long each may be.
-_JOLTS, _FIRST_JOLT, _JOLT_MAX, _JOLTED, _SURE, _LONGEST = 0.6, 0.01, 0.8, 0.2, 15.0, 6.0
+# Jolts show which way the motor goes, and about what it moves.
+_JOLTS = 0.6  # s
+_FIRST_JOLT, _JOLT_MAX = 0.01, 0.8  # of the force
+_JOLTED = 0.2  # of half the travel: a jolt that goes farther is the last
+_SURE = 15.0  # the mass over its deviation, from which on it is believed
+_LONGEST = 6.0  # times the length of the first jolts, at most
 _IN_TIME = 0.75  # of the ticks: replies, without which nothing can be measured
 _RESTS = 3.0  # s at most, until a key rests
 
