@@ -178,7 +178,9 @@ class Files:
             return None
         return self.text(name, text, path.parent)
 
-    def required(self, name: str, folder: Path, asked: Place) -> Document | None:
+    def required(
+        self, name: str, folder: Path, asked: Place, *, may_be_empty: bool = False
+    ) -> Document | None:
         """The document that a file names; None after a report."""
         path = self.locate(name, folder, asked)
         if path is None:
@@ -188,6 +190,8 @@ class Files:
         if document is None or document.root is not None:
             return document
         if is_new and self.collector.told == n_reports:  # nothing in it was refused
+            if may_be_empty:
+                return document
             self._refuse("E103", f"{name} is empty", str(path), asked)
         return None
 

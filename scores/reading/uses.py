@@ -108,10 +108,9 @@ class Uses:
             message = f"`use:` is nested more than {MAX_USES} files deep"
             self.collector.error("E105", message, place)
             return None
-        document = self.files.required(file, names.document.folder, place)
-        if document is None or document.root is None:
-            self.collector.lacks_names = True
+        document = self.files.required(file, names.document.folder, place, may_be_empty=True)
         if document is None:
+            self.collector.lacks_names = True
             return None
         opened = [name for name, _ in self._open]
         if document.file in opened:

@@ -215,6 +215,7 @@ def texts(shape: Shape, path: str, seen: set[int]) -> Iterator[tuple[str, Text]]
 # Words, names, texts and positions, whose names are those of marks.
 NO_VALUES = (
     *("score.ergon", "score.title", "tempo entry.meter", "key.calib", "module.clamp"),
+    "key.simple",
     *("module.law", "score.blocks", "tempo entry.at", "route.to", "include.file", "include.at"),
 )
 

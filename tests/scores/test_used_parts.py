@@ -45,18 +45,13 @@ def test_a_file_of_names_is_told_of_nothing(tmp_path: Path):
     assert not [one for one in load(path).diagnostics if one.code == "W330"]
 
 
-@pytest.mark.parametrize("text", ["", "# keys are to come\n"])
+@pytest.mark.parametrize("text", ["", "# all is to come\n"])
 @pytest.mark.parametrize(
     "score",
-    [
-        SCORE + "gestures: {}\n",
-        "ergon: 1\nkeys: {k1: {calib: other.yaml}}\n",
-        "ergon: 1\nmix: {layout: other.yaml}\n",
-    ],
-    ids=["use", "calib", "layout"],
+    ["ergon: 1\nkeys: {k1: {calib: other.yaml}}\n", "ergon: 1\nmix: {layout: other.yaml}\n"],
+    ids=["calib", "layout"],
 )
 def test_an_empty_file_is_refused_where_it_is_named(tmp_path: Path, text: str, score: str):
-    """Names that the score lacks went on to the engine, which was an internal error."""
     (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(score, encoding="utf-8")
@@ -65,3 +60,15 @@ def test_an_empty_file_is_refused_where_it_is_named(tmp_path: Path, text: str, s
     (empty,) = [one for one in found.diagnostics if one.code == "E103" and "empty" in one.message]
     assert empty.message == "other.yaml is empty"
     assert empty.place.file == str(path)
+
+
+def test_names_are_missed_that_an_empty_file_does_not_bring(tmp_path: Path):
+    """A link to one of them went on to the engine, which was an internal error."""
+    (tmp_path / "other.yaml").write_text("# keys are to come\n", encoding="utf-8")
+    path = tmp_path / "score.yaml"
+    modules = "{m: {CEL: {M: 2g, f: A3}}, b: {BUT: {between: [k1, m], K: 1kN/m}}}"
+    head = "ergon: 1\nuse: [other.yaml]\n"
+    path.write_text(f"{head}instruments: {{i: {{modules: {modules}}}}}\n", encoding="utf-8")
+    (missed,) = [one for one in load(path).diagnostics if one.severity == "error"]
+    assert missed.code == "E301"
+    assert "'k1'" in missed.message

@@ -26,7 +26,7 @@ impl Network {
     ///
     /// let mut network = Network::new();
     /// network.part("key", None);
-    /// network.cel("", 0.4, Tie::Physical { k: 60.0, z: 1.2 }, [0.0, 0.0], 0.0)?;
+    /// network.cel("", 0.4, Tie::Physical { k: 60.0, z: 1.2 }, 0.0, 0.0, 0.0)?;
     /// let resonance = (60.0_f64 / 0.4).sqrt() / std::f64::consts::TAU;
     /// let found = network.admittance(&[0], &[0], &[vec![0]], &[resonance]);
     /// assert!((found[0].re - 1.0 / 1.2).abs() < 1e-12 && found[0].im.abs() < 1e-12);
