@@ -114,10 +114,12 @@ def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
         raise Refused(f"{path}: this take has several hands ({', '.join(names)}); choose by --hand")
     if hand is not None and hand not in names:
         raise Refused(f"{path}: there is no hand {hand!r}; the take has {', '.join(names)}")
-    if about(take).get("sent") != "wire":
+    is_of_wire = about(take).get("sent") == "wire"
+    if not is_of_wire:
         console.say(f"{path}: an older take: its forces are those before the wire rounded them")
+    number = 0 if hand is None else names.index(hand)
     try:
-        return of_recording(take, 0 if hand is None else names.index(hand))
+        return of_recording(take, number, loses_requests=is_of_wire)
     except MeasurementError as error:
         raise Refused(f"{path}: {error}") from None
 

@@ -89,8 +89,11 @@ def of_rows(
     fresh: NDArray[np.bool_],
     clock: NDArray[np.uint32],
     rate: float,
+    known: NDArray[np.bool_] | None = None,
 ) -> Gesture:
     """A gesture of ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
+
+    `known` (n,) says of which ticks the force is sure; without it of those with a reply.
 
     A force acts from the reply before its own on, for in lockstep a reply comes after the force has
     acted; by other clocks the delay is a tick longer. A tick without a reply has no position that
@@ -105,18 +108,18 @@ def of_rows(
     counts[at] = fresh
     held = np.maximum.accumulate(np.where(np.isin(np.arange(n), at), np.arange(n), 0))
     found = of_arrays(force, positions[held], rate)
-    return replace(found, counts=counts, unknown=_unknown(at, which, np.asarray(fresh)))
+    return replace(
+        found, counts=counts, unknown=_unknown(which, np.asarray(fresh if known is None else known))
+    )
 
 
-def _unknown(
-    at: NDArray[np.int64], which: NDArray[np.int64], fresh: NDArray[np.bool_]
-) -> tuple[int, ...]:
-    """Ticks of the device whose forces are not known: the host has no row of them, or no reply.
+def _unknown(which: NDArray[np.int64], known: NDArray[np.bool_]) -> tuple[int, ...]:
+    """Ticks of the device whose forces are not known.
 
-    A request whose reply did not come may have been lost; the device then held the force before.
-    Where more than a few are, replies were late rather than lost, and all forces count as known.
+    Where they are more than a few, replies were late rather than lost, and all forces count as
+    known.
     """
-    lost = np.flatnonzero(~fresh[which])
+    lost = np.flatnonzero(~known[which])
     return tuple(lost.tolist()) if lost.size <= _LOST_MAX * which.size else ()
 
 
@@ -144,9 +147,11 @@ def _instants(
     return np.maximum.accumulate(rounded)
 
 
-def of_recording(recording: Recording, axis: int) -> Gesture:
+def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True) -> Gesture:
     """The gesture of one axis of a recording; a position held from a tick before does not count.
 
+    Where it `loses_requests`, a tick without a reply may be one whose request was lost: the device
+    then held the force before. The force of a tick without a row is never known.
     Raises MeasurementError where the recording is too short, lacks many ticks or holds no force.
     """
     sent = recording.sent()[:, axis].astype(float)
@@ -166,13 +171,15 @@ def of_recording(recording: Recording, axis: int) -> Gesture:
         )
     row = np.searchsorted(ticks, every, side="right") - 1
     has_row = ticks[row] == every
+    replied = (fresh if fresh.any() else np.ones_like(fresh))[row] & has_row
     return of_rows(
         every,
         sent[row],
         recording.positions()[row, axis],
-        (fresh if fresh.any() else np.ones_like(fresh))[row] & has_row,
+        replied,
         np.where(has_row, recording.clocks()[row, axis], 0).astype(np.uint32),
         recording.rate / recording.frames,
+        replied if loses_requests else has_row,
     )
 
 
