@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 os.environ["ERGON_CACHE"] = "off"
+# Each worker has one processor: four that each solve with four threads wait for one another.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 # What a shell starts in the background ignores Ctrl-C, what nohup starts SIGHUP, and both hand that
 # on to all that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
