@@ -63,9 +63,7 @@ def record(
         if n >= max(TICKS_MIN, still + TICK_RATE) or excited.end == "done":
             takes.append(Take(kind, part, gesture(excited)))
             left -= (n - still) / TICK_RATE
-        if excited.end not in DOUBTS:
-            break
-        if left < 1.0:
+        if excited.end not in DOUBTS or left < 1.0:
             break
         force *= _WEAKER
     settle(axis, ladder.guide)

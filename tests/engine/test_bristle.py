@@ -4,33 +4,12 @@ import numpy as np
 import pytest
 from bristles import RATE, SCENES, Bristles
 from checked import check, codes
+from planned_sound import off_db, played, ready
 
 from ergon import _core
-from ergon.scores.reading.load import load
 from ergon.scores.staging.implausible import implausible
-from ergon.scores.staging.stage import Ready, prepare
 
 N = 4410  # frames that are judged: 0.1 s
-
-
-def ready(text: str) -> Ready:
-    loaded = load("scene.yaml", text=text)
-    assert loaded.piece is not None, loaded.diagnostics
-    return prepare(loaded.piece)
-
-
-def played(text: str, **wishes: object) -> tuple[np.ndarray, _core.Plan]:
-    stage = ready(text)
-    plan = _core.Plan(stage.network, stage.timeline, **wishes)
-    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
-    sound = np.empty((stage.n_frames, simulation.n_out))
-    simulation.process(sound)
-    return sound, plan
-
-
-def off_db(sound: np.ndarray, exact: np.ndarray) -> float:
-    sizes = np.abs(exact).max(axis=0)
-    return float(20.0 * np.log10((np.abs(sound - exact).max(axis=0) / sizes).max() + 1e-30))
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -42,7 +21,7 @@ def solved(request):
 def test_plans_reach_what_is_asked(solved):
     scene, exact = solved
     for asked in (-60.0, -80.0):
-        sound, _ = played(scene.text, error_db=asked)
+        sound = played(scene.text, error_db=asked)
         assert off_db(sound[:N], exact) < asked, (scene.name, asked)
 
 
@@ -54,7 +33,7 @@ def test_finer_steps_are_more_exact(solved):
         errors = []
         for steps in (1, 4):
             pins = [own._replace(oversampling=steps, contact_substeps=parts) for own in base]
-            errors.append(off_db(played(scene.text, error_db=-80.0, pins=pins)[0][:N], exact))
+            errors.append(off_db(played(scene.text, error_db=-80.0, pins=pins)[:N], exact))
         # Below -110 dB an error is next to that of the reference.
         fall = 20.0 * np.log10(4.0) * order
         assert errors[1] < max(errors[0] - fall, -110.0), (scene.name, parts, errors)
@@ -71,7 +50,7 @@ def test_the_ca_scheme_steps_its_own_formula():
         f"      rub: {own.text('floor, m')}\n    out: {{SOX: m}}\n"
         "accuracy: {method: ca}\nrender: {tail: 0.05s, bits: float}\n"
     )
-    sound, _ = played(text, method="ca")
+    sound = played(text, method="ca")
     x, z = 1e-3, 0.0
     # The first step leads into frame 0 as the continuous motion does, to second order.
     d = 0.5 * step * step * k * x / m
@@ -131,7 +110,7 @@ def test_bristles_of_a_key_are_in_its_free_copy():
         "players: {ada: {key: k1}}\nparts: {ada: [{at: 1|1, play: press}]}\n"
         "render: {tail: 0.1s, bits: float}\n"
     )
-    sound, _ = played(text, method="ca")
+    sound = played(text, method="ca")
     at = [0.125 * RATE, 0.25 * RATE]  # where the gesture has its points at 5 mm
     assert sound[[int(frame + 0.5) for frame in at], 0] == pytest.approx(5e-3, rel=1e-3)
 
@@ -140,7 +119,7 @@ def test_a_glide_of_the_level_is_heard_and_nothing_jumps():
     scene = SCENES["stick-slip"]
     led = "automation: [{at: 1|1, set: s.rub.Fc, to: 0.5N@0 line 0.1N@1/16}]\n"
     text = scene.text.replace("render:", led + "render:")
-    still, moved = (played(one, error_db=-60.0)[0] for one in (scene.text, text))
+    still, moved = (played(one, error_db=-60.0) for one in (scene.text, text))
     assert np.abs(moved).max() < 0.8 * np.abs(still).max()
     assert np.abs(np.diff(moved[:, 0], n=2)).max() < 3.0 * np.abs(np.diff(still[:, 0], n=2)).max()
 

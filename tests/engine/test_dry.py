@@ -4,32 +4,11 @@ import numpy as np
 import pytest
 from checked import check, codes
 from dry_scenes import RATE, SCENES, Dry
+from planned_sound import off_db, played, ready
 
 from ergon import _core
-from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import Ready, prepare
 
 N = 4410  # frames that are judged: 0.1 s
-
-
-def ready(text: str) -> Ready:
-    loaded = load("scene.yaml", text=text)
-    assert loaded.piece is not None, loaded.diagnostics
-    return prepare(loaded.piece)
-
-
-def played(text: str, **wishes: object) -> np.ndarray:
-    stage = ready(text)
-    plan = _core.Plan(stage.network, stage.timeline, **wishes)
-    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
-    sound = np.empty((stage.n_frames, simulation.n_out))
-    simulation.process(sound)
-    return sound
-
-
-def off_db(sound: np.ndarray, exact: np.ndarray) -> float:
-    sizes = np.abs(exact).max(axis=0)
-    return float(20.0 * np.log10((np.abs(sound - exact).max(axis=0) / sizes).max() + 1e-30))
 
 
 @pytest.fixture(scope="module", params=SCENES)

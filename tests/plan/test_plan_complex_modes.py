@@ -6,6 +6,7 @@ from accuracy import audit, random_scenes
 from accuracy.__main__ import NAMED
 from accuracy.equations import read
 from accuracy.reference import solve
+from planned_sound import off_db
 
 from ergon import _core
 from ergon.scores.reading.load import load
@@ -46,12 +47,6 @@ def played(text: str, threads: int = 1, block: int | None = None, **wishes: obje
         simulation.process(part)
         sound[first : first + len(part)] = part
     return sound
-
-
-def off_db(sound: np.ndarray, exact: np.ndarray) -> float:
-    """The largest error of any output over its largest value [dB]."""
-    sizes = np.abs(exact).max(axis=0)
-    return float(20.0 * np.log10((np.abs(sound - exact).max(axis=0) / sizes).max() + 1e-30))
 
 
 @pytest.mark.parametrize("name", ["nonprop-1", "nonprop-2", "damper"])

@@ -1,0 +1,29 @@
+"""Scores played by a plan, and how far their sound is from an exact one."""
+
+import numpy as np
+
+from ergon import _core
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import Ready, prepare
+
+
+def ready(text: str) -> Ready:
+    loaded = load("scene.yaml", text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    return prepare(loaded.piece)
+
+
+def played(text: str, **wishes: object) -> np.ndarray:
+    """What a score's plan gives, before the mix (n_frames, n_out)."""
+    stage = ready(text)
+    plan = _core.Plan(stage.network, stage.timeline, **wishes)
+    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
+    sound = np.empty((stage.n_frames, simulation.n_out))
+    simulation.process(sound)
+    return sound
+
+
+def off_db(sound: np.ndarray, exact: np.ndarray) -> float:
+    """The largest error of any output over its largest value [dB]."""
+    sizes = np.abs(exact).max(axis=0)
+    return float(20.0 * np.log10((np.abs(sound - exact).max(axis=0) / sizes).max() + 1e-30))
