@@ -1,7 +1,8 @@
 """A folder of files that are convenient and never needed: the least recently used go first.
 
-$XDG_CACHE_HOME/ergon/NAME, or ~/.cache/ergon/NAME; ERGON_CACHE=off keeps none. A folder that cannot
-be written is no mistake, and what is read may be broken or foreign: whoever asks has to look.
+$XDG_CACHE_HOME/ergon/NAME, or ~/.cache/ergon/NAME; ERGON_CACHE=off keeps none, ERGON_CACHE=plans
+plans alone. A folder that cannot be written is no mistake, and what is read may be broken or
+foreign: whoever asks has to look.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from ergon import _core
 from ergon.common.regular import read_bounded
 
 from .safe import FileRefusedError, writing
+
+PLANS = "plans"  # a few megabytes at most, where rendered sound takes gigabytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +85,8 @@ class CacheFolder:
 
 def of_user(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
     """What has this name in the user's own cache folder; None where nothing is to be kept."""
-    if environment.get("ERGON_CACHE", "").lower() in ("off", "0", "no"):
+    kept = environment.get("ERGON_CACHE", "").lower()
+    if kept in ("off", "0", "no") or (kept == PLANS and name != PLANS):
         return None
     base = environment.get("XDG_CACHE_HOME", "")
     if Path(base).is_absolute():  # others are to be ignored, says the specification

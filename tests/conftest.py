@@ -1,4 +1,4 @@
-"""Tests make their plans themselves; those of plans that are kept say where."""
+"""What all tests share: the environment, the order of files, folders."""
 
 import os
 import signal
@@ -9,8 +9,13 @@ from pathlib import Path
 import pytest
 
 os.environ["ERGON_CACHE"] = "off"
+# Most of a short run is planning, and the same scores run hundreds of times: these folders are not
+# about planning, and share the plans of one run of the tests.
+_SHARE_PLANS = ("cli", "editors", "house", "live", "lsp", "repl", "robust", "view")
 # Each worker has one processor: four that each solve with four threads wait for one another.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
+# Where bytecode is not kept, each of a thousand commands compiles all modules: half of its time.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # What a shell starts in the background ignores Ctrl-C, what nohup starts SIGHUP, and both hand that
 # on to all that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -46,6 +51,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     folder = Path(__file__).parent
     files = {item.path: item.path.relative_to(folder).as_posix() for item in items}
     items.sort(key=lambda item: place.get(files[item.path], len(place)))
+
+
+@pytest.fixture(autouse=True)
+def shared_plans(
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    """Plans are kept in a folder that all workers share, for the tests that are not about them."""
+    if request.path.relative_to(Path(__file__).parent).parts[0] in _SHARE_PLANS:
+        base = tmp_path_factory.getbasetemp()
+        shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+        monkeypatch.setenv("ERGON_CACHE", "plans")
+        monkeypatch.setenv("XDG_CACHE_HOME", str(shared / "cache"))
 
 
 @pytest.fixture(autouse=True)

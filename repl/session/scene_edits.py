@@ -83,7 +83,7 @@ def _scene(command: c.Scene) -> VersionEdit:
         begin, glide = beat, GLIDE
         first = own if command.before is None else scene(version, command.before)
         released = tuple(scenes.released(piece, first, beat))
-        texts = scenes.tuned(texts, piece, own, beat, over)
+        texts = scenes.paced(texts, piece, own, beat, over)
         if command.over is not None:
             tempo = piece_of(texts).tempo_map
             end = tempo.after(beat, command.over)
@@ -92,6 +92,7 @@ def _scene(command: c.Scene) -> VersionEdit:
                 texts = scenes.bring(texts, piece_of(texts), first, beat, end)
                 begin = end
         texts = scenes.bring(texts, piece_of(texts), own, begin)
+        texts = scenes.tuned(texts, piece, own)  # last: no beat depends on a parameter
         return replace(with_texts(version, texts), glide=glide, released=released)
 
     return edit

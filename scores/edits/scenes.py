@@ -89,19 +89,24 @@ def released(piece: Piece, scene: Scene, at: float) -> list[str]:
     return [name for name in dict.fromkeys(found) if name not in own]
 
 
-def tuned(texts: Texts, piece: Piece, scene: Scene, at: float, over: str | None = None) -> Texts:
-    """Give parameters and tempo the values of a scene; the tempo in a ramp `over` a length.
-
-    Parameters are set at once: a version says how long they glide. Raises EditError.
-    """
-    for target, value in _parameters(piece, scene.piece):
-        texts = matter.set_value(texts, piece, target, value)
+def paced(texts: Texts, piece: Piece, scene: Scene, at: float, over: str | None = None) -> Texts:
+    """Give the tempo the value of a scene, in a ramp `over` a length. Raises EditError."""
     now, bpm = piece.tempo_map.bpm(at), scene.piece.tempo_map.bpm(0.0)
     if abs(now - bpm) < SAME:
         return texts
     if over is None:
         return times.change(texts, piece, at, f"{bpm:.12g}")
     return times.change(texts, piece, at, f"{now:.12g} -> {bpm:.12g}", over)
+
+
+def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
+    """Give parameters the values of a scene.
+
+    They are set at once: a version says how long they glide. Raises EditError.
+    """
+    for target, value in _parameters(piece, scene.piece):
+        texts = matter.set_value(texts, piece, target, value)
+    return texts
 
 
 def sounds_from(piece: Piece, beat: float) -> bool:

@@ -177,3 +177,7 @@ def test_where_plans_are_kept(tmp_path: Path):
         store = of_user(environment)
         assert store is not None
         assert store._folder.path == Path.home() / ".cache" / "ergon" / "plans"
+    alone = {"ERGON_CACHE": "plans", "XDG_CACHE_HOME": str(tmp_path)}
+    assert of_user(alone) is not None
+    assert cache_folder.of_user("stretches", alone) is None
+    assert cache_folder.of_user("stretches", {"XDG_CACHE_HOME": str(tmp_path)}) is not None
