@@ -100,6 +100,12 @@ def _shifted(progress: Progress, shift: int, done: int) -> None:
 
 def look(found: Map, x: float, y: float) -> Spot:
     """Predict, run, and compare one spot."""
+    spot, case, frames = predicted_and_run(found, x, y)
+    return spot if case is None or frames is None else _judged(found, spot, case, frames)
+
+
+def predicted_and_run(found: Map, x: float, y: float) -> tuple[Spot, Case | None, Floats | None]:
+    """Predict and run one spot: its case and frames are there where it ran and was stable."""
     load = None if found.load is None else found.load(x, y)
     theory = None if load is None else load < 1.0
     try:
@@ -108,11 +114,10 @@ def look(found: Map, x: float, y: float) -> Spot:
         n_frames = max(2, round(found.seconds * case.scene.rate))
         ran = case.run(n_frames)
     except (StageError, _core.EngineError) as error:
-        return Spot(x, y, theory, None, None, load=load, reason=str(error).splitlines()[0])
+        reason = str(error).splitlines()[0]
+        return Spot(x, y, theory, None, None, load=load, reason=reason), None, None
     spot = Spot(x, y, theory, not said, ran.stable, load=load, reason=ran.reason or said)
-    if not ran.stable or ran.frames is None:
-        return spot
-    return _judged(found, spot, case, ran.frames)
+    return spot, case, ran.frames if ran.stable else None
 
 
 def _judged(found: Map, spot: Spot, case: Case, frames: Floats) -> Spot:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 os.environ["ERGON_CACHE"] = "off"
-# Most of a short run is planning, and the same scores run hundreds of times: these folders are not
-# about planning, and share the plans of one run of the tests.
-_SHARE_PLANS = ("cli", "editors", "house", "live", "lsp", "repl", "robust", "view")
+# Most of a short run is planning, and the same scores run hundreds of times: all share the plans of
+# one run of the tests, but for these folders, which are about planning or about determinism.
+_PLAN_ANEW = ("contracts", "engine", "fuzz", "lab", "plan")
 # Each worker has one processor: four that each solve with four threads wait for one another.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 # Where bytecode is not kept, each of a thousand commands compiles all modules: half of its time.
@@ -60,7 +60,7 @@ def shared_plans(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     """Plans are kept in a folder that all workers share, for the tests that are not about them."""
-    if request.path.relative_to(Path(__file__).parent).parts[0] in _SHARE_PLANS:
+    if request.path.relative_to(Path(__file__).parent).parts[0] not in _PLAN_ANEW:
         base = tmp_path_factory.getbasetemp()
         shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
         monkeypatch.setenv("ERGON_CACHE", "plans")

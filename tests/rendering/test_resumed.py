@@ -109,7 +109,7 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Counted:
 
 def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, kept: bool, **options: object) -> str:
     Path("a.yaml").write_text(score)
-    monkeypatch.setenv("ERGON_CACHE", "on" if kept else "off")
+    monkeypatch.setenv("ERGON_CACHE", "on" if kept else "plans")
     frames = ergon.render("a.yaml", RenderOptions(**options)).frames  # type: ignore[arg-type]
     return hashlib.sha256(frames.tobytes()).hexdigest()
 

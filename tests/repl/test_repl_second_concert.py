@@ -105,6 +105,9 @@ def test_the_concert_with_hands_is_heard_again_from_its_journals(tmp_path: Path)
     (part,) = tmp_path.glob(".heard.wav.*.part")  # no header says how long it is
     heard = captured(part)
     n = min(len(heard), len(again))
+    # On a busy machine a killed session may have written less of its hands than of its sound.
+    if cut := re.search(r"recording of hands ends at ([\d.]+) s", said):
+        n = min(n, int((float(cut[1]) - 0.05) * 44_100))
     assert n > 10 * 6.5 / 4 * 44_100  # ten bars of 1.67 s, but for what was not written yet
     assert np.array_equal(heard[:n], again[:n])
     assert np.abs(heard).max(axis=0).min() > 1e-3
