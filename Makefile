@@ -16,14 +16,18 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test check audit bench docs charts accuracy wheel test-long clean
+.PHONY: demo test test-rust test-python check check-rust check-python audit bench docs charts accuracy wheel test-long clean
 
 demo: $(VENV)/built
 	@mkdir -p out
 	$(BIN)/ergon demo -o out/demo.wav --force
 
-test: $(VENV)/dev
+test: test-rust test-python
+
+test-rust:
 	PROPTEST_RNG_SEED=1 cargo test --locked --quiet
+
+test-python: $(VENV)/dev
 	CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 test-long: $(VENV)/dev
@@ -33,10 +37,14 @@ test-long: $(VENV)/dev
 	$(BIN)/python -m pytest -q
 	$(MAKE) accuracy
 
-check: $(VENV)/dev
+check: check-rust check-python
+
+check-rust:
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --workspace --quiet
+
+check-python: $(VENV)/dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
