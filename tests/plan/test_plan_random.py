@@ -61,13 +61,13 @@ def check(seed: int, *, even: bool) -> None:
 
 
 @given(seed=SEEDS)
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_bodies_and_what_meets_them_keep_their_budget(seed: int):
     check(seed, even=True)
 
 
 @given(seed=SEEDS)
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_networks_that_have_no_modes_keep_their_budget(seed: int):
     check(seed, even=False)
 

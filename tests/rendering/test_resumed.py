@@ -203,7 +203,10 @@ def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytes
     assert counted.recalled[1] == counted.recalled[2] > 0
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize(
+    "seed",
+    [*range(10), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 60))],
+)
 def test_random_scores_sound_as_from_scratch(
     seed: int, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
