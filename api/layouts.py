@@ -12,6 +12,7 @@ from .errors import ScoreError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Layout
+    from ergon.space.ways import Field
 
 
 class NoLayoutError(ErgonError, LookupError):
@@ -49,3 +50,21 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
     if layout is None or is_refused:
         raise ScoreError(found, files.documents)
     return layout
+
+
+def chunks_of(field: Field, title: str) -> bytes:
+    """What a WAVE file says of channels that are loudspeakers or Ambisonics (ADM)."""
+    from ergon.exchange import adm
+    from ergon.space.directions import angles
+
+    speakers = tuple(angles(place) for place in field.speakers)
+    return adm.chunks(adm.Sounded(speakers, field.order), title)
+
+
+def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> bytes:
+    """The same of a score's layout, where there is one and the file has its channels."""
+    from ergon.space.ways import Field
+
+    if layout is None or len(layout.speakers) != n_channels:
+        return b""
+    return chunks_of(Field(layout.speakers), title)

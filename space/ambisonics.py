@@ -89,8 +89,8 @@ def allrad(
 ) -> NDArray[np.float64]:
     """All-round decoder with max-rE weights, (n_loudspeakers, (order + 1)²), of N3D channels.
 
-    `virtual` directions are panned between the loudspeakers; an even source plays with energy 1 on
-    average where the array is whole. Raises ArrayError.
+    `virtual` directions are panned between the loudspeakers. On average over the directions that
+    the array covers a source has the energy 1. Raises ArrayError.
     """
     virtual = spread_directions(_VIRTUAL) if virtual is None else virtual
     gains = vbap(virtual, array, keeps_imaginary=True)
@@ -101,5 +101,13 @@ def allrad(
     for row, harmonic in zip(gains, basis, strict=True):
         at = np.flatnonzero(row)
         decoder[at] += row[at, None] * harmonic
-    decoder *= weights / len(virtual)
-    return decoder / sqrt(fsum((decoder * decoder).ravel().tolist()))
+    decoder *= weights
+    played = np.zeros((len(array), len(virtual)))
+    for column, harmonic in zip(decoder.T, basis.T, strict=True):
+        played += column[:, None] * harmonic
+    covered, energy = np.zeros(len(virtual)), np.zeros(len(virtual))
+    for gain, heard in zip(gains.T, played, strict=True):
+        covered += gain * gain
+        energy += heard * heard
+    mean = fsum((covered * energy).tolist()) / fsum(covered.tolist())
+    return decoder / sqrt(mean)

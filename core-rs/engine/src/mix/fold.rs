@@ -152,7 +152,7 @@ impl Fold {
                 let taps = &self.taps[way.first..way.first + way.n_taps];
                 let begin = self.past - way.delay;
                 for (tile, sums) in sums.chunks_exact_mut(TILE).enumerate() {
-                    add(sums, &line[..], begin + tile * TILE, taps);
+                    add(sums, line, begin + tile * TILE, taps);
                 }
             }
             for (frame, sum) in sums[..n_frames].iter().enumerate() {
@@ -216,7 +216,7 @@ mod tests {
             let input = &seed[..n_frames * n_in];
             let mut fold = Fold::new(n_in, n_out, &filters).expect("fold");
             let mut output = vec![f64::NAN; n_frames * n_out];
-            let mut begin = 0;
+            let mut begin = 0usize;
             for cut in cuts.iter().copied().chain([usize::MAX]) {
                 let end = n_frames.min(begin.saturating_add(cut));
                 fold.process(&input[begin * n_in..end * n_in], &mut output[begin * n_out..end * n_out]);
