@@ -15,7 +15,7 @@ MAY = {
     "common": set(),
     "view": set(),
     "space": {"_core"},
-    "exchange": {"_core"},
+    "exchange": {"space", "_core"},
     "rendering": {"exchange", "_core"},
     TEXT: set(),
     CLOCK: {TEXT, "_core"},
