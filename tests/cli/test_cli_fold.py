@@ -87,6 +87,24 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path):
     assert hashlib.sha256(first).hexdigest()[:16] == known
 
 
+def test_long_files_and_empty_ones(tmp_path: Path):
+    """RF64, as files beyond 4 GB are; and a file of no frames."""
+    frames = noise(tmp_path / "in.wav", 500)
+    with (tmp_path / "long.wav").open("wb") as file:
+        format = WaveFormat(48_000, 24, "float")
+        writer = WaveWriter(file, format, 500, Stamp("long"), riff_limit=100)
+        writer.write(frames.astype(np.float32))
+        writer.close()
+    assert read_info(tmp_path / "long.wav").container == "RF64"
+    noise(tmp_path / "none.wav", 0)
+    for name in ("in", "long", "none"):
+        done = ergon(tmp_path, "fold", f"{name}.wav", "--to", "stereo", "--from", "dome24")
+        assert done.returncode == 0, done.stderr
+    short, long = (samples(tmp_path / f"{name}-stereo.wav") for name in ("in", "long"))
+    np.testing.assert_array_equal(short, long)
+    assert read_info(tmp_path / "none-stereo.wav").n_frames == 0
+
+
 def test_clipped_samples_are_told_and_the_gain_that_helps(tmp_path: Path):
     noise(tmp_path / "in.wav", 3_000, peak=0.9)
     words = ("fold", "in.wav", "--to", "stereo", "--from", "dome24", "--bits", "24")
