@@ -16,6 +16,7 @@ from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
 
 from . import score as scores
 from .errors import DivergedError, OptionError
+from .layouts import chunks_of_layout
 from .options import AccuracyOptions
 
 if TYPE_CHECKING:
@@ -202,7 +203,12 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         start=start,
         stop=stop,
         level=scores.level_of(piece, bits),
-        stamp=Stamp(piece.title, piece.digest(), stage.plan.hash if stage.plan else ""),
+        stamp=Stamp(
+            piece.title,
+            piece.digest(),
+            stage.plan.hash if stage.plan else "",
+            chunks_of_layout(piece.mix.layout, n_channels, piece.title),
+        ),
         stems=None if file.stems is None else Path(file.stems),
         block=options.block,
         threads=options.threads,

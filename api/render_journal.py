@@ -11,6 +11,7 @@ from ergon.common.report import Report
 
 from . import score as scores
 from .errors import DivergedError, OptionError
+from .layouts import chunks_of_layout
 from .render import Completed, FileOptions
 
 JOURNAL = ".jsonl"  # how the name of a journal ends
@@ -63,7 +64,12 @@ def render_journal(
         start=0,
         stop=again.n_frames,
         level=Level(None, opening.limit, opening.highpass, opening.gain, opening.reference),
-        stamp=Stamp(piece.title, piece.digest(), plan.hash if plan else ""),
+        stamp=Stamp(
+            piece.title,
+            piece.digest(),
+            plan.hash if plan else "",
+            chunks_of_layout(piece.mix.layout, again.n_channels, piece.title),
+        ),
         block=options.block,
         threads=options.threads,
         force=options.force,

@@ -89,6 +89,12 @@ COMMANDS: Table = {
     "metrology": ("metrology", "metrology", "Measure what a real key is made of."),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
+    "fold": (
+        "fold",
+        "fold",
+        "Fold a sound file of many channels for other ears.",
+    ),
+    "layout": ("layout", "layout", "Check and exchange layouts of loudspeakers."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
     "lsp": ("lsp", "lsp", "Serve an editor: mistakes as one types, completion, explanations."),

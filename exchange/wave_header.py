@@ -30,6 +30,7 @@ _FMT = struct.Struct("<HHIIHHHHI")
 # Version 1: the last field is 64 bytes of UMID and 190 reserved, all zero.
 _BEXT = struct.Struct("<256s32s32s10s8sQH254s")
 _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
+_DESCRIPTION_MAX = 4 << 20  # bytes of what says what the channels are; longer ones are passed over
 _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
 _PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
 
@@ -45,6 +46,7 @@ class Stamp:
     title: str
     score: str = ""
     plan: str = ""
+    chunks: bytes = b""  # that say what the channels are, as they stand in the file
 
     def description(self) -> bytes:
         """The 256 bytes of the bext description; a long title is cut, a hash never."""
@@ -79,6 +81,8 @@ class WaveInfo:
     size: int
     originator: str | None = None
     description: str = ""
+    axml: bytes = b""
+    chna: bytes = b""
 
     @property
     def score(self) -> str | None:
@@ -113,6 +117,7 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
             _chunk(b"fmt ", _pack_format(format)),
             _chunk(b"fact", struct.pack("<I", min(n_frames, 0xFFFFFFFF))),
             _chunk(b"bext", _BEXT.pack(stamp.description(), origin, b"", _DATE, _TIME, 0, 1, b"")),
+            stamp.chunks,
         )
     )
     riff = 4 + (8 + _DS64.size) + len(body) + 8 + size + (size & 1)
@@ -156,6 +161,7 @@ def parse(file: BinaryIO) -> WaveInfo:
     long_size = 0
     originator: str | None = None
     description = ""
+    more = {b"axml": b"", b"chna": b""}
     while len(chunk := file.read(8)) == 8:
         name, size = chunk[:4], int.from_bytes(chunk[4:], "little")
         if name == b"data":
@@ -165,7 +171,8 @@ def parse(file: BinaryIO) -> WaveInfo:
             offset = file.tell()
             size = min(size, file.seek(0, 2) - offset)
             n_frames = size // format.frame_bytes
-            return WaveInfo(container, format, n_frames, offset, size, originator, description)
+            said = originator, description, more[b"axml"], more[b"chna"]
+            return WaveInfo(container, format, n_frames, offset, size, *said)
         start = file.tell()
         if name == b"ds64":
             long_size = _DS64.unpack(_exactly(file, _DS64.size))[1]
@@ -174,6 +181,8 @@ def parse(file: BinaryIO) -> WaveInfo:
         elif name == b"bext" and size >= _BEXT.size:
             text, origin, *_ = _BEXT.unpack(_exactly(file, _BEXT.size))
             description, originator = _text(text), _text(origin)
+        elif name in more and size <= _DESCRIPTION_MAX:
+            more[name] = _exactly(file, size)
         file.seek(start + size + (size & 1))
     raise NotWaveError("this WAVE file holds no samples")
 

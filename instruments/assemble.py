@@ -190,9 +190,9 @@ def _bank(assembly: Assembly, name: str, f: _Fields) -> int:
     if isinstance(f["f"], Each):
         masses = (f["M"] / gain for gain in f["gain"])
         cells = list(zip(f["f"], f["t60"], masses, strict=True))
-        return assembly.network.cells(name, cells=cells, **_pick(f, "place"))
+        return assembly.network.cells(name, cells=cells, **_pick(f, "place", "hole"))
     return assembly.network.bank(
-        name, **_pick(f, "count", "M", "f", "t60", "spread", "place"), seed=assembly.seed
+        name, **_pick(f, "count", "M", "f", "t60", "spread", "place", "hole"), seed=assembly.seed
     )
 
 

@@ -28,10 +28,28 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Loudspeakers of a room: (x, y, z) [m]; x and y as on the bench of the modules."""
+    """Loudspeakers of a room: (x, y, z) [m]; x and y as on the bench of the modules.
+
+    Where it `is_equidistant` the bench is a plan whose middle is the zenith, and distances from
+    there are angles; else it is seen from above. The hash of its file says all of that already.
+    """
 
     path: Path
     speakers: tuple[tuple[float, float, float], ...]
+    is_equidistant: bool = False
+    title: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Placing:
+    """Where an instrument lies in a room: how large [m], its middle [m], and how high [m].
+
+    A body of 1 m is `across` wide. Without a height it lies on the plan of the layout.
+    """
+
+    across: float
+    at: tuple[float, float]
+    height: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,3 +115,4 @@ class Instrument:
     place: Place
     every: int = 1
     pitch: float | None = field(default=None, compare=False)
+    placing: Placing | None = field(default=None, metadata={"hash_omits_empty": True})

@@ -269,7 +269,15 @@ def _generators() -> dict[str, Record]:
         Field("gain", BANK_GAINS, "of a list: how much faster than the mass M each moves"),
         Field("modes", k.PATH, "a CSV file of f, t60 and gain, instead of lists"),
         Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
-        Field("place", choice("line", "spiral"), "positions of the members on the bench", "line"),
+        Field(
+            "place",
+            choice("line", "spiral", "galaxy"),
+            "positions of the members on the bench",
+            "line",
+        ),
+        Field(
+            "hole", k.HOLE, "radius of the highest pitch of a galaxy over that of the lowest", 0.3
+        ),
         *starts,
     )
     modes = (
@@ -356,6 +364,7 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "sides": None,
     "bending": None,
     "gain": None,
+    "hole": 0.3,
 }
 
 

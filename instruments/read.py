@@ -8,7 +8,7 @@ from typing import Any
 
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
-from ergon.instruments.model import Instrument, Module, Output
+from ergon.instruments.model import Instrument, Module, Output, Placing
 from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
@@ -168,6 +168,17 @@ class Members(Shape):
         return "notes, each with fields, such as F3: {t60: 3s}"
 
 
+PLACING = Record(
+    "place",
+    "where it lies among loudspeakers, for `nearest`",
+    (
+        Field("across", k.DISTANCE, "how large a body of 1 m is there", 1.0, shown="1m"),
+        Field("at", ListOf(k.POSITION, 2, 2), "its middle: to the right, to the front", (0.0, 0.0)),
+        Field("height", k.POSITION, "how high it lies", shown="on the plan of the layout"),
+    ),
+)
+
+
 def instrument_table(ca: bool) -> Record:
     """The fields of an instrument, in SI units or under `units: ca`."""
     fields = (
@@ -187,6 +198,7 @@ def instrument_table(ca: bool) -> Record:
         Field("M", k.MASS, "another mass for a single generator"),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
         Field("at", k.RATE, "the rate of that network"),
+        Field("place", PLACING, "where it lies among loudspeakers, for `nearest`"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
     )
     kinds = {name: partly(table) for name, table in tables(ca, HOLDERS).items()}
@@ -423,7 +435,14 @@ def instrument(values: Values) -> Instrument:
     )
     pitch = None if values.kind else named_pitch(values)
     own = tuple(made), outputs, _ca_rate(values), values.place
-    return Instrument(values.context.name, *own, pitch=pitch)
+    return Instrument(values.context.name, *own, pitch=pitch, placing=_placing(values["place"]))
+
+
+def _placing(values: Values | None) -> Placing | None:
+    if values is None:
+        return None
+    at = values["at"] if len(values["at"]) == 2 else (0.0, 0.0)
+    return Placing(values["across"], at, values["height"])
 
 
 def _ca_rate(values: Values) -> float | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ergon.instruments.materials import MATERIALS, OWN_MATERIAL
 from ergon.instruments.module_kinds import KINDS
-from ergon.instruments.read import INSTRUMENT
+from ergon.instruments.read import INSTRUMENT, PLACING
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY
@@ -20,6 +20,7 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("tempo", s.TEMPO),
     ("keys", s.KEY),
     ("instruments", INSTRUMENT.si),
+    ("instruments: place", PLACING),
     ("laws", s.LAW),
     ("gestures", s.GESTURE),
     ("takes", s.TAKE),
@@ -37,6 +38,7 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("accuracy", s.ACCURACY),
     ("files of `calib:`", s.CALIBRATION),
     ("files of `layout:`", s.LAYOUT),
+    ("files of `layout:`: speakers by angles", s.SPEAKER),
 )
 
 

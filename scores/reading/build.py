@@ -41,6 +41,7 @@ from ergon.scores.reading.piece import (
     TempoEntry,
 )
 from ergon.scores.reading.sections import LAYOUT
+from ergon.space import directions
 
 START = Position()
 _BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}
@@ -297,10 +298,16 @@ def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None
     values = LAYOUT.read(document.root, "", Context(files.collector, "a layout"))
     if values is MISSING:
         return None
-    speakers = tuple(
-        (s[0], s[1], s[2] if len(s) > 2 else 0.0) for s in values["speakers"] if len(s) >= 2
-    )
-    return Layout(Path(document.file), speakers)
+    speakers = tuple(_speaker(one) for one in values["speakers"] if one is not MISSING)
+    is_equidistant = values["project"] == "equidistant"
+    return Layout(Path(document.file), speakers, is_equidistant, values["title"] or "")
+
+
+def _speaker(written: Values | tuple[float, ...]) -> tuple[float, float, float]:
+    if isinstance(written, Values):
+        return directions.point(written["az"], written["el"], written["r"])
+    x, y, *z = written
+    return x, y, z[0] if z else 0.0
 
 
 def mix(values: Values | None, files: Files) -> Mix:

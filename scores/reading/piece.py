@@ -458,6 +458,7 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Target: ("text",),
     Hit: ("what",),
     Instrument: ("pitch",),
+    Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
     Key: ("measured",),
     # What follows from the others, or is never computed.
     Piece: ("tempo_map", "starts", "blocks", "families", "phrases"),

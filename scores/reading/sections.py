@@ -427,6 +427,15 @@ CALIBRATION = Record(
         ),
     ),
 )
+SPEAKER = Record(
+    "loudspeaker",
+    "where a loudspeaker is, as seen from the middle",
+    (
+        Field("az", k.AZIMUTH, "from the front to the left", required=True),
+        Field("el", k.ELEVATION, "from the horizon up", 0.0, shown="0deg"),
+        Field("r", k.DISTANCE, "how far away", 1.0, shown="1m"),
+    ),
+)
 LAYOUT = Record(
     "layout",
     "where loudspeakers are",
@@ -434,9 +443,15 @@ LAYOUT = Record(
         Field("ergon", Text(version, "1", "^1$"), "version of the format"),
         Field("title", k.TITLE, "for the reader"),
         Field(
+            "project",
+            choice("plan", "equidistant"),
+            "what the bench shows: the room from above, or angles from the zenith",
+            "plan",
+        ),
+        Field(
             "speakers",
-            ListOf(ListOf(k.POSITION, 2, 3), 1, MAX_CHANNELS),
-            "[x, y] or [x, y, z] of each, in metres",
+            ListOf(Either(mapping=SPEAKER, sequence=ListOf(k.POSITION, 2, 3)), 1, MAX_CHANNELS),
+            "[x, y] or [x, y, z] of each, in metres, or {az, el, r}",
             required=True,
         ),
     ),

@@ -10,10 +10,11 @@ from math import floor
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
-from ergon.instruments.model import Instrument, Layout, Output, Target
+from ergon.instruments.model import Instrument, Output, Target
 from ergon.notation.text.errors import Collector
 from ergon.scores.reading.mixing import Fade, Room
 from ergon.scores.reading.piece import Piece, Route
+from ergon.scores.staging.loudspeakers import Loudspeakers
 
 _NEVER = 1e9  # [s]
 _PRESSURE = 1.0  # of a route that radiates, at the reference level [Pa]
@@ -246,10 +247,11 @@ def _nearest(
     """Each member to the loudspeaker that lies nearest to it: one tap for each loudspeaker."""
     room = output.nearest or piece.mix.layout
     assert room is not None
+    ears = Loudspeakers(room, instrument.placing)
     near: dict[int, list[_Range]] = {}
     for target in targets_of(instrument, output):
         for mat in assembly.members(target):
-            ranges = near.setdefault(_speaker(assembly.network.position_of(mat), room), [])
+            ranges = near.setdefault(ears.nearest(assembly.network.position_of(mat)), [])
             if ranges and ranges[-1][0] + ranges[-1][1] == mat:
                 ranges[-1] = ranges[-1][0], ranges[-1][1] + 1, 1.0
             else:
@@ -275,13 +277,3 @@ def _everything(instrument: Instrument) -> list[Target]:
         for module in instrument.modules
         if module.kind == "BANK"
     ]
-
-
-def _speaker(place: tuple[float, float], room: Layout) -> int:
-    x, y = place
-
-    def distance(i: int) -> float:
-        sx, sy, _ = room.speakers[i]
-        return (sx - x) * (sx - x) + (sy - y) * (sy - y)
-
-    return min(range(len(room.speakers)), key=distance)

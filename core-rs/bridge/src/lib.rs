@@ -12,6 +12,7 @@ mod emulator;
 mod error;
 mod excitation;
 mod faults;
+mod fold;
 mod frames;
 mod guardian;
 mod key_model;
@@ -63,6 +64,8 @@ mod _core {
     #[pymodule_export]
     use super::faults::{FaultMeasurement, measure_faults};
     #[pymodule_export]
+    use super::fold::Fold;
+    #[pymodule_export]
     use super::guardian::guard_haply;
     #[pymodule_export]
     use super::key_model::{key_force_derivatives, key_path};
@@ -71,7 +74,7 @@ mod _core {
     #[pymodule_export]
     use super::limiter::Limiter;
     #[pymodule_export]
-    use super::maths::{decibels, exp, ln, pow};
+    use super::maths::{atan2, cos, decibels, exp, ln, pow, sin};
     #[pymodule_export]
     #[pymodule_export]
     use super::meter::Meter;

@@ -15,6 +15,24 @@ pub(crate) fn exp(x: f64) -> f64 {
     maths::exp(x)
 }
 
+/// Sine of an angle [rad].
+#[pyfunction]
+pub(crate) fn sin(x: f64) -> f64 {
+    maths::sin(x)
+}
+
+/// Cosine of an angle [rad].
+#[pyfunction]
+pub(crate) fn cos(x: f64) -> f64 {
+    maths::cos(x)
+}
+
+/// Angle of the point (x, y) [rad].
+#[pyfunction]
+pub(crate) fn atan2(y: f64, x: f64) -> f64 {
+    maths::atan2(y, x)
+}
+
 /// `x` to the power `y`.
 #[pyfunction]
 pub(crate) fn pow(x: f64, y: f64) -> f64 {

@@ -3,7 +3,9 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use ergon_engine::generator::{self, BankCell, BankForm, Decay, GeneratorError, Shape, Topology};
+use ergon_engine::generator::{
+    self, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
+};
 use ergon_engine::network::{self, Bristle, But, Dry, ElementKind, ModeRange, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
@@ -197,7 +199,7 @@ impl Network {
     }
 
     /// Many CELs with frequencies over a range.
-    #[pyo3(signature = (name, *, count, M, f, t60, spread="even", place="line", seed=0))]
+    #[pyo3(signature = (name, *, count, M, f, t60, spread="even", place="line", hole=0.3, seed=0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn bank(
         &mut self,
@@ -209,10 +211,11 @@ impl Network {
         t60: (f64, f64),
         spread: &str,
         place: &str,
+        hole: f64,
         seed: i128,
     ) -> PyResult<usize> {
         let spread = word("spread", spread, &words::SPREADS)?;
-        let place = word("place", place, &words::PLACES)?;
+        let place = placed(place, hole)?;
         computing(py, || {
             self.0.bank(
                 name,
@@ -231,25 +234,20 @@ impl Network {
     }
 
     /// CELs with a frequency, a decay and a mass each.
-    #[pyo3(signature = (name, *, cells, place="line"))]
+    #[pyo3(signature = (name, *, cells, place="line", hole=0.3))]
     fn cells(
         &mut self,
         py: Python<'_>,
         name: &str,
         cells: Vec<(f64, f64, f64)>,
         place: &str,
+        hole: f64,
     ) -> PyResult<usize> {
-        let place = word("place", place, &words::PLACES)?;
+        let place = placed(place, hole)?;
         let masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
-        let n = cells.len();
-        let each = cells.iter().enumerate();
-        let cells: Vec<BankCell> = each
-            .map(|(i, (f, t60, _))| BankCell {
-                f: *f,
-                t60: *t60,
-                position: place.position(i, n),
-            })
-            .collect();
+        let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
+        let cells = generator::cells_at(&tunings, place)
+            .map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
     }
 
@@ -604,6 +602,14 @@ impl Network {
             oversampling: certificate.oversampling(),
         })
     }
+}
+
+/// How the members of a bank lie, by its word; `hole` is that of a galaxy.
+fn placed(place: &str, hole: f64) -> PyResult<MemberPlace> {
+    Ok(match word("place", place, &words::PLACES)? {
+        MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole },
+        other => other,
+    })
 }
 
 impl Network {

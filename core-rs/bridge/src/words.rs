@@ -24,7 +24,11 @@ pub(crate) const SHAPES: Words<Shape, 3> = [
 ];
 pub(crate) const RIMS: Words<Rim, 2> = [("free", Rim::Free), ("fixed", Rim::Fixed)];
 pub(crate) const SPREADS: Words<Spread, 2> = [("even", Spread::Even), ("random", Spread::Random)];
-pub(crate) const PLACES: Words<Place, 2> = [("line", Place::Line), ("spiral", Place::Spiral)];
+pub(crate) const PLACES: Words<Place, 3> = [
+    ("line", Place::Line),
+    ("spiral", Place::Spiral),
+    ("galaxy", Place::Galaxy { hole: 0.3 }),
+];
 pub(crate) const SIDES: Words<Side, 2> = [("below", Side::Below), ("above", Side::Above)];
 pub(crate) const CONTACTS: Words<Contact, 3> = [
     ("plain", Contact::Plain),

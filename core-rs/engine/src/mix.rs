@@ -2,6 +2,7 @@
 
 pub mod curve;
 mod delay;
+pub mod fold;
 pub mod frozen;
 pub mod glide;
 pub mod limiter;

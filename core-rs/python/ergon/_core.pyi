@@ -94,6 +94,15 @@ def exp(x: float) -> float:
 def pow(x: float, y: float) -> float:
     """x to the power y."""
 
+def sin(x: float) -> float:
+    """Sine of an angle [rad]."""
+
+def cos(x: float) -> float:
+    """Cosine of an angle [rad]."""
+
+def atan2(y: float, x: float) -> float:
+    """Angle of the point (x, y) [rad]."""
+
 def decibels(level: float) -> float:
     """Ratio of amplitudes for a level [dB]."""
 
@@ -414,20 +423,23 @@ class Network:
         f: tuple[float, float],
         t60: tuple[float, float],
         spread: Literal["random", "even"] = "even",
-        place: Literal["line", "spiral"] = "line",
+        place: Literal["line", "spiral", "galaxy"] = "line",
+        hole: float = 0.3,
         seed: int = 0,
     ) -> int:
         """`count` CELs of whole mass M [kg], with frequencies between the two `f` [Hz] by logarithm.
 
         When even, t60 [s] goes from the second value at the lowest f to the first at the highest;
-        when random, f and t60 are drawn with `seed`.
+        when random, f and t60 are drawn with `seed`. `hole` is the radius of the highest f over
+        that of the lowest, in a galaxy.
         """
     def cells(
         self,
         name: str,
         *,
         cells: Sequence[tuple[float, float, float]],
-        place: Literal["line", "spiral"] = "line",
+        place: Literal["line", "spiral", "galaxy"] = "line",
+        hole: float = 0.3,
     ) -> int:
         """CELs side by side, each with f [Hz], t60 [s] and M [kg]; the index of the first."""
     def modal(
@@ -1235,6 +1247,19 @@ class Limiter:
     latency: int  # frames
     def process(self, frames: _Floats) -> None:
         """Limit frames (n_frames, n_channels) in place; the output is `latency` frames late."""
+
+@final
+class Fold:
+    """Filters (n_in, n_out, n_taps) from each channel that comes in to each that goes out.
+
+    The bits of a sample do not depend on the size of blocks. Raises EngineError for an impossible
+    shape, or numbers that are not finite.
+    """
+
+    def __new__(cls, filters: _Floats) -> Self: ...
+    tail: int  # frames that sound on after the last that came in
+    def process(self, frames: _Floats, output: _Floats) -> None:
+        """Filter frames (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten."""
 
 @final
 class Meter:

@@ -14,25 +14,42 @@ pub enum Spread {
 }
 
 /// How members lie on the bench.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// In a row of 1 m, evenly.
     Line,
     /// On a sunflower's spiral that fills a disc of 1 m evenly (H. Vogel, Math. Biosci. 44, 1979).
     Spiral,
+    /// By pitch on a disc of 1 m: the lowest at its rim, the highest round a hole, the radius inversely proportional to
+    /// cents (from a pitch below the lowest, which the hole determines).
+    Galaxy {
+        /// Radius of the highest pitch over that of the lowest, above 0 and at most 1.
+        hole: f64,
+    },
 }
 
 impl Place {
-    /// (x, y) [m] of member `i` of `count`.
-    pub fn position(self, i: usize, count: usize) -> [f64; 2] {
+    /// (x, y) [m] of member `i` of `count`; `rise` is how far up its pitch lies between the lowest (0) and the highest
+    /// (1), by logarithm.
+    pub fn position(self, i: usize, count: usize, rise: f64) -> [f64; 2] {
         let share = (i as f64 + 0.5) / count as f64;
+        let radius = match self {
+            Self::Line => return [share - 0.5, 0.0],
+            Self::Spiral => 0.5 * sqrt(share),
+            Self::Galaxy { hole } => 0.5 * hole / (hole + (1.0 - hole) * rise),
+        };
+        let angle = GOLDEN_ANGLE * i as f64;
+        [radius * cos(angle), radius * sin(angle)]
+    }
+
+    fn check(self) -> Result<(), GeneratorError> {
         match self {
-            Self::Line => [share - 0.5, 0.0],
-            Self::Spiral => {
-                let radius = 0.5 * sqrt(share);
-                let angle = GOLDEN_ANGLE * i as f64;
-                [radius * cos(angle), radius * sin(angle)]
-            }
+            Self::Galaxy { hole } if !(hole > 0.0 && hole <= 1.0) => Err(GeneratorError::Range {
+                what: "`hole`",
+                range: "above 0 and at most 1",
+                got: hole,
+            }),
+            _ => Ok(()),
         }
     }
 }
@@ -90,6 +107,7 @@ pub fn bank(
     count("`count`", form.count, 1, MAX_MASSES)?;
     range("`f`", form.f)?;
     range("`t60`", form.t60)?;
+    form.place.check()?;
     let n = form.count as f64;
     let member = |i: usize| {
         if i.is_multiple_of(POLL_EVERY) {
@@ -100,14 +118,47 @@ pub fn bank(
             Spread::Even if form.count == 1 => (0.0, 1.0),
             Spread::Even => (i as f64 / (n - 1.0), 1.0 - i as f64 / (n - 1.0)),
         };
-        let position = form.place.position(i, form.count);
         BankCell {
             f: between(form.f, pitch),
             t60: between(form.t60, length),
-            position,
+            position: form.place.position(i, form.count, pitch),
         }
     };
     Ok((0..form.count).map(member).collect())
+}
+
+/// Members with a frequency [Hz] and a decay [s] each.
+///
+/// ```
+/// use ergon_engine::generator::{Place, cells_at};
+///
+/// let cells = cells_at(&[(100.0, 1.0), (400.0, 1.0)], Place::Galaxy { hole: 0.3 })?;
+/// assert_eq!(cells[0].position, [0.5, 0.0]); // the lowest at the rim
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// A place with a number out of range.
+pub fn cells_at(tunings: &[(f64, f64)], place: Place) -> Result<Vec<BankCell>, GeneratorError> {
+    place.check()?;
+    let (low, high) = tunings
+        .iter()
+        .fold((f64::INFINITY, 0.0f64), |(low, high), (f, _)| {
+            (low.min(*f), high.max(*f))
+        });
+    let rise = |f: f64| {
+        if high > low {
+            log(f / low) / log(high / low)
+        } else {
+            0.0
+        }
+    };
+    let cell = |(i, &(f, t60)): (usize, &(f64, f64))| BankCell {
+        f,
+        t60,
+        position: place.position(i, tunings.len(), rise(f)),
+    };
+    Ok(tunings.iter().enumerate().map(cell).collect())
 }
 
 fn range(what: &'static str, (low, high): (f64, f64)) -> Result<(), GeneratorError> {

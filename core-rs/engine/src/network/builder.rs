@@ -215,7 +215,7 @@ impl Network {
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
-                place: line.position(i.min(places - 1), places),
+                place: line.position(i.min(places - 1), places, 0.0),
                 part,
             });
         }

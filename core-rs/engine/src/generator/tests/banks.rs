@@ -1,4 +1,5 @@
 use super::*;
+use crate::maths::log;
 
 fn form(count: usize, spread: Spread, place: Place) -> BankForm {
     BankForm {
@@ -38,6 +39,40 @@ fn a_spiral_fills_the_disc_evenly() {
 }
 
 #[test]
+fn radii_of_a_galaxy_are_inversely_proportional_to_cents() {
+    let hole = 0.3;
+    let bank = bank(&form(41, Spread::Even, Place::Galaxy { hole }), |_| {
+        (0.0, 0.0)
+    })
+    .expect("bank");
+    let span = 1200.0 * log(500.0) / log(2.0);
+    let lowest = hole * span / (1.0 - hole); // cents from the pitch at which the radius would be infinite
+    for cell in &bank {
+        let [x, y] = cell.position;
+        let cents = lowest + 1200.0 * log(cell.f / 20.0) / log(2.0);
+        assert!(close((x * x + y * y).sqrt(), 0.5 * lowest / cents, 1e-12));
+    }
+    let radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+    assert!(close(radius(bank[0].position), 0.5, 1e-14));
+    assert!(close(radius(bank[40].position), 0.5 * hole, 1e-14));
+}
+
+#[test]
+fn a_galaxy_of_listed_pitches_is_that_of_a_range() {
+    let place = Place::Galaxy { hole: 0.4 };
+    let ranged = bank(&form(9, Spread::Even, place), |_| (0.0, 0.0)).expect("bank");
+    let tunings: Vec<_> = ranged.iter().map(|cell| (cell.f, cell.t60)).collect();
+    for (own, other) in ranged.iter().zip(cells_at(&tunings, place).expect("cells")) {
+        assert!(close(own.position[0], other.position[0], 1e-12));
+        assert!(close(own.position[1], other.position[1], 1e-12));
+    }
+    let unison = cells_at(&[(440.0, 1.0); 3], place).expect("cells");
+    let radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+    let at_rim = |cell: &BankCell| close(radius(cell.position), 0.5, 1e-14);
+    assert!(unison.iter().all(at_rim));
+}
+
+#[test]
 fn bad_banks_are_refused() {
     let refused = |form: BankForm| bank(&form, |_| (0.5, 0.5)).is_err();
     let good = form(5, Spread::Even, Place::Line);
@@ -47,6 +82,11 @@ fn bad_banks_are_refused() {
         count: 2_000_001,
         ..good
     }));
+    for hole in [0.0, -0.1, 1.1, f64::NAN] {
+        let place = Place::Galaxy { hole };
+        assert!(refused(BankForm { place, ..good }));
+        assert!(cells_at(&[(440.0, 1.0)], place).is_err());
+    }
     assert!(refused(BankForm {
         f: (30.0, 20.0),
         ..good
@@ -68,7 +108,7 @@ proptest! {
         for member in bank {
             prop_assert!((20.0..=10_000.0).contains(&member.f));
             prop_assert!((0.5..=8.0).contains(&member.t60));
-            prop_assert!(close(crate::maths::log(member.f / 20.0), u * crate::maths::log(500.0), 1e-9));
+            prop_assert!(close(log(member.f / 20.0), u * log(500.0), 1e-9));
         }
     }
 }

@@ -1,0 +1,239 @@
+"""A sound file of many channels folded to others: two ears, stereo, Ambisonics, another room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+from ergon.exchange.wave_header import ORIGINATOR, Bits
+
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon import _core
+    from ergon.exchange.wave_header import WaveInfo
+    from ergon.space.head import Head
+    from ergon.space.ways import Field
+
+_AMBISONICS = "ambix"
+
+
+class FoldError(ErgonError, ValueError):
+    """The file cannot be folded; the message says why, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoldOptions:
+    """`to`: binaural, stereo, ambix1 to ambix7, or a layout (a file, or one that ships).
+
+    `from_`: the layout, or the order of Ambisonics, that the file holds; without it as the file
+    says (ADM). `head`: a SOFA file in place of the head that ships. `gain` in decibels, such as
+    "-6dB". `bits`: 16, 24 or "float"; without it those of the file.
+    """
+
+    to: str
+    from_: str | None = None
+    head: str | Path | None = None
+    gain: str | None = None
+    bits: Bits | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Folded:
+    """What was written: its peak as a ratio of full scale, and how many samples were clipped."""
+
+    path: str
+    n_channels: int
+    n_frames: int
+    rate: int
+    peak: float
+    n_clipped: int
+    sha256: str
+
+
+def fold_file(
+    source: str | Path,
+    out: str | Path,
+    options: FoldOptions,
+    *,
+    report: Report | None = None,
+) -> Folded:
+    """Fold a WAV or FLAC file of any length into another; the same input gives the same bytes.
+
+    Raises FoldError, NoLayoutError, ScoreError (a layout with mistakes), OptionError,
+    FileRefusedError, and OSError where the file cannot be read.
+    """
+    from ergon import _core
+    from ergon.exchange import sound
+    from ergon.exchange.safe import check_target, writing
+    from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
+
+    from .layouts import chunks_of
+
+    report, path, target = report or Report(), Path(source), str(out)
+    try:
+        info = sound.read_info(path)
+    except NotWaveError as error:
+        raise FoldError(f"{path}: {error}") from None
+    gain, inputs = _gain(options.gain), (path, *([Path(options.head)] if options.head else []))
+    if target != "-":
+        check_target(Path(target), force=options.force, inputs=inputs)
+    held = _source(path, info, options, report)
+    filters, made = _filters(held, options, info.format.rate, report)
+    bits: Bits = options.bits or ("float" if info.format.bits == "double" else info.format.bits)
+    format = WaveFormat(info.format.rate, filters.shape[1], bits)
+    sound.check_format(target, format)
+    fold = _core.Fold(filters)
+    n_frames = info.n_frames + fold.tail
+    title = info.title if info.originator == ORIGINATOR else path.stem
+    chunks = b"" if made is None else chunks_of(made, title)
+    stamp = Stamp(title, chunks=chunks)
+    peak, n_clipped = 0.0, 0
+    with writing(target, binary=True, force=options.force, inputs=inputs) as file:
+        writer = sound.writer(target, file, format, n_frames, stamp)
+        blocks = _whole(path, info, sound.read_blocks(path), fold.tail)
+        with report.progress("folding", n_frames, format.rate) as progress:
+            at = 0
+            for block in _folded(blocks, fold, format.n_channels):
+                block *= gain
+                size = abs(block)
+                peak = max(peak, float(size.max(initial=0.0)))
+                if format.bits == "float":
+                    writer.write(_core.single(block, 1.0))  # type: ignore[arg-type]
+                else:
+                    n_clipped += int((size > 1.0).sum())
+                    writer.write(_core.pcm(block, 1.0, 16 if format.bits == 16 else 24))
+                at += len(block)
+                progress.at(at)
+        writer.close()
+    return Folded(target, format.n_channels, n_frames, format.rate, peak, n_clipped, writer.sha256)
+
+
+def _folded(
+    blocks: Iterator[NDArray[np.float64]], fold: _core.Fold, n_channels: int
+) -> Iterator[NDArray[np.float64]]:
+    """The blocks at the other side of a fold, each an array of its own."""
+    import numpy as np
+
+    for block in blocks:
+        made = np.zeros((len(block), n_channels))
+        fold.process(block, made)
+        yield made
+
+
+def _whole(
+    path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail: int
+) -> Iterator[NDArray[np.float64]]:
+    """What a file holds and what sounds on, in blocks. Raises FoldError for what is no number."""
+    import numpy as np
+
+    at = 0
+    for block in blocks:
+        if not np.isfinite(block).all():
+            raise FoldError(f"{path} holds samples that are not finite, after frame {at:,}")
+        at += len(block)
+        yield np.ascontiguousarray(block)
+    yield np.zeros((tail, info.format.n_channels))
+
+
+def _gain(asked: str | None) -> float:
+    from ergon.notation.tables.quantities import gain
+    from ergon.notation.text.errors import TextError
+
+    try:
+        return 1.0 if asked is None else gain(asked)
+    except TextError as error:
+        raise OptionError("gain", error.message) from None
+
+
+def _order(word: str, option: str) -> int | None:
+    """The order of `ambix5`; None for another word. Raises OptionError."""
+    from ergon.space.ambisonics import MOST
+
+    if not word.startswith(_AMBISONICS) or Path(word).suffix:
+        return None
+    digits = word.removeprefix(_AMBISONICS)
+    if digits not in map(str, range(1, MOST + 1)):
+        reason = f"the order of Ambisonics is 1 to {MOST}, such as {_AMBISONICS}5"
+        raise OptionError(option, reason, value=word)
+    return int(digits)
+
+
+def _named(word: str, option: str, report: Report) -> Field:
+    """Ambisonics by its order, or loudspeakers of a layout."""
+    from ergon.space.ways import Field
+
+    from .layouts import NoLayoutError, read_layout
+
+    order = _order(word, option)
+    if order is not None:
+        return Field(order=order)
+    try:
+        return Field(read_layout(word, report).speakers)
+    except NoLayoutError as error:
+        raise OptionError(option, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}7") from None
+
+
+def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) -> Field:
+    """What the channels of a file are, as is asked or as it says. Raises FoldError."""
+    from ergon.exchange import adm
+    from ergon.exchange.xml_text import XmlError
+    from ergon.space.directions import point
+    from ergon.space.ways import Field
+
+    if options.from_ is not None:
+        found = _named(options.from_, "from", report)
+    else:
+        reason = "it does not say what its channels are"
+        try:
+            said = adm.read(info)
+        except XmlError as error:
+            said, reason = None, str(error)
+        if said is None:
+            raise FoldError(f"{path}: {reason}; name them by --from LAYOUT, such as --from dome24")
+        found = Field(tuple(point(*one) for one in said.speakers), said.order)
+    if found.n_channels != info.format.n_channels:
+        named = f"{options.from_ or 'its description'} has {found.n_channels}"
+        raise FoldError(f"{path} has {info.format.n_channels} channels, but {named}")
+    return found
+
+
+def _filters(
+    source: Field, options: FoldOptions, rate: float, report: Report
+) -> tuple[NDArray[np.float64], Field | None]:
+    """Filters (n_in, n_out, n_taps), and what goes out where that is a field."""
+    from ergon.space import head, ways
+    from ergon.space.panning import ArrayError
+
+    if options.head is not None and options.to != "binaural":
+        raise OptionError("head", "only `--to binaural` has a head")
+    if options.to == "stereo":
+        return ways.to_stereo(source), None
+    if options.to == "binaural":
+        own = head.kemar() if options.head is None else _head(options.head, source)
+        return ways.to_ears(source, own, rate), None
+    target = _named(options.to, "to", report)
+    try:
+        return ways.to_field(source, target), target
+    except ArrayError as error:
+        raise OptionError("to", str(error), value=options.to) from None
+
+
+def _head(path: str | Path, source: Field) -> Head:
+    """The head of a SOFA file, for the directions of a field."""
+    from ergon.exchange import sofa
+    from ergon.space import head, ways
+    from ergon.space.directions import point, unit_vectors
+
+    measured = sofa.read(Path(path))
+    directions = unit_vectors(point(a, e, 1.0) for a, e in measured.angles.tolist())
+    wanted = ways.directions_of(source)
+    return head.prepared(directions, measured.responses, measured.rate, wanted)

@@ -1,0 +1,70 @@
+"""Layouts of loudspeakers: read from their files, or from the library by their names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+
+from .errors import ScoreError
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Layout
+    from ergon.space.ways import Field
+
+
+class NoLayoutError(ErgonError, LookupError):
+    """No layout has this name."""
+
+
+def read_layout(name: str | Path, report: Report | None = None) -> Layout:
+    """A layout from a file, or from the library by its name (`dome24`).
+
+    Raises NoLayoutError, and ScoreError where the file has mistakes.
+    """
+    from ergon.notation.text.bounds import SHIPPED, Bounds
+    from ergon.notation.text.errors import Collector, quote
+    from ergon.notation.text.files import Files, is_file
+    from ergon.notation.text.spelling import nearest
+    from ergon.notation.text.values import Place
+    from ergon.scores.reading import build
+
+    path = Path(name)
+    if not is_file(path):
+        shipped = {one.stem: one for one in sorted((SHIPPED / "layouts").glob("*.yaml"))}
+        if path.name not in shipped or path.name != str(name):
+            close = nearest(path.stem, shipped)
+            meant = f"did you mean {close}? " if close else ""
+            known = ", ".join(shipped)
+            message = f"{quote(str(name))} is no file of a layout; {meant}The library has {known}"
+            raise NoLayoutError(message.replace("; The", "; the"))
+        path = shipped[path.name]
+    collector = Collector()
+    files = Files(collector, path.parent, bounds=Bounds.around(path.parent, trust=True))
+    layout = build.layout(path.name, path.parent, Place(str(path), 1, 1), files)
+    is_refused = collector.has_errors()
+    found = collector.finish()
+    (report or Report()).diagnostics(found, files.documents, collector.left_out())
+    if layout is None or is_refused:
+        raise ScoreError(found, files.documents)
+    return layout
+
+
+def chunks_of(field: Field, title: str) -> bytes:
+    """What a WAVE file says of channels that are loudspeakers or Ambisonics (ADM)."""
+    from ergon.exchange import adm
+    from ergon.space.directions import angles
+
+    speakers = tuple(angles(place) for place in field.speakers)
+    return adm.chunks(adm.Sounded(speakers, field.order), title)
+
+
+def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> bytes:
+    """The same of a score's layout, where there is one and the file has its channels."""
+    from ergon.space.ways import Field
+
+    if layout is None or len(layout.speakers) != n_channels:
+        return b""
+    return chunks_of(Field(layout.speakers), title)

@@ -1,0 +1,83 @@
+"""`ergon fold`: a sound file of many channels for two ears, stereo, Ambisonics or another room."""
+
+from __future__ import annotations
+
+from math import log10
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console, plural
+from .outcome import Refused
+from .units import seconds
+
+if TYPE_CHECKING:
+    from ergon.exchange.wave_header import Bits
+
+
+@click.command()
+@click.argument("source", metavar="IN.wav")
+@click.option(
+    "--to",
+    required=True,
+    metavar="WHERE",
+    help="binaural, stereo, ambix1 … ambix7 (ACN, SN3D), or a layout: a file, or one that ships.",
+)
+@click.option(
+    "--from",
+    "from_",
+    metavar="WHAT",
+    help="What IN.wav holds: a layout, or ambix1 … ambix7. Without it as the file says (ADM).",
+)
+@click.option("--head", metavar="FILE.sofa", help="Another head for binaural sound.")
+@click.option("--gain", metavar="LEVEL", help="Gain, such as -6dB.")
+@options.target("The file to write; - is stdout. Default: IN-WHERE.wav in the current folder.")
+@options.bits
+@options.force
+@options.speaking
+def fold(
+    console: Console,
+    source: str,
+    to: str,
+    from_: str | None,
+    head: str | None,
+    gain: str | None,
+    output: str | None,
+    bits: Bits | None,
+    force: bool,
+) -> None:
+    """Fold a sound file of many channels for other ears.
+
+    Loudspeakers become two ears by the filters of a head, stereo by constant power, Ambisonics as
+    plane waves, and other loudspeakers by VBAP; Ambisonics is decoded by AllRAD. Files may be of
+    any length; the same input gives the same bytes.
+    """
+    from ergon.api.fold import FoldOptions, fold_file
+
+    if output == "-" and console.json:
+        raise Refused("--json and -o - both write to stdout; give one")
+    target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
+    asked = FoldOptions(to, from_, head, gain, bits, force)
+    done = fold_file(source, target, asked, report=console)
+    if done.n_clipped:
+        level = 20 * log10(done.peak)
+        console.warn(
+            f"{done.n_clipped:,} samples are clipped: the peak is {level:+.1f} dBFS; use --gain "
+            f"-{level + 0.05:.1f}dB, or --bits float"
+        )
+    if console.json:
+        console.record(
+            "folded",
+            file=done.path,
+            channels=done.n_channels,
+            frames=done.n_frames,
+            peak=done.peak,
+            clipped=done.n_clipped,
+            sha256=done.sha256,
+        )
+    else:
+        peak = f"{20 * log10(done.peak):+.1f} dBFS" if done.peak else "silent"
+        channels, length = plural(done.n_channels, "channel"), seconds(done.n_frames / done.rate)
+        console.say(f"{done.path}: {channels}, {length}, peak {peak}")

@@ -1,0 +1,103 @@
+"""`ergon layout check`: how well loudspeakers place sound."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .tables import table
+
+if TYPE_CHECKING:
+    from ergon.space.directions import Point
+    from ergon.space.quality import Quality
+
+_HEAD = ("by", "|rE|", "least", "|rV|", "rE off", "most", "loudness")
+
+
+@click.command()
+@click.argument("name", metavar="LAYOUT")
+@options.speaking
+def check(console: Console, name: str) -> None:
+    """Say how well loudspeakers place sound, and where they leave holes.
+
+    LAYOUT is a file, or a layout that ships, such as dome24. 4,000 directions of the upper half are
+    panned to the nearest loudspeaker, by VBAP and by AllRAD of order 3 and 5. The length of the
+    energy vector rE says how narrow sound is (1: one loudspeaker), its direction how far beside its
+    source it is heard.
+    """
+    from ergon.api.layouts import read_layout
+    from ergon.space.quality import holes, is_open_above, is_symmetric, qualities
+
+    layout = read_layout(name, console)
+    places = layout.speakers
+    found, gaps = qualities(places), holes(places)
+    symmetric, is_open = is_symmetric(places), is_open_above(places)
+    if console.json:
+        for one in found:
+            _record(console, one)
+        console.record(
+            "layout",
+            file=str(layout.path),
+            loudspeakers=len(places),
+            symmetric=symmetric,
+            surround=len(found) > 1,
+            open_above=is_open,
+            holes=[{"between": [a + 1, b + 1], "angle_deg": angle} for a, b, angle in gaps],
+        )
+        return
+    title = f", {layout.title}" if layout.title else ""
+    console.data(f"{len(places)} loudspeakers{title}\n\n")
+    console.data(table([_HEAD, *map(_row, found)]))
+    sides = "the sides mirror each other" if symmetric else "the sides do not mirror each other"
+    console.data(f"\n{sides}\n")
+    for a, b, angle in gaps:
+        console.data(
+            f"a hole of {angle:.0f}° between {_where(places, a)} and {_where(places, b)}\n"
+        )
+    if len(found) == 1:
+        console.data(
+            "they do not surround the middle of the room: nothing is panned between them\n"
+        )
+    elif is_open:
+        console.data("a hole overhead: no loudspeaker lies within 60° of the zenith\n")
+    elif not gaps:
+        console.data("no holes above the horizon\n")
+
+
+def _row(one: Quality) -> tuple[str, ...]:
+    mean, least = one.energy_length
+    off, most = one.off
+    low, high = one.loudness
+    return (
+        one.name,
+        f"{mean:.3f}",
+        f"{least:.3f}",
+        f"{one.velocity_length:.3f}",
+        f"{off:.1f}°",
+        f"{most:.1f}°",
+        f"{round(low, 1) + 0.0:+.1f}..{round(high, 1) + 0.0:+.1f} dB",
+    )
+
+
+def _record(console: Console, one: Quality) -> None:
+    console.record(
+        "panning",
+        by=one.name,
+        re_mean=one.energy_length[0],
+        re_min=one.energy_length[1],
+        rv_mean=one.velocity_length,
+        off_mean_deg=one.off[0],
+        off_max_deg=one.off[1],
+        loudness_min_db=one.loudness[0],
+        loudness_max_db=one.loudness[1],
+    )
+
+
+def _where(places: tuple[Point, ...], index: int) -> str:
+    from ergon.space.directions import angles
+
+    azimuth, elevation, _ = angles(places[index])
+    return f"{index + 1} (azimuth {azimuth:.0f}°, elevation {elevation:.0f}°)"

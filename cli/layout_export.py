@@ -1,0 +1,67 @@
+"""`ergon layout export`: a layout as other programs have it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import Refused
+
+FORMS = ("iem", "ear", "spatgris")
+form = click.option(
+    "--form",
+    type=click.Choice(FORMS),
+    help="iem (AllRADecoder, .json), ear (EBU ADM renderer, .yaml) or spatgris (.xml); without "
+    "this option by the ending of the file.",
+)
+
+
+def form_of(path: Path, asked: str | None) -> str:
+    """The program whose file this is, as asked or by its ending."""
+    from ergon.exchange.layout_files import FORMS as KNOWN
+
+    if asked is not None:
+        return asked
+    endings = {one.ending: name for name, one in KNOWN.items()}
+    if path.suffix.lower() not in endings:
+        known = ", ".join(f"{name} ({ending})" for ending, name in endings.items())
+        raise Refused(f"{path}: its ending names no program; give --form, one of {known}")
+    return endings[path.suffix.lower()]
+
+
+@click.command()
+@click.argument("name", metavar="LAYOUT")
+@options.target("The file to write, or - for stdout.")
+@form
+@options.force
+@options.speaking
+def export(console: Console, name: str, output: str | None, form: str | None, force: bool) -> None:
+    """Write a layout as other programs have it.
+
+    LAYOUT is a file, or a layout that ships. The file is for the IEM AllRADecoder (JSON), the EBU
+    ADM renderer (YAML) or SpatGRIS (XML, whose farthest loudspeaker is at the distance 1).
+    """
+    from ergon.api.layouts import read_layout
+    from ergon.exchange.layout_files import FORMS as KNOWN
+    from ergon.exchange.safe import write_text
+    from ergon.space.directions import angles
+
+    if output is None:
+        raise Refused("name the file to write, by -o FILE.json, FILE.yaml or FILE.xml")
+    if output == "-" and console.json:
+        raise Refused("--json and -o - both write to stdout; give one")
+    if output == "-" and form is None:
+        raise Refused(f"-o - needs --form, one of {', '.join(FORMS)}")
+    path = Path(output)
+    kind = form_of(path, form)
+    layout = read_layout(name, console)
+    speakers = [angles(place) for place in layout.speakers]
+    text = KNOWN[kind].write(speakers, layout.title or layout.path.stem)
+    write_text(output, text, force=force, inputs=(layout.path,))
+    if console.json:
+        console.record("wrote", file=output, form=kind, loudspeakers=len(speakers))
+    elif output != "-":
+        console.say(f"wrote {output}: {len(speakers)} loudspeakers for {kind}")

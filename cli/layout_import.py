@@ -1,0 +1,70 @@
+"""`ergon layout import`: another program's file as a layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from . import options
+from .console import Console
+from .layout_export import form, form_of
+from .outcome import Refused
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.target("The layout to write, a .yaml file, or - for stdout.")
+@form
+@click.option(
+    "--radius",
+    metavar="LENGTH",
+    help="How far away the farthest loudspeaker is, such as 3m; SpatGRIS does not say it.",
+)
+@options.force
+@options.speaking
+def import_layout(
+    console: Console,
+    file: str,
+    output: str | None,
+    form: str | None,
+    radius: str | None,
+    force: bool,
+) -> None:
+    """Make a layout of a file of another program.
+
+    FILE is one of the IEM AllRADecoder (JSON), the EBU ADM renderer (YAML) or SpatGRIS (XML). Where
+    loudspeakers are is kept, and their order; gains, filters and imaginary ones are not.
+    """
+    from ergon.common.regular import read_bounded
+    from ergon.exchange.layout_files import FORMS, MOST, LayoutFileError, as_yaml
+    from ergon.exchange.safe import write_text
+
+    path = Path(file)
+    target = output or f"{path.stem}-layout.yaml"
+    if target == "-" and console.json:
+        raise Refused("--json and -o - both write to stdout; give one")
+    kind = form_of(path, form)
+    far = None if radius is None else _metres(radius)
+    data = read_bounded(path, MOST)
+    if len(data) > MOST:
+        raise Refused(f"{file} is larger than {MOST >> 20} MB")
+    try:
+        speakers = FORMS[kind].read(data)
+    except LayoutFileError as error:
+        raise Refused(f"{file}: {error}") from None
+    write_text(target, as_yaml(speakers, path.stem, far), force=force, inputs=(path,))
+    if console.json:
+        console.record("wrote", file=target, form=kind, loudspeakers=len(speakers))
+    elif target != "-":
+        console.say(f"wrote {target}: {len(speakers)} loudspeakers")
+
+
+def _metres(text: str) -> float:
+    from ergon.notation.tables.quantities import DISTANCE, quantity
+    from ergon.notation.text.errors import TextError
+
+    try:
+        return quantity(text, DISTANCE)
+    except TextError as error:
+        raise Refused(f"--radius: {error.message}") from None

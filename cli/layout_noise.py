@@ -1,0 +1,137 @@
+"""`ergon layout noise`: each loudspeaker in turn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console, plural
+from .outcome import DeviceMissing, Refused
+from .units import seconds as as_seconds
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.instruments.model import Layout
+
+_GAP = 0.25  # [s] after each
+
+
+@click.command()
+@click.argument("name", metavar="LAYOUT")
+@options.target("The WAV file to write.")
+@click.option(
+    "--audio", metavar="WHERE", help="Play it: jack[:PORTS], pulse[:SINK], file:PATH, null or auto."
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.05, 60),
+    default=1.0,
+    show_default=True,
+    help="How long each sounds.",
+)
+@click.option("--level", default="-20dB", show_default=True, help="Its rms below full scale.")
+@click.option(
+    "--rate", type=click.IntRange(8_000, 192_000), default=48_000, show_default=True, help="[Hz]"
+)
+@options.force
+@options.speaking
+def noise(
+    console: Console,
+    name: str,
+    output: str | None,
+    audio: str | None,
+    seconds: float,
+    level: str,
+    rate: int,
+    force: bool,
+) -> None:
+    """Noise from each loudspeaker in turn, as a file (-o) or live (--audio).
+
+    It is pink, and the same samples each time. A file says where its loudspeakers are (ADM).
+    """
+    from ergon.api.layouts import read_layout
+    from ergon.space.noise import burst
+
+    if (output is None) == (audio is None):
+        raise Refused("give -o FILE.wav or --audio auto")
+    ratio = _ratio(level)
+    layout = read_layout(name, console)
+    sound = burst(seconds, rate, ratio)
+    if output is not None:
+        _write(console, layout, output, sound, rate, force=force)
+    else:
+        _play(console, layout, audio or "auto", sound, rate)
+
+
+def _write(
+    console: Console,
+    layout: Layout,
+    output: str,
+    sound: NDArray[np.float64],
+    rate: int,
+    *,
+    force: bool,
+) -> None:
+    import numpy as np
+
+    from ergon import _core
+    from ergon.api.layouts import chunks_of_layout
+    from ergon.exchange import sound as files
+    from ergon.exchange.safe import writing
+    from ergon.exchange.wave_header import Stamp, WaveFormat
+
+    n_speakers, gap = len(layout.speakers), int(_GAP * rate)
+    n_each = len(sound) + gap
+    format = WaveFormat(rate, n_speakers, 24)
+    title = f"noise, {layout.title or layout.path.stem}"
+    stamp = Stamp(title, chunks=chunks_of_layout(layout, n_speakers, title))
+    files.check_format(output, format)
+    with writing(output, binary=True, force=force, inputs=(layout.path,)) as file:
+        writer = files.writer(output, file, format, n_speakers * n_each, stamp)
+        for speaker in range(n_speakers):
+            frames = np.zeros((n_each, n_speakers))
+            frames[: len(sound), speaker] = sound
+            writer.write(_core.pcm(frames, 1.0, 24))
+        writer.close()
+    length = n_speakers * n_each / rate
+    if console.json:
+        console.record("wrote", file=output, channels=n_speakers, seconds=length)
+    else:
+        console.say(f"wrote {output}: {plural(n_speakers, 'channel')}, {as_seconds(length)}")
+
+
+def _play(
+    console: Console, layout: Layout, audio: str, sound: NDArray[np.float64], rate: int
+) -> None:
+    import numpy as np
+
+    from ergon import _core
+    from ergon.space.directions import angles
+
+    n_speakers = len(layout.speakers)
+    for speaker, place in enumerate(layout.speakers):
+        azimuth, elevation, _ = angles(place)
+        console.say(f"{speaker + 1}: azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
+        frames = np.zeros((len(sound) + int(_GAP * rate), n_speakers), np.float32)
+        frames[: len(sound), speaker] = sound
+        try:
+            _core.play_frames(frames, rate, audio)
+        except _core.EngineError as error:
+            raise DeviceMissing(f"--audio {audio}: {error}") from None
+
+
+def _ratio(level: str) -> float:
+    from ergon.notation.tables.quantities import gain
+    from ergon.notation.text.errors import TextError
+
+    try:
+        ratio = gain(level)
+    except TextError as error:
+        raise Refused(f"--level: {error.message}") from None
+    if ratio > 0.5:
+        raise Refused("--level: noise louder than -6dB would clip; write -20dB")
+    return ratio

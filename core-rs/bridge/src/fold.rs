@@ -1,0 +1,45 @@
+//! From the loudspeakers of one room to other channels.
+
+use ergon_engine::mix::fold;
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::error::said;
+use crate::frames::{rows, rows_mut};
+
+/// Filters from each channel that comes in to each that goes out.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Fold(fold::Fold);
+
+#[pymethods]
+impl Fold {
+    #[new]
+    fn new(filters: PyReadonlyArray3<'_, f64>) -> PyResult<Self> {
+        let shape = filters.shape();
+        let (n_in, n_out) = (shape[0], shape[1]);
+        let all: Vec<f64> = filters.as_array().iter().copied().collect();
+        fold::Fold::new(n_in, n_out, &all).map(Self).map_err(said)
+    }
+
+    /// Frames that sound on after the last that came in.
+    #[getter]
+    fn tail(&self) -> usize {
+        self.0.tail()
+    }
+
+    /// (n_frames, n_in) into (n_frames, n_out), which is overwritten.
+    fn process(
+        &mut self,
+        py: Python<'_>,
+        frames: PyReadonlyArray2<'_, f64>,
+        mut output: PyReadwriteArray2<'_, f64>,
+    ) -> PyResult<()> {
+        if frames.shape()[0] != output.shape()[0] {
+            return Err(said("as many frames go out as come in"));
+        }
+        let frames = rows(&frames, "frames", self.0.n_in())?;
+        let output = rows_mut(&mut output, "output", self.0.n_out())?;
+        py.detach(|| self.0.process(frames, output));
+        Ok(())
+    }
+}

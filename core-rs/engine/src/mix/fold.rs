@@ -1,0 +1,239 @@
+//! From the loudspeakers of one room to other channels: every way has a filter.
+
+use thiserror::Error;
+
+/// Most channels on either side.
+pub const MAX_CHANNELS: usize = 1024;
+/// Most taps of a filter.
+pub const MAX_TAPS: usize = 1 << 16;
+/// Frames that are summed at once: their sums stay in registers.
+const TILE: usize = 16;
+/// Frames that go through between two looks at the past.
+const BLOCK: usize = 1024;
+
+/// Why a fold cannot be built.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum FoldError {
+    /// No channels, or too many.
+    #[error("a fold has 1 to {MAX_CHANNELS} channels on either side; here {0} to {1}")]
+    Channels(usize, usize),
+    /// No taps, or too many, or a number of coefficients that fits no number of taps.
+    #[error("a fold has as many coefficients as ways and taps, 1 to {MAX_TAPS} taps; here {0}")]
+    Taps(usize),
+    /// A coefficient that is not a number.
+    #[error("coefficients of a fold are finite numbers")]
+    Infinite,
+}
+
+/// Filters from each channel that comes in to each that goes out, in direct form.
+///
+/// A sample is summed channel by channel and tap by tap, the youngest first, so its bits depend neither on the size of
+/// blocks nor on the width of the machine's registers. Ways that are silent cost nothing, nor do zeros at the ends of a
+/// filter. After [`Fold::new`] nothing is allocated.
+///
+/// ```
+/// use ergon_engine::mix::fold::Fold;
+///
+/// let mut fold = Fold::new(2, 1, &[1.0, 0.0, 0.0, 0.5])?; // the left as it is, the right a frame late
+/// let mut out = [0.0; 2];
+/// fold.process(&[1.0, 4.0, 10.0, 0.0], &mut out);
+/// assert_eq!(out, [1.0, 12.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Fold {
+    n_in: usize,
+    n_out: usize,
+    /// Frames of the past that a filter still hears.
+    past: usize,
+    /// By way out, then in.
+    ways: Vec<Way>,
+    taps: Vec<f64>,
+    /// Of each channel that comes in: its past, then this block   (n_in, past + BLOCK)
+    line: Vec<f64>,
+    sums: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    from: usize,
+    to: usize,
+    /// Frames before its first tap.
+    delay: usize,
+    first: usize,
+    n_taps: usize,
+}
+
+impl Fold {
+    /// `filters` (n_in, n_out, n_taps).
+    ///
+    /// # Errors
+    /// [`FoldError`].
+    pub fn new(n_in: usize, n_out: usize, filters: &[f64]) -> Result<Self, FoldError> {
+        let range = 1..=MAX_CHANNELS;
+        if !range.contains(&n_in) || !range.contains(&n_out) {
+            return Err(FoldError::Channels(n_in, n_out));
+        }
+        let n_taps = filters.len() / (n_in * n_out);
+        if n_taps * n_in * n_out != filters.len() || !(1..=MAX_TAPS).contains(&n_taps) {
+            return Err(FoldError::Taps(filters.len()));
+        }
+        if !filters.iter().all(|h| h.is_finite()) {
+            return Err(FoldError::Infinite);
+        }
+        let (mut ways, mut taps) = (Vec::new(), Vec::new());
+        for to in 0..n_out {
+            for from in 0..n_in {
+                let at = (from * n_out + to) * n_taps;
+                let filter = &filters[at..at + n_taps];
+                let Some(delay) = filter.iter().position(|h| *h != 0.0) else {
+                    continue;
+                };
+                let end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay) + 1;
+                ways.push(Way {
+                    from,
+                    to,
+                    delay,
+                    first: taps.len(),
+                    n_taps: end - delay,
+                });
+                taps.extend_from_slice(&filter[delay..end]);
+            }
+        }
+        let past = n_taps - 1;
+        Ok(Self {
+            n_in,
+            n_out,
+            past,
+            ways,
+            taps,
+            line: vec![0.0; n_in * (past + BLOCK)],
+            sums: vec![0.0; BLOCK],
+        })
+    }
+
+    /// Channels that come in.
+    pub fn n_in(&self) -> usize {
+        self.n_in
+    }
+
+    /// Channels that go out.
+    pub fn n_out(&self) -> usize {
+        self.n_out
+    }
+
+    /// Frames that sound on after the last that came in.
+    pub fn tail(&self) -> usize {
+        self.past
+    }
+
+    /// `input` (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten.
+    pub fn process(&mut self, input: &[f64], output: &mut [f64]) {
+        let input = input.chunks(BLOCK * self.n_in);
+        for (input, output) in input.zip(output.chunks_mut(BLOCK * self.n_out)) {
+            self.block(input, output);
+        }
+    }
+
+    fn block(&mut self, input: &[f64], output: &mut [f64]) {
+        let n_frames = input.len() / self.n_in;
+        let width = self.past + BLOCK;
+        for (frame, row) in input.chunks_exact(self.n_in).enumerate() {
+            for (channel, x) in row.iter().enumerate() {
+                self.line[channel * width + self.past + frame] = *x;
+            }
+        }
+        let mut ways = self.ways.iter().peekable();
+        for to in 0..self.n_out {
+            let sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
+            sums.fill(0.0);
+            while let Some(way) = ways.next_if(|way| way.to == to) {
+                let line = &self.line[way.from * width..(way.from + 1) * width];
+                let taps = &self.taps[way.first..way.first + way.n_taps];
+                let begin = self.past - way.delay;
+                for (tile, sums) in sums.chunks_exact_mut(TILE).enumerate() {
+                    add(sums, line, begin + tile * TILE, taps);
+                }
+            }
+            for (frame, sum) in sums[..n_frames].iter().enumerate() {
+                output[frame * self.n_out + to] = *sum;
+            }
+        }
+        for channel in 0..self.n_in {
+            let line = &mut self.line[channel * width..(channel + 1) * width];
+            line.copy_within(n_frames..n_frames + self.past, 0);
+        }
+    }
+}
+
+/// Add what a filter makes of TILE frames that begin at `at`.
+fn add(sums: &mut [f64], line: &[f64], at: usize, taps: &[f64]) {
+    let mut tile = [0.0; TILE];
+    tile.copy_from_slice(sums);
+    for (age, tap) in taps.iter().enumerate() {
+        let heard = &line[at - age..at - age + TILE];
+        for (sum, x) in tile.iter_mut().zip(heard) {
+            *sum += tap * x;
+        }
+    }
+    sums.copy_from_slice(&tile);
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The sum as it is written, frame by frame, in the same order.
+    fn plain(n_in: usize, n_out: usize, filters: &[f64], input: &[f64]) -> Vec<f64> {
+        let n_taps = filters.len() / (n_in * n_out);
+        let n_frames = input.len() / n_in;
+        let mut output = vec![0.0; n_frames * n_out];
+        for frame in 0..n_frames {
+            for to in 0..n_out {
+                for from in 0..n_in {
+                    for age in 0..n_taps.min(frame + 1) {
+                        output[frame * n_out + to] += filters[(from * n_out + to) * n_taps + age]
+                            * input[(frame - age) * n_in + from];
+                    }
+                }
+            }
+        }
+        output
+    }
+
+    proptest! {
+        #[test]
+        fn any_blocks_give_the_written_sum_to_the_bit(
+            (n_in, n_out, n_taps) in (1usize..4, 1usize..4, 1usize..40),
+            seed in prop::collection::vec(-1.0..1.0f64, 5000),
+            cuts in prop::collection::vec(0usize..1500, 0..4),
+        ) {
+            let mut filters = seed[..n_in * n_out * n_taps].to_vec();
+            filters.iter_mut().step_by(3).for_each(|h| *h = 0.0);
+            let n_frames = seed.len() / n_in;
+            let input = &seed[..n_frames * n_in];
+            let mut fold = Fold::new(n_in, n_out, &filters).expect("fold");
+            let mut output = vec![f64::NAN; n_frames * n_out];
+            let mut begin = 0usize;
+            for cut in cuts.iter().copied().chain([usize::MAX]) {
+                let end = n_frames.min(begin.saturating_add(cut));
+                fold.process(&input[begin * n_in..end * n_in], &mut output[begin * n_out..end * n_out]);
+                begin = end;
+            }
+            prop_assert_eq!(output, plain(n_in, n_out, &filters, input));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_a_fold_is_refused() {
+        assert_eq!(Fold::new(0, 1, &[]).err(), Some(FoldError::Channels(0, 1)));
+        assert_eq!(Fold::new(2, 2, &[]).err(), Some(FoldError::Taps(0)));
+        assert_eq!(Fold::new(2, 2, &[1.0; 6]).err(), Some(FoldError::Taps(6)));
+        assert_eq!(
+            Fold::new(1, 1, &[f64::NAN]).err(),
+            Some(FoldError::Infinite)
+        );
+    }
+}

@@ -1,0 +1,210 @@
+"""What the channels of a WAVE file are: the Audio Definition Model, in chunks `axml` and `chna`.
+
+Sources: ITU-R BS.2076-2 (the model), BS.2088-1 (the chunks). Loudspeakers are DirectSpeakers, whose
+distances are parts of the pack's `absoluteDistance`; Ambisonics is HOA in ACN order and SN3D.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
+
+from .xml_text import XmlError, parsed
+
+if TYPE_CHECKING:
+    from .wave_header import WaveInfo
+
+Angles = tuple[float, float, float]  # azimuth, elevation [degrees], distance [m]
+
+_UID = struct.Struct("<H12s14s11sx")
+_FIRST = 0x1001  # of what is defined in the file itself
+_TYPES = {"DirectSpeakers": "0001", "HOA": "0004"}
+_MOST = 1024  # channels
+_FARTHEST = 1e4  # [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Sounded:
+    """What the channels of a file are: loudspeakers, or Ambisonics of an order (ACN, SN3D)."""
+
+    speakers: tuple[Angles, ...] = ()
+    order: int | None = None
+
+    @property
+    def n_channels(self) -> int:
+        """How many channels that is."""
+        return len(self.speakers) if self.order is None else (self.order + 1) ** 2
+
+
+def chunks(sounded: Sounded, title: str) -> bytes:
+    """The chunks `chna` and `axml`, to stand in a file before its samples."""
+    return _chunk(b"chna", _chna(sounded)) + _chunk(b"axml", _axml(sounded, title).encode())
+
+
+def _chunk(name: bytes, content: bytes) -> bytes:
+    return name + struct.pack("<I", len(content)) + content + bytes(len(content) & 1)
+
+
+def _kind(sounded: Sounded) -> str:
+    return "DirectSpeakers" if sounded.order is None else "HOA"
+
+
+def _ids(sounded: Sounded) -> list[str]:
+    """`00011001` …, one for each channel."""
+    prefix = _TYPES[_kind(sounded)]
+    return [f"{prefix}{_FIRST + i:04x}" for i in range(sounded.n_channels)]
+
+
+def _chna(sounded: Sounded) -> bytes:
+    pack = f"AP_{_TYPES[_kind(sounded)]}{_FIRST:04x}".encode()
+    ids = _ids(sounded)
+    rows = [
+        _UID.pack(i, f"ATU_{i:08x}".encode(), f"AT_{one}_01".encode(), pack)
+        for i, one in enumerate(ids, 1)
+    ]
+    return struct.pack("<HH", len(ids), len(ids)) + b"".join(rows)
+
+
+def _axml(sounded: Sounded, title: str) -> str:
+    kind, ids = _kind(sounded), _ids(sounded)
+    label = _TYPES[kind]
+    pack = f"AP_{label}{_FIRST:04x}"
+    name = quoteattr("".join(c for c in title if c.isprintable()) or "ergon")
+    typed = f'typeLabel="{label}" typeDefinition="{kind}"'
+    farthest = max((r for *_, r in sounded.speakers), default=1.0) or 1.0
+    absolute = f' absoluteDistance="{farthest:.6g}"' if sounded.order is None else ""
+    order = [
+        f'<audioProgramme audioProgrammeID="APR_1001" audioProgrammeName={name}>',
+        "<audioContentIDRef>ACO_1001</audioContentIDRef></audioProgramme>",
+        f'<audioContent audioContentID="ACO_1001" audioContentName={name}>',
+        "<audioObjectIDRef>AO_1001</audioObjectIDRef></audioContent>",
+        f'<audioObject audioObjectID="AO_1001" audioObjectName={name}>',
+        f"<audioPackFormatIDRef>{pack}</audioPackFormatIDRef>",
+        *(f"<audioTrackUIDRef>ATU_{i:08x}</audioTrackUIDRef>" for i in range(1, len(ids) + 1)),
+        "</audioObject>",
+        f'<audioPackFormat audioPackFormatID="{pack}" audioPackFormatName={name} '
+        f"{typed}{absolute}>",
+        *(f"<audioChannelFormatIDRef>AC_{one}</audioChannelFormatIDRef>" for one in ids),
+        "</audioPackFormat>",
+    ]
+    for i, one in enumerate(ids):
+        called = f"{i + 1}"
+        order += [
+            f'<audioChannelFormat audioChannelFormatID="AC_{one}" '
+            f'audioChannelFormatName="{called}" {typed}>'
+            f'<audioBlockFormat audioBlockFormatID="AB_{one}_00000001">',
+            *_block(sounded, i, farthest),
+            "</audioBlockFormat></audioChannelFormat>",
+            f'<audioStreamFormat audioStreamFormatID="AS_{one}" audioStreamFormatName="{called}" '
+            'formatLabel="0001" formatDefinition="PCM">'
+            f"<audioChannelFormatIDRef>AC_{one}</audioChannelFormatIDRef>"
+            f"<audioTrackFormatIDRef>AT_{one}_01</audioTrackFormatIDRef></audioStreamFormat>",
+            f'<audioTrackFormat audioTrackFormatID="AT_{one}_01" audioTrackFormatName="{called}" '
+            'formatLabel="0001" formatDefinition="PCM">'
+            f"<audioStreamFormatIDRef>AS_{one}</audioStreamFormatIDRef></audioTrackFormat>",
+            f'<audioTrackUID UID="ATU_{i + 1:08x}">'
+            f"<audioTrackFormatIDRef>AT_{one}_01</audioTrackFormatIDRef>"
+            f"<audioPackFormatIDRef>{pack}</audioPackFormatIDRef></audioTrackUID>",
+        ]
+    body = "\n".join(order)
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<ebuCoreMain xmlns="urn:ebu:metadata-schema:ebuCore_2014"><coreMetadata><format>'
+        f"<audioFormatExtended>\n{body}\n</audioFormatExtended></format></coreMetadata>"
+        "</ebuCoreMain>\n"
+    )
+
+
+def _block(sounded: Sounded, index: int, farthest: float) -> list[str]:
+    if sounded.order is not None:
+        n = next(n for n in range(index + 1) if index < (n + 1) ** 2)
+        degree = index - n * n - n
+        return [
+            f"<order>{n}</order><degree>{degree}</degree>",
+            "<normalization>SN3D</normalization>",
+        ]
+    azimuth, elevation, distance = sounded.speakers[index]
+    return [
+        f"<speakerLabel>{index + 1}</speakerLabel>",
+        f'<position coordinate="azimuth">{azimuth:.6f}</position>',
+        f'<position coordinate="elevation">{elevation:.6f}</position>',
+        f'<position coordinate="distance">{distance / farthest:.6f}</position>',
+    ]
+
+
+def read(info: WaveInfo) -> Sounded | None:
+    """What a file says its channels are; None where it says nothing that is known here.
+
+    Raises XmlError for a description that cannot be read.
+    """
+    if not info.axml or not info.chna:
+        return None
+    tracks = _tracks(info.chna, info.format.n_channels)
+    root = parsed(info.axml)
+    formats = {one.get("audioChannelFormatID"): one for one in root.iter("audioChannelFormat")}
+    # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may name the latter itself.
+    found = [formats.get(f"AC_{track[3:11]}") for track in tracks]
+    if not found or any(one is None for one in found):
+        return None
+    channels = [one for one in found if one is not None]
+    kinds = {one.get("typeDefinition") or one.get("typeLabel") for one in channels}
+    if kinds <= {"HOA", "0004"}:
+        return _ambisonics(channels)
+    if kinds <= {"DirectSpeakers", "0001"}:
+        return _speakers(channels, root)
+    return None
+
+
+def _tracks(data: bytes, n_channels: int) -> list[str]:
+    """The name of what each channel plays; none where one has no name, or two."""
+    names: dict[int, str] = {}
+    for at in range(4, len(data) - _UID.size + 1, _UID.size):
+        index, _, name, _ = _UID.unpack_from(data, at)
+        if index:
+            names.setdefault(index, name.rstrip(b"\0").decode("ascii", "replace"))
+    whole = range(1, min(n_channels, _MOST) + 1)
+    return [names[i] for i in whole] if set(names) == set(whole) else []
+
+
+def _ambisonics(channels: Sequence[ElementTree.Element]) -> Sounded | None:
+    wanted = []
+    for one in channels:
+        block = one.find("audioBlockFormat")
+        if block is None or (block.findtext("normalization") or "SN3D").strip() != "SN3D":
+            return None
+        n, m = _number(block.findtext("order")), _number(block.findtext("degree"))
+        wanted.append(n * n + n + m)
+    order = next((n for n in range(8) if (n + 1) ** 2 == len(wanted)), None)
+    return Sounded(order=order) if order is not None and wanted == [*range(len(wanted))] else None
+
+
+def _speakers(channels: Sequence[ElementTree.Element], root: ElementTree.Element) -> Sounded | None:
+    packs = (one.get("absoluteDistance") for one in root.iter("audioPackFormat"))
+    far = next((_number(one) for one in packs if one), 1.0)
+    speakers = []
+    for one in channels:
+        block = one.find("audioBlockFormat")
+        if block is None:
+            return None
+        place = {
+            p.get("coordinate"): p.text for p in block.findall("position") if not p.get("bound")
+        }
+        if not {"azimuth", "elevation"} <= place.keys():
+            return None
+        distance = _number(place.get("distance") or "1") * far
+        azimuth, elevation = _number(place["azimuth"]), _number(place["elevation"])
+        if not (abs(azimuth) <= 360.0 and abs(elevation) <= 90.0 and 0.0 <= distance <= _FARTHEST):
+            raise XmlError("a loudspeaker lies out of range")
+        speakers.append((azimuth, elevation, distance))
+    return Sounded(tuple(speakers))
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text or "")
+    except ValueError:
+        raise XmlError(f"{(text or '')[:40]!r} is no number") from None

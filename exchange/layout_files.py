@@ -1,0 +1,263 @@
+"""Layouts of loudspeakers as other programs have them.
+
+IEM AllRADecoder (JSON), the EBU ADM renderer (YAML), SpatGRIS 3 (XML speaker setup). A layout here
+is angles, and only what all have in common is kept: where each loudspeaker is, in their order.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from ergon.common.errors import ErgonError
+from ergon.common.terminal import printable
+from ergon.space.directions import angles, point
+
+from .xml_text import XmlError, parsed
+
+Angles = tuple[float, float, float]  # azimuth, elevation [degrees], distance [m]
+
+MOST = 4 << 20  # bytes of a file
+MOST_SPEAKERS = 1024
+_FARTHEST = 100.0  # [m]
+_NEAREST = 0.01
+_MOST_DEPTH = 32
+
+
+class LayoutFileError(ErgonError, ValueError):
+    """The file is no layout that can be read here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """One program's files: their ending, how they are written, how they are read."""
+
+    name: str
+    ending: str
+    write: Callable[[Sequence[Angles], str], str]
+    read: Callable[[bytes], list[Angles]]
+
+
+# --- IEM ----------------------------------------------------------------------------------------
+
+
+def _write_iem(speakers: Sequence[Angles], title: str) -> str:
+    """With the imaginary loudspeakers that close its hull, which are not heard."""
+    from ergon.space.directions import unit_vectors
+    from ergon.space.panning import imaginary
+
+    rows = [
+        {
+            "Azimuth": _short(azimuth),
+            "Elevation": _short(elevation),
+            "Radius": _short(distance),
+            "IsImaginary": False,
+            "Channel": number,
+            "Gain": 1.0,
+        }
+        for number, (azimuth, elevation, distance) in enumerate(speakers, 1)
+    ]
+    array = unit_vectors(point(azimuth, elevation, 1.0) for azimuth, elevation, _ in speakers)
+    for place in imaginary(array).tolist():
+        _, elevation, _ = angles(tuple(place))
+        rows.append(
+            {
+                "Azimuth": 0.0,
+                "Elevation": elevation,
+                "Radius": 1.0,
+                "IsImaginary": True,
+                "Channel": -1,
+                "Gain": 0.0,
+            }
+        )
+    whole = {
+        "Name": title,
+        "Description": "made by ergon",
+        "LoudspeakerLayout": {"Name": title, "Loudspeakers": rows},
+    }
+    return json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
+
+
+def _read_iem(data: bytes) -> list[Angles]:
+    try:
+        whole = json.loads(data.decode("utf-8-sig"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise LayoutFileError(f"this is no JSON: {error}") from None
+    layout = whole.get("LoudspeakerLayout") if isinstance(whole, dict) else None
+    rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise LayoutFileError("it has no list `LoudspeakerLayout: Loudspeakers`")
+    real = [row for row in rows if not row.get("IsImaginary")]
+    numbered = [
+        (
+            _number(row.get("Channel", i), "Channel"),
+            _angles(row.get("Azimuth"), row.get("Elevation"), row.get("Radius", 1.0)),
+        )
+        for i, row in enumerate(real, 1)
+    ]
+    return _in_order(numbered)
+
+
+# --- EBU ADM renderer ---------------------------------------------------------------------------
+
+
+def _write_ear(speakers: Sequence[Angles], title: str) -> str:
+    lines = [f"# made by ergon: {printable(title)}\n", "speakers:\n"]
+    for number, (azimuth, elevation, distance) in enumerate(speakers):
+        position = f"{{az: {_short(azimuth)}, el: {_short(elevation)}, r: {_short(distance)}}}"
+        lines.append(f"  - {{channel: {number}, names: L{number + 1}, position: {position}}}\n")
+    return "".join(lines)
+
+
+def _read_ear(data: bytes) -> list[Angles]:
+    try:
+        text = data.decode("utf-8-sig")
+        depth = 0
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                raise LayoutFileError("its YAML has aliases, which are not read")
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > _MOST_DEPTH:
+                raise LayoutFileError("its YAML is nested too deeply")
+        whole = yaml.safe_load(text)
+    except (UnicodeDecodeError, ValueError, yaml.YAMLError) as error:
+        if isinstance(error, LayoutFileError):
+            raise
+        said = " ".join(str(error).split())
+        raise LayoutFileError(f"this is no YAML: {said}") from None
+    rows = whole.get("speakers") if isinstance(whole, dict) else whole
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise LayoutFileError("it has no list `speakers`")
+    numbered = []
+    for i, row in enumerate(rows):
+        place = row.get("position")
+        if not isinstance(place, dict):
+            raise LayoutFileError(f"loudspeaker {i + 1} has no position")
+        seen = _angles(place.get("az"), place.get("el", 0.0), place.get("r", 1.0))
+        numbered.append((_number(row.get("channel", i), "channel"), seen))
+    return _in_order(numbered)
+
+
+# --- SpatGRIS -----------------------------------------------------------------------------------
+
+_SPATGRIS, _PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
+
+
+def _write_spatgris(speakers: Sequence[Angles], title: str) -> str:
+    """Cartesian: x to the right, y to the front; the farthest loudspeaker of a dome is 1 away."""
+    farthest = max((distance for *_, distance in speakers), default=1.0) or 1.0
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>\n<!-- made by ergon -->\n',
+        f'<{_SPATGRIS} VERSION="3.1.0" SPAT_MODE="Dome" DIFFUSION="0" GENERAL_MUTE="0">\n',
+    ]
+    for number, (azimuth, elevation, distance) in enumerate(speakers, 1):
+        x, y, z = point(azimuth, elevation, distance / farthest)
+        lines.append(
+            f'  <SPEAKER_{number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
+            f'    <POSITION X="{_short(x)}" Y="{_short(y)}" Z="{_short(z)}"/>\n'
+            f"  </SPEAKER_{number}>\n"
+        )
+    return "".join([*lines, f"</{_SPATGRIS}>\n"])
+
+
+def _read_spatgris(data: bytes) -> list[Angles]:
+    """SPEAKER_n with a POSITION inside, as up to version 3, or SPEAKER in groups, as version 4."""
+    try:
+        root = parsed(data)
+    except XmlError as error:
+        raise LayoutFileError(str(error)) from None
+    if root.tag != _SPATGRIS:
+        raise LayoutFileError(f"its root is {printable(root.tag[:40])}, not {_SPATGRIS}")
+    for group in root.iter("SPEAKER_GROUP"):
+        turned = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
+        moved = [*turned, *group.get(_PLACE, "0, 0, 0").split(",")]
+        if any(_number(one, "place of a group") for one in moved):
+            raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
+    numbered = []
+    for one in root.iter():
+        number = one.get("SPEAKER_PATCH_ID", "") if one.tag == "SPEAKER" else one.tag[8:]
+        is_speaker = one.tag == "SPEAKER" or (one.tag.startswith("SPEAKER_") and number.isdecimal())
+        if not is_speaker or one.get("DIRECT_OUT_ONLY") == "1":
+            continue
+        place = one.find("POSITION")
+        axes = one.get(_PLACE, "").split(",") if place is None else [place.get(a) for a in "XYZ"]
+        if len(axes) != 3:
+            raise LayoutFileError(f"loudspeaker {printable(number[:20])} has no position")
+        x, y, z = (_number(axis, "position") for axis in axes)
+        numbered.append((_number(number, "number of an output"), angles((x, y, z))))
+    return _in_order(numbered)
+
+
+# --- what they have in common -------------------------------------------------------------------
+
+
+def _in_order(numbered: list[tuple[float, Angles]]) -> list[Angles]:
+    if not 1 <= len(numbered) <= MOST_SPEAKERS:
+        raise LayoutFileError(
+            f"it has {len(numbered):,} loudspeakers; 1 to {MOST_SPEAKERS:,} are read"
+        )
+    numbers = [number for number, _ in numbered]
+    if len(set(numbers)) < len(numbers):
+        raise LayoutFileError("two of its loudspeakers have one channel")
+    return [seen for _, seen in sorted(numbered, key=lambda one: one[0])]
+
+
+def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
+    found = (
+        _number(azimuth, "azimuth"),
+        _number(elevation, "elevation"),
+        _number(distance, "radius"),
+    )
+    if not (abs(found[0]) <= 360.0 and abs(found[1]) <= 90.0):
+        raise LayoutFileError(f"a loudspeaker lies at {found[0]:g}°, {found[1]:g}°")
+    if not _NEAREST <= found[2] <= _FARTHEST:
+        raise LayoutFileError(f"a loudspeaker is {found[2]:g} m away")
+    return found
+
+
+def _number(value: Any, what: str) -> float:
+    try:
+        if isinstance(value, bool) or value is None:
+            raise ValueError
+        number = float(value)
+        if abs(number) > 1e9 or number != number:
+            raise ValueError
+    except (TypeError, ValueError, OverflowError):
+        raise LayoutFileError(f"{printable(str(value)[:40])!r} is no {what}") from None
+    return number
+
+
+def _short(value: float) -> float:
+    return round(value, 9) + 0.0
+
+
+FORMS = {
+    form.name: form
+    for form in (
+        Form("iem", ".json", _write_iem, _read_iem),
+        Form("ear", ".yaml", _write_ear, _read_ear),
+        Form("spatgris", ".xml", _write_spatgris, _read_spatgris),
+    )
+}
+
+
+def as_yaml(speakers: Sequence[Angles], title: str, radius: float | None = None) -> str:
+    """A layout of ours, which `layout:` of a score reads; the farthest is `radius` [m] away."""
+    farthest = max(distance for *_, distance in speakers)
+    scale = 1.0 if radius is None or not farthest else radius / farthest
+    lines = [
+        "ergon: 1 # made by ergon\n",
+        f"title: {json.dumps(printable(title), ensure_ascii=False)}\n",
+    ]
+    lines += ["project: equidistant\n", "speakers:\n"]
+    for azimuth, elevation, distance in speakers:
+        place = (
+            f"az: {_short(azimuth)}deg, el: {_short(elevation)}deg, r: {_short(distance * scale)}m"
+        )
+        lines.append(f"  - {{{place}}}\n")
+    return "".join(lines)

@@ -1,0 +1,49 @@
+"""XML from strangers: bounded, and without what defines or loads anything."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+from xml.etree import ElementTree
+
+from ergon.common.errors import ErgonError
+
+MOST = 4 << 20  # bytes
+MOST_ELEMENTS = 100_000
+_DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
+
+
+class XmlError(ErgonError, ValueError):
+    """The text is no XML that is read here."""
+
+
+def parsed(data: bytes) -> ElementTree.Element:
+    """The root of a document, whose names have lost their namespaces. Raises XmlError.
+
+    Entities stand in a document type alone, so a text without one can neither grow nor load files.
+    """
+    if len(data) > MOST:
+        raise XmlError(f"the XML is larger than {MOST >> 20} MB")
+    # Another encoding could hide what is looked for; without a declaration it is UTF-8.
+    if b"\0" in data.rstrip(b"\0"):
+        raise XmlError("the XML is not in UTF-8")
+    if _DEFINES.search(data):
+        raise XmlError("the XML has a document type, which is not read")
+    parser: Any = ElementTree.XMLPullParser(("end",))
+    try:
+        parser.feed(data.rstrip(b"\0"))
+        root: ElementTree.Element | None = None
+        for count, event in enumerate(parser.read_events()):
+            root = event[1]
+            if count >= MOST_ELEMENTS:
+                raise XmlError(f"the XML has more than {MOST_ELEMENTS:,} elements")
+            assert root is not None
+            root.tag = root.tag.rpartition("}")[2]
+        parser.close()
+    except ElementTree.ParseError as error:
+        raise XmlError(f"the XML is not well formed: {error}") from None
+    except (LookupError, ValueError) as error:
+        raise XmlError(f"the XML cannot be read: {error}") from None
+    if root is None:
+        raise XmlError("the XML is empty")
+    return root

@@ -1,0 +1,38 @@
+"""From places on an instrument's bench to the loudspeakers of a room."""
+
+from __future__ import annotations
+
+from ergon.instruments.model import Layout, Placing
+from ergon.space.directions import Point, equidistant
+
+_ON_THE_BENCH = Placing(1.0, (0.0, 0.0), None)
+
+
+class Loudspeakers:
+    """Which loudspeaker of a room lies nearest to a place on an instrument's bench."""
+
+    def __init__(self, room: Layout, placing: Placing | None) -> None:
+        """`placing` None: as it lies on the bench, 1 m across in the middle of the plan."""
+        self._placing = placing or _ON_THE_BENCH
+        self._is_in_space = self._placing.height is not None
+        self._speakers = room.speakers
+        if not self._is_in_space:
+            plan = equidistant if room.is_equidistant else _from_above
+            self._speakers = tuple((*plan(place), 0.0) for place in room.speakers)
+
+    def nearest(self, place: tuple[float, float]) -> int:
+        """Its index, from 0; of several that are as near the first."""
+        placing = self._placing
+        x = placing.across * place[0] + placing.at[0]
+        y = placing.across * place[1] + placing.at[1]
+        z = placing.height or 0.0
+
+        def distance(i: int) -> float:
+            sx, sy, sz = self._speakers[i]
+            return (sx - x) * (sx - x) + (sy - y) * (sy - y) + (sz - z) * (sz - z)
+
+        return min(range(len(self._speakers)), key=distance)
+
+
+def _from_above(place: Point) -> tuple[float, float]:
+    return place[0], place[1]

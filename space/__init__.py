@@ -1,0 +1,1 @@
+"""Directions, loudspeakers, and the ways from one array of loudspeakers to another."""

@@ -1,0 +1,113 @@
+"""Spherical harmonics and decoders: ACN order; SN3D as AmbiX writes it, N3D in between.
+
+Sources: C. Nachbar et al., "AmbiX" (Ambisonics Symposium, 2011); F. Zotter and M. Frank, "All-round
+ambisonic panning and decoding", J. Audio Eng. Soc. 60 (2012), eq. 10 (max-rE weights), section 4.
+"""
+
+from __future__ import annotations
+
+from math import fsum, pi, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ergon import _core
+
+from .directions import spread_directions
+from .panning import vbap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MOST = 7  # order: 64 channels
+_VIRTUAL = 5200  # directions by which a decoder is made, as many as a t-design of order 100 has
+
+
+def channels(order: int) -> int:
+    """Channels of an order."""
+    return (order + 1) * (order + 1)
+
+
+def harmonics(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Real N3D harmonics in ACN order, (n_directions, (order + 1)²), of unit vectors (n, 3).
+
+    AmbiX has its x to the front and its y to the left. The recurrences are those of associated
+    Legendre functions over cos^m of the elevation, so that no angle is ever taken.
+    """
+    x, y, z = directions[:, 1], -directions[:, 0], directions[:, 2]
+    found = np.zeros((len(directions), channels(order)))
+    cosine, sine = np.ones(len(directions)), np.zeros(len(directions))  # of m·azimuth, · level^m
+    diagonal = 1.0  # P_m^m without its level^m
+    for m in range(order + 1):
+        before, now = np.zeros(len(directions)), np.full(len(directions), diagonal)
+        for n in range(m, order + 1):
+            scale = _n3d(n, m)
+            found[:, n * n + n + m] = scale * now * cosine
+            if m:
+                found[:, n * n + n - m] = scale * now * sine
+            after = ((2 * n + 1) * z * now - (n + m) * before) / (n - m + 1)
+            before, now = now, after
+        cosine, sine = cosine * x - sine * y, sine * x + cosine * y
+        diagonal *= 2 * m + 1
+    return found
+
+
+def _n3d(n: int, m: int) -> float:
+    ratio = 1.0  # (n - m)! / (n + m)!
+    for k in range(n - m + 1, n + m + 1):
+        ratio /= k
+    return sqrt((2 * n + 1) * (2.0 if m else 1.0) * ratio)
+
+
+def sn3d(order: int) -> NDArray[np.float64]:
+    """By how much each N3D channel is multiplied to be SN3D, ((order + 1)²,)."""
+    return np.array([1.0 / sqrt(2 * n + 1) for n in _degrees(order)])
+
+
+def _degrees(order: int) -> list[int]:
+    return [n for n in range(order + 1) for _ in range(2 * n + 1)]
+
+
+def max_re_weights(order: int) -> NDArray[np.float64]:
+    """Weight of each degree, (order + 1,), by which the energy vector is longest (eq. 10)."""
+    x = _core.cos(137.9 / (order + 1.51) * pi / 180.0)
+    before, now = 0.0, 1.0
+    weights = []
+    for n in range(order + 1):
+        weights.append(now)
+        before, now = now, ((2 * n + 1) * x * now - n * before) / (n + 1)
+    return np.array(weights)
+
+
+def encoder(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """SN3D gains of each channel for each direction, (n_directions, (order + 1)²)."""
+    return harmonics(order, directions) * sn3d(order)
+
+
+def allrad(
+    order: int, array: NDArray[np.float64], virtual: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """All-round decoder with max-rE weights, (n_loudspeakers, (order + 1)²), of N3D channels.
+
+    `virtual` directions are panned between the loudspeakers. On average over the directions that
+    the array covers a source has the energy 1. Raises ArrayError.
+    """
+    virtual = spread_directions(_VIRTUAL) if virtual is None else virtual
+    gains = vbap(virtual, array, keeps_imaginary=True)
+    weights = max_re_weights(order)[_degrees(order)]
+    basis = harmonics(order, virtual)
+    decoder = np.zeros((len(array), channels(order)))
+    # Summed direction by direction: a matrix product would depend on the machine's library.
+    for row, harmonic in zip(gains, basis, strict=True):
+        at = np.flatnonzero(row)
+        decoder[at] += row[at, None] * harmonic
+    decoder *= weights
+    played = np.zeros((len(array), len(virtual)))
+    for column, harmonic in zip(decoder.T, basis.T, strict=True):
+        played += column[:, None] * harmonic
+    covered, energy = np.zeros(len(virtual)), np.zeros(len(virtual))
+    for gain, heard in zip(gains.T, played, strict=True):
+        covered += gain * gain
+        energy += heard * heard
+    mean = fsum((covered * energy).tolist()) / fsum(covered.tolist())
+    return decoder / sqrt(mean)

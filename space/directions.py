@@ -1,0 +1,90 @@
+"""Directions seen from the middle of a room: x to the right, y to the front, z up.
+
+Azimuths run from the front to the left, elevations from the horizon up, in degrees, as in ADM
+(ITU-R BS.2076) and AmbiX. Sines are the engine's own: directions decide which loudspeaker is heard.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+Point = tuple[float, float, float]  # (x, y, z) [m]
+_GOLDEN_ANGLE = pi * (3.0 - sqrt(5.0))
+_EXACT = {-270.0: (1.0, 0.0), -180.0: (0.0, -1.0), -90.0: (-1.0, 0.0), 0.0: (0.0, 1.0)} | {
+    90.0: (1.0, 0.0),
+    180.0: (0.0, -1.0),
+    270.0: (-1.0, 0.0),
+}
+
+
+def sine_cosine(degrees: float) -> tuple[float, float]:
+    """Sine and cosine of an angle in degrees; of quarter turns exactly."""
+    if degrees in _EXACT:
+        return _EXACT[degrees]
+    angle = degrees * pi / 180.0
+    return _core.sin(angle), _core.cos(angle)
+
+
+def point(azimuth: float, elevation: float, distance: float) -> Point:
+    """The point in a direction [degrees] at a distance [m]."""
+    (left, front), (up, level) = sine_cosine(azimuth), sine_cosine(elevation)
+    return (0.0 - distance * level * left, distance * level * front, distance * up)
+
+
+def angles(place: Point) -> tuple[float, float, float]:
+    """Azimuth and elevation [degrees] and distance [m] of a point; (0, 0, 0) of the middle."""
+    x, y, z = place
+    level = sqrt(x * x + y * y)
+    degrees = 180.0 / pi
+    azimuth = _core.atan2(-x, y) * degrees if level else 0.0
+    elevation = _core.atan2(z, level) * degrees if level or z else 0.0
+    return azimuth + 0.0, elevation, sqrt(level * level + z * z)
+
+
+def equidistant(place: Point) -> tuple[float, float]:
+    """(x, y) [m] of a point on a plan where the distance from the middle is that from the zenith.
+
+    The zenith is the middle; the horizon lies as far from it as the point is away.
+    """
+    x, y, _ = place
+    level = sqrt(x * x + y * y)
+    if not level:
+        return 0.0, 0.0
+    _, elevation, distance = angles(place)
+    scale = distance * (1.0 - elevation / 90.0) / level
+    return x * scale, y * scale
+
+
+def unit_vectors(places: Iterable[Point]) -> NDArray[np.float64]:
+    """Directions of points, (n, 3); the middle itself has none and is the front."""
+    import numpy as np
+
+    vectors = np.array([*places], np.float64).reshape(-1, 3)
+    length = np.sqrt((vectors * vectors).sum(1))
+    vectors[length == 0.0] = 0.0, 1.0, 0.0
+    return vectors / np.where(length == 0.0, 1.0, length)[:, None]
+
+
+def spread_directions(count: int, lowest: float = -1.0) -> NDArray[np.float64]:
+    """`count` directions that fill the sphere evenly above the height `lowest` (z), (count, 3).
+
+    On a spiral by the golden angle (R. Swinbank, R. J. Purser, Q. J. R. Meteorol. Soc. 132, 2006).
+    """
+    import numpy as np
+
+    rows = []
+    for i in range(count):
+        z = 1.0 - (1.0 - lowest) * (i + 0.5) / count
+        level = sqrt(1.0 - z * z)
+        turn = _GOLDEN_ANGLE * i
+        rows.append((level * _core.cos(turn), level * _core.sin(turn), z))
+    return np.array(rows)

@@ -1,0 +1,215 @@
+"""What a head does to sound on its way to two ears: filters for directions.
+
+A pair of filters is an equalised impulse response of minimum phase for each ear, and a delay each.
+What ships is a KEMAR manikin (B. Gardner and K. Martin, "HRTF Measurements of a KEMAR Dummy-Head
+Microphone", MIT Media Lab Perceptual Computing Technical Report 280, 1994).
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import cache
+from math import ceil, pi
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ergon import _core
+
+from .directions import point, unit_vectors
+from .panning import vbap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TAPS = 128
+SHIPPED = Path(__file__).with_name("kemar.csv")
+FULL_SCALE = 8192.0  # of a coefficient of the shipped file
+_RATE = 44_100.0  # [Hz] of the shipped file
+_REACH = 16  # samples to either side of which a resampled one is made
+_POINTS = 4096  # of a spectrum
+_AROUND = 4  # measured directions of which one in between is made
+_UPSAMPLED = 16
+_LONG_WAVES = (100.0, 400.0)  # [Hz]
+_BAND = (100.0, 16_000.0)  # [Hz] beyond which the equaliser stays as it is at the border
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """Pairs of filters of one head.
+
+    `directions` (n, 3), `filters` (n, 2, n_taps) at `rate` [Hz], left ear first, `delays` (n, 2)
+    [s]. Where it `is_panned`, directions in between are panned between those that are there.
+    """
+
+    rate: float
+    directions: NDArray[np.float64]
+    filters: NDArray[np.float64]
+    delays: NDArray[np.float64]
+    is_panned: bool = True
+
+    def pairs(self, array: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
+        """Filters of loudspeakers in directions (n, 3) at a rate [Hz], (n, 2, n_taps).
+
+        They are late by 16 samples of the slower rate, so that delays can lie between samples.
+        Raises ArrayError.
+        """
+        own = self.resampled(rate)
+        found = np.zeros((len(array), *own.shape[1:]))
+        gains = vbap(array, self.directions)
+        for row, gain in zip(found, gains, strict=True):
+            for index in np.flatnonzero(gain > 1e-9):
+                row += gain[index] * own[index]
+        return found
+
+    def resampled(self, rate: float) -> NDArray[np.float64]:
+        """The filters with their delays at another rate [Hz], (n, 2, n_taps).
+
+        Band-limited interpolation with a raised cosine as window (J. O. Smith and P. Gossett,
+        ICASSP 1984).
+        """
+        ratio = self.rate / rate  # samples of ours in one of the others
+        band = min(1.0, 1.0 / ratio)
+        reach = _REACH / band
+        n_taps = self.filters.shape[2]
+        latest = float(self.delays.max(initial=0.0)) * self.rate
+        n = ceil((n_taps + latest + 2.0 * reach) / ratio)
+        found = np.zeros((*self.filters.shape[:2], n))
+        for index, delay in np.ndenumerate(self.delays):
+            kernel = _kernel(n, n_taps, ratio, reach + delay * self.rate, band)
+            for tap, h in enumerate(self.filters[index]):
+                found[index] += h * kernel[:, tap]
+        return found * ratio
+
+
+def _kernel(n: int, n_taps: int, ratio: float, late: float, band: float) -> NDArray[np.float64]:
+    """How much of each tap is in each sample, (n, n_taps)."""
+    reach = _REACH / band
+    found = np.zeros((n, n_taps))
+    for sample in range(n):
+        first = max(0, ceil(sample * ratio - late - reach))
+        for tap in range(first, n_taps):
+            at = sample * ratio - late - tap
+            if at < -reach:
+                break
+            found[sample, tap] = _windowed_sinc(at, band, reach)
+    return found
+
+
+def _windowed_sinc(at: float, band: float, reach: float) -> float:
+    x = pi * band * at
+    sinc = 1.0 if abs(x) < 1e-12 else _core.sin(x) / x
+    return band * sinc * 0.5 * (1.0 + _core.cos(pi * at / reach))
+
+
+@cache
+def kemar() -> Head:
+    """The head that ships: 24 pairs, of the directions of the dome 12 + 8 + 4."""
+    directions, delays, filters = [], [], []
+    with SHIPPED.open(newline="", encoding="utf-8") as file:
+        rows = csv.reader(line for line in file if not line.startswith("#"))
+        for azimuth, elevation, left, right, *taps in rows:
+            directions.append(point(float(azimuth), float(elevation), 1.0))
+            delays.append((float(left) * 1e-6, float(right) * 1e-6))
+            filters.append(np.array([float(h) for h in taps]).reshape(2, -1) / FULL_SCALE)
+    return Head(_RATE, unit_vectors(directions), np.array(filters), np.array(delays))
+
+
+def prepared(
+    directions: NDArray[np.float64],
+    responses: NDArray[np.float64],
+    rate: float,
+    wanted: NDArray[np.float64],
+) -> Head:
+    """A head for `wanted` directions (n, 3), of responses (n_measured, 2, n_samples) at a `rate`.
+
+    Responses are equalised so that sound from everywhere has a flat spectrum (diffuse field);
+    made of minimum phase; and delays are those at which that fits what was measured best (J. Nam et
+    al., AES preprint 7612, 2008). Between measured directions magnitudes (in dB) and delays are
+    means, weighted by the inverse squares of distances (D. Shepard, 1968).
+    """
+    size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
+    magnitude = np.abs(np.fft.rfft(responses, size))
+    level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse(directions, magnitude, rate)
+    level = level ** _trusted(size, rate)
+    delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
+    filters, lates = [], []
+    for towards in wanted:
+        weights = _weights(directions, towards)
+        near = np.flatnonzero(weights)
+        shape = np.exp(np.tensordot(weights[near], np.log(level[near]), 1))
+        filters.append([_minimum_phase(one, size)[:TAPS] * _fade() for one in shape])
+        lates.append(np.tensordot(weights[near], delays[near], 1))
+    late = np.array(lates)
+    return Head(rate, wanted, np.array(filters), late - late.min())
+
+
+def _diffuse(
+    directions: NDArray[np.float64], magnitude: NDArray[np.float64], rate: float
+) -> NDArray[np.float64]:
+    """The root of the mean power from everywhere at both ears, by frequency."""
+    # Each direction stands for the part of the sphere that is nearest to it.
+    rows = np.argsort(directions @ directions.T, 1)[:, -6:-1]
+    near = np.take_along_axis(directions @ directions.T, rows, 1)
+    area = np.arccos(np.clip(near, -1.0, 1.0)).mean(1) ** 2
+    power = np.tensordot(area / area.sum(), magnitude**2, 1).mean(0)
+    frequency = np.fft.rfftfreq(2 * (len(power) - 1), 1.0 / rate)
+    low, high = np.searchsorted(frequency, _BAND)
+    high = min(int(high), len(power) - 1)
+    power[:low], power[high:] = power[low], power[high]
+    return np.sqrt(_smooth(power))
+
+
+def _trusted(size: int, rate: float) -> NDArray[np.float64]:
+    """Which part of a level in dB is kept, by frequency: a head is nothing to long waves, and what
+    is measured there is the loudspeaker and the room."""
+    frequency = np.fft.rfftfreq(size, 1.0 / rate)
+    return np.clip((frequency - _LONG_WAVES[0]) / (_LONG_WAVES[1] - _LONG_WAVES[0]), 0.0, 1.0)
+
+
+def _smooth(power: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean over a third of an octave."""
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    at = np.arange(len(power))
+    low = np.floor(at / 2 ** (1 / 6)).astype(np.intp)
+    high = np.minimum(np.ceil(at * 2 ** (1 / 6)).astype(np.intp) + 1, len(power))
+    mean: NDArray[np.float64] = (total[high] - total[low]) / (high - low)
+    return mean
+
+
+def _weights(directions: NDArray[np.float64], towards: NDArray[np.float64]) -> NDArray[np.float64]:
+    away = np.arccos(np.clip(directions @ towards, -1.0, 1.0))
+    weights = np.zeros(len(directions))
+    near = np.argsort(away)[:_AROUND]
+    if away[near[0]] < np.radians(0.5):
+        weights[near[0]] = 1.0
+    else:
+        weights[near] = 1.0 / away[near] ** 2
+    weights /= weights.sum()
+    return weights
+
+
+def _minimum_phase(magnitude: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    """The response of minimum phase that has a magnitude (A. Oppenheim, R. Schafer, 1975)."""
+    cepstrum = np.fft.irfft(np.log(magnitude), size)
+    fold = np.zeros(size)
+    fold[0], fold[size // 2], fold[1 : size // 2] = 1.0, 1.0, 2.0
+    return np.fft.irfft(np.exp(np.fft.rfft(cepstrum * fold)), size)
+
+
+def _delay(response: NDArray[np.float64], rate: float) -> float:
+    """How late a response is beside its own minimum phase [s]."""
+    size = 1 << (2 * len(response) - 1).bit_length()
+    spectrum = np.fft.rfft(response, size)
+    least = max(float(np.abs(spectrum).max()) * 1e-5, 1e-30)
+    plain = np.fft.rfft(_minimum_phase(np.maximum(np.abs(spectrum), least), size), size)
+    match = np.fft.irfft(spectrum * np.conj(plain), size * _UPSAMPLED)
+    return float(np.argmax(match[: len(match) // 2])) / (rate * _UPSAMPLED)
+
+
+def _fade() -> NDArray[np.float64]:
+    fade = np.ones(TAPS)
+    fade[-24:] = np.cos(np.linspace(0.0, pi / 2, 24)) ** 2
+    return fade

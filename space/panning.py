@@ -1,0 +1,127 @@
+"""Gains of loudspeakers for a direction: the nearest one alone, or the three around it.
+
+Source: V. Pulkki, "Virtual sound source positioning using vector base amplitude panning",
+J. Audio Eng. Soc. 45 (1997), eq. 18 and 19.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ergon.common.errors import ErgonError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Where no loudspeaker lies within 60° of straight up or down an imaginary one closes the hull, as a
+# dome has none below (Zotter and Frank, J. Audio Eng. Soc. 60, 2012, section 3).
+_CLOSED = 0.5  # cosine of that angle
+_FLAT = 1e-9  # of a unit: points of one facet lie in one plane
+_INSIDE = -1e-9  # least gain of a source on the edge of a triangle
+MOST = 64  # loudspeakers
+
+
+class ArrayError(ErgonError, ValueError):
+    """No sound can be panned between these loudspeakers."""
+
+
+def nearest_gains(sources: NDArray[np.float64], array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """1 for the loudspeaker nearest to each source, (n_sources, n_loudspeakers).
+
+    Both are unit vectors, (n, 3).
+    """
+    gains = np.zeros((len(sources), len(array)))
+    gains[np.arange(len(sources)), np.argmax(_products(sources, array), 1)] = 1.0
+    return gains
+
+
+def _products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scalar products of each row with each, summed in one order on every machine."""
+    return a[:, None, 0] * b[:, 0] + a[:, None, 1] * b[:, 1] + a[:, None, 2] * b[:, 2]
+
+
+def imaginary(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Directions of the imaginary loudspeakers that close the hull of an array, (n, 3)."""
+    added = [
+        (0.0, 0.0, z) for z in (-1.0, 1.0) if not len(array) or (array[:, 2] * z).max() < _CLOSED
+    ]
+    return np.array(added).reshape(-1, 3)
+
+
+def triangles(points: NDArray[np.float64]) -> NDArray[np.intp]:
+    """All triples of directions of whose plane no other lies beyond, (n, 3).
+
+    Of a facet with more than three corners these are all its triangles: they overlap, so that no
+    diagonal is preferred. Raises ArrayError where the middle lies in none of them or on one.
+    """
+    if len(points) > MOST + 2:
+        raise ArrayError(f"an array for panning has at most {MOST} loudspeakers")
+    triples = np.array([*combinations(range(len(points)), 3)], np.intp).reshape(-1, 3)
+    a, b, c = (points[triples[:, i]] for i in range(3))
+    normals = _cross(b - a, c - a)
+    size = np.sqrt((normals * normals).sum(1))
+    proper = size > _FLAT
+    triples, normals = triples[proper], normals[proper] / size[proper, None]
+    distance = (normals * a[proper]).sum(1)
+    normals, distance = (
+        normals * np.where(distance < 0.0, -1.0, 1.0)[:, None],
+        np.abs(distance),
+    )
+    beyond = _products(normals, points).max(1) > distance + _FLAT
+    found: NDArray[np.intp] = triples[~beyond & (distance > _FLAT)]
+    if not len(found):
+        raise ArrayError("these loudspeakers do not surround the middle of the room")
+    return found
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack(
+        [
+            a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1],
+            a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
+            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0],
+        ],
+        1,
+    )
+
+
+def vbap(
+    sources: NDArray[np.float64], array: NDArray[np.float64], *, keeps_imaginary: bool = False
+) -> NDArray[np.float64]:
+    """Gains of the loudspeakers around each source, (n_sources, n_loudspeakers), of energy 1.
+
+    What imaginary loudspeakers would play is left out and the rest has the whole energy; with
+    `keeps_imaginary` it is left out alone, and sources fade towards a hole. Where a facet has more
+    than three corners, gains are the mean of those of its triangles. Raises ArrayError.
+    """
+    points = np.vstack([array, imaginary(array)])
+    corners = triangles(points)
+    a, b, c = (points[corners[:, i]] for i in range(3))
+    volume = (a * _cross(b, c)).sum(1)
+    # Rows of the inverse of (a b c): Cramer's rule, whose bits depend on no library.
+    inverse = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], 1) / volume[:, None, None]
+    gains = np.zeros((len(sources), len(points)))
+    found = np.zeros(len(sources), np.intp)
+    for rows, corner in zip(inverse, corners, strict=True):
+        g = _products(sources, rows)
+        inside = g.min(1) >= _INSIDE
+        g = np.maximum(g[inside], 0.0)
+        g /= np.sqrt((g * g).sum(1))[:, None]
+        gains[np.flatnonzero(inside)[:, None], corner] += g
+        found += inside
+    if not found.all():
+        raise ArrayError("these loudspeakers do not surround the middle of the room")
+    gains = _whole(gains)
+    gains = gains[:, : len(array)]
+    return gains if keeps_imaginary else _whole(gains)
+
+
+def _whole(gains: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Gains of energy 1; of nothing but an imaginary loudspeaker none."""
+    energy = np.zeros(len(gains))
+    for column in gains.T:
+        energy += column * column
+    return gains / np.where(energy > 0.0, np.sqrt(energy), 1.0)[:, None]

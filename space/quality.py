@@ -1,0 +1,129 @@
+"""How well an array places sound: vectors of velocity and energy, and where it has holes.
+
+Source: M. A. Gerzon, "General metatheory of auditory localisation", AES preprint 3306 (1992): the
+vector rV of amplitudes tells of low, rE of energies of high frequencies; 1 long is a single source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .ambisonics import allrad, harmonics
+from .directions import spread_directions, unit_vectors
+from .panning import ArrayError, imaginary, nearest_gains, triangles, vbap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .directions import Point
+
+_LOOKED_AT = 4000  # directions of the upper half
+_WIDE = 75.0  # [degrees]: loudspeakers farther apart leave a hole between them
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How one way of panning places sound, over the upper half of the sphere.
+
+    Lengths of rE and rV; how far rE points beside the source [degrees]; loudness beside its mean
+    [dB].
+    """
+
+    name: str
+    energy_length: tuple[float, float]  # mean, least
+    velocity_length: float  # mean
+    off: tuple[float, float]  # mean, most [degrees]
+    loudness: tuple[float, float]  # least, most [dB]
+
+
+def energy_vectors(
+    gains: NDArray[np.float64], array: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """rV and rE (n_sources, 3), and energies (n_sources,), of gains (n_sources, n_loudspeakers)."""
+    energies = gains * gains
+    energy, amplitude = energies.sum(1), gains.sum(1)
+    velocity = (gains @ array) / np.where(amplitude == 0.0, 1.0, amplitude)[:, None]
+    return velocity, (energies @ array) / np.where(energy == 0.0, 1.0, energy)[:, None], energy
+
+
+def qualities(places: tuple[Point, ...]) -> list[Quality]:
+    """What an array of loudspeakers can do by each way of panning.
+
+    Loudspeakers that do not surround the middle of the room can be the nearest ones alone.
+    """
+    array = unit_vectors(places)
+    sources = spread_directions(_LOOKED_AT, lowest=0.0)
+    ways: dict[str, Callable[[], NDArray[np.float64]]] = {
+        "nearest": lambda: nearest_gains(sources, array),
+        "VBAP": lambda: vbap(sources, array),
+        "AllRAD 3": lambda: harmonics(3, sources) @ allrad(3, array).T,
+        "AllRAD 5": lambda: harmonics(5, sources) @ allrad(5, array).T,
+    }
+    found = []
+    for name, gains in ways.items():
+        try:
+            found.append(quality(name, gains(), sources, array))
+        except ArrayError:
+            break
+    return found
+
+
+def quality(
+    name: str,
+    gains: NDArray[np.float64],
+    sources: NDArray[np.float64],
+    array: NDArray[np.float64],
+) -> Quality:
+    """How gains (n_sources, n_loudspeakers) place sources."""
+    velocity, vector, energy = energy_vectors(gains, array)
+    length = np.linalg.norm(vector, axis=1)
+    towards = vector / np.where(length == 0.0, 1.0, length)[:, None]
+    off = np.degrees(np.arccos(np.clip((towards * sources).sum(1), -1.0, 1.0)))
+    level = 10.0 * np.log10(np.maximum(energy, 1e-12) / energy.mean())
+    return Quality(
+        name,
+        (float(length.mean()), float(length.min())),
+        float(np.linalg.norm(velocity, axis=1).mean()),
+        (float(off.mean()), float(off.max())),
+        (float(level.min()), float(level.max())),
+    )
+
+
+def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
+    """Neighbours above or at the horizon that are far apart: (index, index, angle [degrees])."""
+    array = unit_vectors(places)
+    points = np.vstack([array, imaginary(array)])
+    try:
+        corners_of_all = triangles(points).tolist()
+    except ArrayError:
+        return []
+    pairs = {
+        (min(a, b), max(a, b))
+        for corners in corners_of_all
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+        if max(a, b) < len(array) and points[a][2] > -_SAME and points[b][2] > -_SAME
+    }
+    found = []
+    for a, b in sorted(pairs):
+        angle = float(np.degrees(np.arccos(np.clip(points[a] @ points[b], -1.0, 1.0))))
+        if angle > _WIDE:
+            found.append((a, b, angle))
+    return found
+
+
+def is_open_above(places: tuple[Point, ...]) -> bool:
+    """Whether no loudspeaker lies within 60° of the zenith."""
+    return bool((imaginary(unit_vectors(places))[:, 2] > 0.0).any())
+
+
+def is_symmetric(places: tuple[Point, ...]) -> bool:
+    """Whether each loudspeaker has one at the same place of the other side."""
+    points = np.array(places)
+    mirrored = points * (-1.0, 1.0, 1.0)
+    apart = np.abs(points[:, None] - mirrored[None]).max(2)
+    return bool((apart.min(1) < 1e-3 + _SAME).all())

@@ -1,0 +1,106 @@
+"""Filters from what a file holds to what it is folded to: loudspeakers, Ambisonics, two ears.
+
+What comes in and what goes out is a `Field`: loudspeakers, or Ambisonics of an order (ACN, SN3D).
+Filters are (n_in, n_out, n_taps); most have one tap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .ambisonics import allrad, channels, encoder, sn3d
+from .directions import point, unit_vectors
+from .panning import vbap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .directions import Point
+    from .head import Head
+
+# Ambisonics goes to two ears, or two channels, by these loudspeakers.
+_VIRTUAL = ((12, 0.0, 0.0), (8, 35.0, 22.5), (4, 70.0, 45.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """Loudspeakers at places [m], or Ambisonics of an order."""
+
+    speakers: tuple[Point, ...] = ()
+    order: int | None = None
+
+    @property
+    def n_channels(self) -> int:
+        """How many channels that is."""
+        return len(self.speakers) if self.order is None else channels(self.order)
+
+
+def to_field(source: Field, target: Field) -> NDArray[np.float64]:
+    """Filters from one field to another, (n_in, n_out, 1). Raises ArrayError.
+
+    Loudspeakers are panned to others by VBAP, and encoded as plane waves; Ambisonics is decoded by
+    AllRAD. A lower order leaves channels out, a higher one has silent ones.
+    """
+    if source.order is None and target.order is None:
+        if source.speakers == target.speakers:
+            return np.eye(source.n_channels)[:, :, None]
+        gains = vbap(unit_vectors(source.speakers), unit_vectors(target.speakers))
+    elif target.order is not None:
+        gains = np.eye(source.n_channels, target.n_channels)
+        if source.order is None:
+            gains = encoder(target.order, unit_vectors(source.speakers))
+    else:
+        assert source.order is not None
+        gains = _decoder(source.order, unit_vectors(target.speakers)).T
+    return np.ascontiguousarray(gains[:, :, None])
+
+
+def to_stereo(source: Field) -> NDArray[np.float64]:
+    """Two channels by constant power, (n_in, 2, 1), by how far to the right each direction is."""
+    array, decoder = _heard_from(source)
+    right = array[:, 0]
+    sides = np.stack([np.sqrt((1.0 - right) / 2.0), np.sqrt((1.0 + right) / 2.0)], 1)
+    return _through(decoder, sides[:, :, None])
+
+
+def to_ears(source: Field, head: Head, rate: float) -> NDArray[np.float64]:
+    """Two ears, (n_in, 2, n_taps), at a rate [Hz]. Raises ArrayError."""
+    array, decoder = _heard_from(source)
+    return _through(decoder, head.pairs(array, rate))
+
+
+def directions_of(source: Field) -> NDArray[np.float64]:
+    """From where a field is heard by two ears, (n, 3)."""
+    return _heard_from(source)[0]
+
+
+def _heard_from(source: Field) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Directions, and how Ambisonics comes from there (n_directions, n_in)."""
+    if source.order is None:
+        return unit_vectors(source.speakers), None
+    array = unit_vectors(
+        point(first + 360.0 * k / n, elevation, 1.0)
+        for n, elevation, first in _VIRTUAL
+        for k in range(n)
+    )
+    return array, _decoder(source.order, array)
+
+
+def _decoder(order: int, array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of SN3D channels, (n_directions, n_channels)."""
+    return allrad(order, array) / sn3d(order)
+
+
+def _through(
+    decoder: NDArray[np.float64] | None, filters: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Filters of directions (n, n_out, n_taps) as those of the channels that come from there."""
+    if decoder is None:
+        return np.ascontiguousarray(filters)
+    found = np.zeros((decoder.shape[1], *filters.shape[1:]))
+    for row, way in zip(decoder, filters, strict=True):
+        found += row[:, None, None] * way
+    return found

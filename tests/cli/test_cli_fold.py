@@ -1,0 +1,180 @@
+"""`ergon fold`: files for two ears, stereo, Ambisonics and other rooms, and what is refused."""
+
+import hashlib
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import ERGON
+
+from ergon.exchange.wave import WaveWriter, read_blocks, read_info
+from ergon.exchange.wave_header import Stamp, WaveFormat
+
+SCORE = """\
+ergon: 1
+title: Sky
+instruments:
+  sky: {BANK: {count: 40, f: 200Hz..4kHz, t60: 50ms, M: 1g, place: galaxy}, place: {across: 6m}, out: {SOV: sky.all}}
+strikes: {s: {to: sky.all, at: 1|1, for: 0.2s, rate: 5Hz, impulse: 1uNs}}
+mix: {layout: layouts/dome24.yaml, route: {from: sky, to: nearest}}
+render: {file: sky.wav, tail: 0.1s}
+"""  # noqa: E501
+
+
+def ergon(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*ERGON, *words], cwd=folder, capture_output=True, text=True, check=False)
+
+
+def noise(path: Path, n_frames: int, n_channels: int = 24, *, peak: float = 0.1) -> np.ndarray:
+    frames = np.random.default_rng(3).uniform(-peak, peak, (n_frames, n_channels))
+    frames = frames.astype(np.float32)
+    with path.open("wb") as file:
+        format = WaveFormat(48_000, n_channels, "float")
+        writer = WaveWriter(file, format, n_frames, Stamp("noise"))
+        writer.write(frames)
+        writer.close()
+    return frames.astype(np.float64)
+
+
+def samples(path: Path) -> np.ndarray:
+    return np.concatenate([*read_blocks(path)])
+
+
+def test_a_render_says_what_its_channels_are(tmp_path: Path):
+    """So that it folds without a word; and what is folded to a field says that too."""
+    (tmp_path / "a.yaml").write_text(SCORE)
+    assert ergon(tmp_path, "render", "a.yaml").returncode == 0
+    for words in (("binaural",), ("ambix5",), ("stereo", "--bits", "16")):
+        done = ergon(tmp_path, "fold", "sky.wav", "--to", *words)
+        assert done.returncode == 0, done.stderr
+    n_frames = read_info(tmp_path / "sky.wav").n_frames
+    shapes = [samples(tmp_path / f"sky-{to}.wav").shape for to in ("ambix5", "stereo")]
+    assert shapes == [(n_frames, 36), (n_frames, 2)]
+    assert read_info(tmp_path / "sky-stereo.wav").format.bits == 16
+    done = ergon(tmp_path, "fold", "sky-ambix5.wav", "--to", "ring24", "--json")
+    assert done.returncode == 0, done.stderr
+    (folded,) = [json.loads(line) for line in done.stdout.splitlines()]
+    assert (folded["channels"], folded["clipped"]) == (24, 0)
+    assert ergon(tmp_path, "fold", "sky-ambix5-ring24.wav", "--to", "stereo").returncode == 0
+
+
+def test_two_ears_are_the_written_convolution(tmp_path: Path):
+    """By scipy, over more than a block of the file and of the engine."""
+    from scipy.signal import fftconvolve
+
+    from ergon.api.layouts import read_layout
+    from ergon.space import head, ways
+
+    frames = noise(tmp_path / "in.wav", 70_000)
+    done = ergon(tmp_path, "fold", "in.wav", "--to", "binaural", "--from", "dome24", "-o", "o.wav")
+    assert done.returncode == 0, done.stderr
+    filters = ways.to_ears(ways.Field(read_layout("dome24").speakers), head.kemar(), 48_000.0)
+    wanted = sum(fftconvolve(frames[:, i, None], filters[i].T, axes=0) for i in range(24))
+    np.testing.assert_allclose(samples(tmp_path / "o.wav"), wanted, atol=2e-6)
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path):
+    """These bytes on every machine: no library's sine or transform stands in between."""
+    noise(tmp_path / "in.wav", 3_000)
+    for name in ("a.wav", "b.wav"):
+        words = ("fold", "in.wav", "--to", "binaural", "--from", "dome24", "-o", name)
+        assert ergon(tmp_path, *words).returncode == 0
+    first, second = ((tmp_path / name).read_bytes() for name in ("a.wav", "b.wav"))
+    assert first == second
+    known = "34af16a45dd6405b"
+    assert hashlib.sha256(first).hexdigest()[:16] == known
+
+
+def test_long_files_and_empty_ones(tmp_path: Path):
+    """RF64, as files beyond 4 GB are; and a file of no frames."""
+    frames = noise(tmp_path / "in.wav", 500)
+    with (tmp_path / "long.wav").open("wb") as file:
+        format = WaveFormat(48_000, 24, "float")
+        writer = WaveWriter(file, format, 500, Stamp("long"), riff_limit=100)
+        writer.write(frames.astype(np.float32))
+        writer.close()
+    assert read_info(tmp_path / "long.wav").container == "RF64"
+    noise(tmp_path / "none.wav", 0)
+    for name in ("in", "long", "none"):
+        done = ergon(tmp_path, "fold", f"{name}.wav", "--to", "stereo", "--from", "dome24")
+        assert done.returncode == 0, done.stderr
+    short, long = (samples(tmp_path / f"{name}-stereo.wav") for name in ("in", "long"))
+    np.testing.assert_array_equal(short, long)
+    assert read_info(tmp_path / "none-stereo.wav").n_frames == 0
+
+
+def test_clipped_samples_are_told_and_the_gain_that_helps(tmp_path: Path):
+    noise(tmp_path / "in.wav", 3_000, peak=0.9)
+    words = ("fold", "in.wav", "--to", "stereo", "--from", "dome24", "--bits", "24")
+    done = ergon(tmp_path, *words)
+    assert done.returncode == 0
+    assert "samples are clipped" in done.stderr
+    gain = done.stderr.split("--gain ")[1].split(",")[0]
+    done = ergon(tmp_path, *words, "--gain", gain)
+    assert (done.returncode, "clipped" in done.stderr) == (0, False)
+    assert 0.98 < np.abs(samples(tmp_path / "in-stereo.wav")).max() <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("in.wav", "--to", "binaural"), "--from dome24"),
+        (("in.wav", "--to", "dome2", "--from", "dome24"), "did you mean dome24?"),
+        (("in.wav", "--to", "ambix8", "--from", "dome24"), "1 to 7"),
+        (("in.wav", "--to", "stereo", "--from", "ambix3"), "has 24 channels, but ambix3 has 16"),
+        (("in.wav", "--to", "stereo.yaml", "--from", "dome24"), "no file of a layout"),
+        (("in.wav", "--to", "stereo", "--from", "dome24", "--gain", "6"), "--gain"),
+        (("in.wav", "--to", "stereo", "--from", "dome24", "--head", "x.sofa"), "--head"),
+        (("in.wav", "--to", "binaural", "--from", "dome24", "--head", "x.sofa"), "x.sofa"),
+        (("in.wav", "--to", "ambix2", "--from", "dome24", "-o", "a.flac"), "FLAC"),
+        (("in.wav", "--to", "stereo", "--from", "dome24", "-o", "in.wav"), "is an input"),
+        (("nan.wav", "--to", "stereo", "--from", "stereo"), "not finite"),
+        (("no.wav", "--to", "stereo"), "no.wav"),
+        (("text.wav", "--to", "stereo"), "not a WAVE file"),
+    ],
+)
+def test_what_cannot_be_folded_is_told(tmp_path: Path, words: tuple[str, ...], said: str):
+    noise(tmp_path / "in.wav", 10)
+    noise(tmp_path / "nan.wav", 10, 2, peak=np.float32(1.0))
+    data = bytearray((tmp_path / "nan.wav").read_bytes())
+    data[-4:] = np.float32(np.nan).tobytes()
+    (tmp_path / "nan.wav").write_bytes(data)
+    (tmp_path / "text.wav").write_text("not a sound")
+    before = sorted(tmp_path.iterdir())
+    done = ergon(tmp_path, "fold", *words)
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
+    assert said in done.stderr
+    assert "internal error" not in done.stderr
+    assert sorted(tmp_path.iterdir()) == before, "nothing is written"
+
+
+def test_a_head_of_ones_own(tmp_path: Path):
+    """The left ear of a made-up head hears only what is on the left."""
+    import h5py
+
+    from ergon.space.directions import angles, spread_directions
+
+    directions = spread_directions(100)
+    responses = np.zeros((100, 2, 64))
+    responses[:, 0, 20] = np.where(directions[:, 0] < -0.1, 1.0, 0.01)
+    responses[:, 1, 20] = np.where(directions[:, 0] > 0.1, 1.0, 0.01)
+    with h5py.File(tmp_path / "own.sofa", "w") as file:
+        file.attrs["SOFAConventions"] = np.bytes_("SimpleFreeFieldHRIR")
+        places = [angles(tuple(one)) for one in directions.tolist()]
+        file.create_dataset("SourcePosition", data=places)
+        file.create_dataset("Data.IR", data=responses)
+        file.create_dataset("Data.SamplingRate", data=[48_000.0])
+    frames = noise(tmp_path / "in.wav", 5_000)
+    frames[:, :] = 0.0
+    words = ("in.wav", "--to", "binaural", "--from", "dome24", "--head", "own.sofa", "-o", "o.wav")
+    with (tmp_path / "in.wav").open("wb") as file:
+        writer = WaveWriter(file, WaveFormat(48_000, 24, "float"), 5_000, Stamp("left"))
+        frames[100, 3] = 0.5
+        writer.write(frames.astype(np.float32))
+        writer.close()
+    done = ergon(tmp_path, "fold", *words)
+    assert done.returncode == 0, done.stderr
+    left, right = np.abs(np.fft.rfft(samples(tmp_path / "o.wav"), axis=0))[200:400].mean(0)
+    assert left > 30.0 * right

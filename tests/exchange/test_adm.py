@@ -1,0 +1,106 @@
+"""What a WAVE file says of its channels: there and back, and descriptions from strangers."""
+
+import struct
+from dataclasses import replace
+from io import BytesIO
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from domes import dome
+
+from ergon.exchange import adm, xml_text
+from ergon.exchange.wave import WaveWriter
+from ergon.exchange.wave_header import RIFF_LIMIT, Stamp, WaveFormat, WaveInfo, parse
+from ergon.space.directions import angles
+
+SPEAKERS = adm.Sounded(tuple(angles(place) for place in dome()))
+
+
+def written(sounded: adm.Sounded, title: str = "A piece", limit: int = RIFF_LIMIT) -> WaveInfo:
+    file = BytesIO()
+    stamp = Stamp(title, chunks=adm.chunks(sounded, title))
+    format = WaveFormat(48_000, sounded.n_channels, 24)
+    writer = WaveWriter(file, format, 5, stamp, riff_limit=limit)
+    writer.write(np.zeros((5, sounded.n_channels), np.int32))
+    writer.close()
+    file.seek(0)
+    return parse(file)
+
+
+@pytest.mark.parametrize("limit", [RIFF_LIMIT, 100], ids=["RIFF", "RF64"])
+@pytest.mark.parametrize("sounded", [SPEAKERS, adm.Sounded(order=1), adm.Sounded(order=7)])
+def test_what_is_written_is_read(sounded: adm.Sounded, limit: int):
+    info = written(sounded, limit=limit)
+    assert (info.n_frames, info.container) == (5, "RIFF" if limit == RIFF_LIMIT else "RF64")
+    found = adm.read(info)
+    assert found is not None
+    assert found.order == sounded.order
+    np.testing.assert_allclose(found.speakers, sounded.speakers, atol=1e-5)
+
+
+def test_distances_are_kept():
+    sounded = adm.Sounded(((0.0, 0.0, 2.0), (90.0, 10.0, 4.5), (-90.0, 10.0, 4.0)))
+    found = adm.read(written(sounded))
+    assert found is not None
+    np.testing.assert_allclose(found.speakers, sounded.speakers, atol=1e-5)
+
+
+def test_any_title_is_text():
+    info = written(SPEAKERS, "<&\"'> \x07 \u2028é")
+    root = ElementTree.fromstring(info.axml)
+    names = {one.get("audioProgrammeName") for one in root.iter() if "Programme" in one.tag}
+    assert "<&\"'>  é" in {name.replace("\u2028", "") for name in names if name}
+
+
+def test_every_track_is_a_channel_that_is_described():
+    """As BS.2076 wants it: chna names tracks, these a stream, this a channel of the pack."""
+    info = written(SPEAKERS)
+    root = xml_text.parsed(info.axml)
+    n_tracks, n_uids = struct.unpack_from("<HH", info.chna)
+    assert (n_tracks, n_uids, len(info.chna)) == (24, 24, 4 + 24 * 40)
+    streams = {one.get("audioStreamFormatID"): one for one in root.iter("audioStreamFormat")}
+    pack = next(root.iter("audioPackFormat"))
+    channels = [one.text for one in pack.findall("audioChannelFormatIDRef")]
+    for i, track in enumerate(root.iter("audioTrackFormat")):
+        stream = streams[track.findtext("audioStreamFormatIDRef")]
+        assert stream.findtext("audioTrackFormatIDRef") == track.get("audioTrackFormatID")
+        assert stream.findtext("audioChannelFormatIDRef") == channels[i]
+        row = info.chna[4 + 40 * i : 44 + 40 * i]
+        assert row[14:28].decode() == track.get("audioTrackFormatID")
+        assert row[2:14].decode() == f"ATU_{i + 1:08x}"
+
+
+def test_a_file_without_a_description_says_nothing():
+    info = written(SPEAKERS)
+    assert adm.read(replace(info, axml=b"")) is None
+    assert adm.read(replace(info, chna=b"")) is None
+    assert adm.read(replace(info, chna=info.chna[:-40])) is None, "a channel without a name"
+    unknown = info.axml.replace(b"DirectSpeakers", b"Objects").replace(b'"0001" t', b'"0003" t')
+    assert adm.read(replace(info, axml=unknown)) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b'<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "document type"),
+        (b"<a><b></a>", "well formed"),
+        (b"", "empty|well formed"),
+        ("<a/>".encode("utf-16"), "UTF-8"),
+        (b"<a>" + b"<b/>" * 100_001 + b"</a>", "elements"),
+        (b" " * (xml_text.MOST + 1), "larger"),
+        (b'<?xml version="1.0" encoding="nonsense"?><a/>', "cannot be read|well formed"),
+        (b"&xxe;", "well formed"),
+    ],
+)
+def test_xml_of_strangers_is_refused(text: bytes, words: str):
+    with pytest.raises(xml_text.XmlError, match=words):
+        xml_text.parsed(text)
+
+
+def test_places_out_of_range_are_refused():
+    info = written(SPEAKERS)
+    for bad in (b"nan", b"1e9", b"x"):
+        text = info.axml.replace(b'"azimuth">0.000000', b'"azimuth">' + bad, 1)
+        with pytest.raises(xml_text.XmlError, match=r"out of range|no number"):
+            adm.read(replace(info, axml=text))

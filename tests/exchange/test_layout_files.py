@@ -1,0 +1,113 @@
+"""Layouts of other programs: there and back, and files from strangers."""
+
+import json
+
+import numpy as np
+import pytest
+from domes import dome
+
+from ergon.exchange.layout_files import FORMS, LayoutFileError, as_yaml
+from ergon.scores.reading.load import load
+from ergon.space.directions import angles
+
+SPEAKERS = [angles(place) for place in dome()]
+FOUR = '<SPEAKER_SETUP SPEAKER_SETUP_VERSION="1"><SPEAKER_GROUP CARTESIAN_POSITION="0, 0, 0"%s>%s'
+END = "</SPEAKER_GROUP></SPEAKER_SETUP>"
+
+
+def fourth(*rows: str, group: str = "") -> bytes:
+    """A SpatGRIS 4 setup."""
+    return (FOUR % (group, "".join(rows)) + END).encode()
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_what_is_written_is_read(name: str):
+    text = FORMS[name].write(SPEAKERS, 'A "dome" <&>\n: x')
+    found = np.array(FORMS[name].read(text.encode()))
+    wanted = np.array(SPEAKERS)
+    if name == "spatgris":  # the farthest is 1 away
+        wanted[:, 2] = 1.0
+    away = (found[:, 0] - wanted[:, 0] + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(away, 0.0, atol=1e-6)
+    np.testing.assert_allclose(found[:, 1:], wanted[:, 1:], atol=1e-6)
+
+
+def test_iem_has_an_imaginary_loudspeaker_below():
+    rows = json.loads(FORMS["iem"].write(SPEAKERS, "a"))["LoudspeakerLayout"]["Loudspeakers"]
+    (below,) = [row for row in rows if row["IsImaginary"]]
+    assert (below["Elevation"], below["Gain"], len(rows)) == (-90.0, 0.0, 25)
+    assert [row["Channel"] for row in rows[:24]] == [*range(1, 25)]
+
+
+def test_channels_give_the_order():
+    rows = [
+        {"Azimuth": 10.0 * i, "Elevation": 0, "Radius": 2, "IsImaginary": i == 3, "Channel": 9 - i}
+        for i in range(5)
+    ]
+    text = json.dumps({"LoudspeakerLayout": {"Loudspeakers": rows}})
+    assert [seen[0] for seen in FORMS["iem"].read(text.encode())] == [40.0, 20.0, 10.0, 0.0]
+
+
+def test_both_versions_of_spatgris():
+    old = b"""<?xml version="1.0"?><SPEAKER_SETUP VERSION="3.1.14" SPAT_MODE="Dome">
+      <SPEAKER_2 STATE="normal" GAIN="0"><POSITION X="-1" Y="0" Z="0"/></SPEAKER_2>
+      <SPEAKER_1 STATE="normal"><POSITION X="0" Y="1" Z="0"/><HIGHPASS FREQ="60"/></SPEAKER_1>
+      <SPEAKER_3 DIRECT_OUT_ONLY="1"><POSITION X="0" Y="1" Z="0"/></SPEAKER_3></SPEAKER_SETUP>"""
+    new = fourth(
+        '<SPEAKER SPEAKER_PATCH_ID="2" CARTESIAN_POSITION="-1, 0, 0"/>',
+        '<SPEAKER SPEAKER_PATCH_ID="1" CARTESIAN_POSITION="0.0, 1.0, 0.0"/>',
+    )
+    for text in (old, new):
+        assert FORMS["spatgris"].read(text) == [(0.0, 0.0, 1.0), (90.0, 0.0, 1.0)]
+
+
+def test_a_layout_of_ours_is_that_of_a_score(tmp_path):
+    (tmp_path / "room.yaml").write_text(as_yaml(SPEAKERS, 'x"\n: [', 6.0))
+    text = "ergon: 1\ninstruments: {b: {BANK: {count: 9, f: 1kHz, t60: 1s, M: 1g}, "
+    text += "out: {SOX: b.all}}}\n"
+    text += "mix: {layout: room.yaml, route: {from: b, to: nearest}}\n"
+    loaded = load(tmp_path / "a.yaml", text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    assert loaded.piece.mix.layout is not None
+    np.testing.assert_allclose(loaded.piece.mix.layout.speakers, 2.0 * np.array(dome()), atol=1e-6)
+
+
+SPEAKER = '{"Azimuth": %s, "Elevation": 0, "Radius": %s, "Channel": %s}'
+
+
+def iem(*rows: str) -> bytes:
+    return ('{"LoudspeakerLayout": {"Loudspeakers": [' + ",".join(rows) + "]}}").encode()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("iem", b"{", "no JSON"),
+        ("iem", b"[" * 100_000, "no JSON"),
+        ("iem", b"\xff\xfe", "no JSON"),
+        ("iem", b"[]", "no list"),
+        ("iem", iem("7"), "no list"),
+        ("iem", iem(), "0 loudspeakers"),
+        ("iem", iem(SPEAKER % ("NaN", 1, 1)), "no azimuth"),
+        ("iem", iem(SPEAKER % ("true", 1, 1)), "no azimuth"),
+        ("iem", iem(SPEAKER % (400, 1, 1)), "lies at 400"),
+        ("iem", iem(SPEAKER % (0, 0, 1)), "0 m away"),
+        ("iem", iem(SPEAKER % (0, 1, 1), SPEAKER % (9, 1, 1)), "one channel"),
+        ("iem", iem(*(SPEAKER % (0, 1, i) for i in range(1025))), "1,025 loudspeakers"),
+        ("ear", b"a: &b [*b, *b]", "aliases"),
+        ("ear", b"!!python/object/apply:os.system [ls]", "no YAML"),
+        ("ear", b"[" * 5000 + b"]" * 5000, "nested|no YAML"),
+        ("ear", b"speakers: 3", "no list"),
+        ("ear", b"speakers: [{channel: 0, names: a}]", "no position"),
+        ("ear", b"- {channel: 0, position: {az: x}}", "no azimuth"),
+        ("spatgris", b"<a/>", "not SPEAKER_SETUP"),
+        ("spatgris", b"<!DOCTYPE a><SPEAKER_SETUP/>", "document type"),
+        ("spatgris", b"<SPEAKER_SETUP><SPEAKER_1/></SPEAKER_SETUP>", "no position"),
+        ("spatgris", fourth('<SPEAKER SPEAKER_PATCH_ID="1"/>'), "no position"),
+        ("spatgris", fourth(group=' YAW="30"'), "moved or turned"),
+        ("spatgris", fourth('<SPEAKER CARTESIAN_POSITION="0,1,0"/>'), "number of an output"),
+    ],
+)
+def test_files_of_strangers_are_refused(name: str, text: bytes, words: str):
+    with pytest.raises(LayoutFileError, match=words):
+        FORMS[name].read(text)

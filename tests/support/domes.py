@@ -1,0 +1,81 @@
+"""Arrays of loudspeakers that tests of space share, and the same ones in spaudiopy."""
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import scipy.special
+
+from ergon.space.directions import Point, point
+
+# spaudiopy 0.2 asks scipy for what scipy 1.17 calls sph_harm_y, and warns where it cannot play.
+if not hasattr(scipy.special, "sph_harm"):
+    scipy.special.sph_harm = lambda m, n, azimuth, zenith: scipy.special.sph_harm_y(
+        n, m, zenith, azimuth
+    )
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    import spaudiopy
+
+RINGS = ((12, 0.0, 0.0), (8, 35.0, 22.5), (4, 70.0, 45.0))
+
+
+def dome(rings=RINGS, distance: float = 3.0) -> tuple[Point, ...]:
+    """Rings of (how many, elevation, azimuth of the first [degrees])."""
+    return tuple(
+        point(first + 360.0 * k / n, elevation, distance)
+        for n, elevation, first in rings
+        for k in range(n)
+    )
+
+
+def nudged(array: np.ndarray, by: float = 1e-3) -> np.ndarray:
+    """Each loudspeaker a little elsewhere, above the horizon: no four lie in one plane."""
+    rows = array + np.random.default_rng(5).normal(size=array.shape) * by
+    rows[:, 2] = np.abs(rows[:, 2])
+    return rows / np.linalg.norm(rows, axis=1)[:, None]
+
+
+class Theirs:
+    """An array closed by imaginary loudspeakers, as spaudiopy pans and decodes it."""
+
+    def __init__(self, array: np.ndarray, imaginary: np.ndarray) -> None:
+        self._setup = self._quietly(spaudiopy.decoder.LoudspeakerSetup, *array.T)
+        self._quietly(
+            self._setup.ambisonics_setup,
+            update_hull=True,
+            imaginary_ls=imaginary,
+            characteristic_order=5,
+        )
+        self.virtual = self._setup.kernel_hull.points
+        self._closed = self._setup.ambisonics_hull
+        self._n = len(array)
+
+    def _quietly(self, call: Callable, *values, **named):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return call(*values, **named)
+
+    def nearest(self, sources: np.ndarray) -> np.ndarray:
+        return spaudiopy.decoder.nearest_loudspeaker(sources, self._setup)
+
+    def vbap(self, sources: np.ndarray) -> np.ndarray:
+        """What imaginary loudspeakers would play is left out."""
+        return spaudiopy.decoder.vbap(sources, self._closed)[:, : self._n]
+
+    def allrad(self, order: int, sources: np.ndarray) -> np.ndarray:
+        # In its own axes, as it takes those of its virtual sources.
+        harmonics = their_harmonics(order, sources @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]))
+        played = self._quietly(spaudiopy.decoder.allrad, harmonics.T, self._setup, N_sph=order)
+        return played.T
+
+
+def their_harmonics(order: int, sources: np.ndarray) -> np.ndarray:
+    """N3D, of sources whose x is to the right: AmbiX has it to the front."""
+    front, left, up = sources[:, 1], -sources[:, 0], sources[:, 2]
+    azimuth, zenith = np.arctan2(left, front), np.arccos(np.clip(up, -1.0, 1.0))
+    return spaudiopy.sph.sh_matrix(order, azimuth, zenith) * np.sqrt(4.0 * np.pi)
+
+
+def their_energy_vectors(gains: np.ndarray, array: np.ndarray) -> np.ndarray:
+    return spaudiopy.sph.r_E(array, gains)[0]
