@@ -426,6 +426,7 @@ CALIBRATION = Record(
         Field("delay", k.PAUSE, "delay of the motor's force"),
         Field("modes", ListOf(_MODE), "parts that swing on the key"),
         Field("noise", k.POSITION, "rms of the sensor's noise"),
+        Field("correlations", ListOf(k.TITLE), "of each figure with those before it"),
         Field("takes", ListOf(k.TITLE), "SHA-256 of the takes that it was measured by"),
         *(
             Field(name, k.TITLE, "for the reader")

@@ -64,7 +64,37 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     assert all("not kept" in line for line in table[3:5])
     assert " g at 18" in table[6] or " g at 179" in table[6]
     assert "the sensor's noise is 4" in said.err
-    assert "wrote k.yaml" in said.err
+    assert "its step is 7.32 um" in said.err
+    assert " ".join(table[0].split()) == "fit rms of step replay of step BIC what was added"
+    # Of the last row: 4.2 um are 0.58 steps of 7.32 um, in the fit and in the replay.
+    left, off, bic = (float(table[6].replace(",", "").split()[i]) for i in (4, 7, 8))
+    assert 0.55 < left < 0.61
+    assert 0.55 < off < 0.61
+    assert bic < -240_000
+    take("again.take", knocks(KEY), 3)
+    assert app.run(["metrology", "replay", "k.yaml", "again.take", "--width", "80"]) == 0
+    said = capsys.readouterr()
+    shown = said.out.splitlines()
+    assert [line.split("[")[0].strip() for line in shown if "] " in line] == [
+        "force",
+        "position",
+        "residual",
+    ]
+    assert "asked" in shown[0]
+    assert any("real" in line and "model" in line for line in shown)
+    assert max(map(len, shown)) <= 80
+    every = shown[-1].split()
+    assert (every[0], every[2]) == ("all", "um")
+    assert 0.55 < float(every[3]) < 0.61
+    stiff = Path("k.yaml").read_text().replace("K: 6", "K: 5")
+    Path("stiff.yaml").write_text(stiff)
+    assert app.run(["metrology", "compare", "k.yaml", "stiff.yaml"]) == 0
+    said = capsys.readouterr()
+    assert "mode 1 f [Hz]" in said.out
+    assert "more than 3 standard deviations apart: K by" in said.err
+    assert "of 9 figures with their covariance" in said.err
+    assert app.run(["metrology", "compare", "k.yaml", "k.yaml"]) == 0
+    assert "no figure differs" in capsys.readouterr().err
     text = Path("k.yaml").read_text()
     assert text.startswith("ergon: 1\nM: 400.") or text.startswith("ergon: 1\nM: 399.")
     assert "modes:\n  - {M: " in text
