@@ -78,6 +78,11 @@ def _lines(part: PartStats) -> str:
     masses = "1 mass" if part.n_masses == 1 else f"{part.n_masses:,} masses"
     each = _range(part.masses, _kilograms)
     text = f"{part.part}: {masses} of {each}, {_kilograms(part.mass)} in all; {held}\n"
+    for name, mass in part.mode_masses.items():
+        text += (
+            f"{name}: its modes have {_kilograms(mass)} (M) where their level is 1; the masses are "
+            "those of the network that moves as it does\n"
+        )
     if part.links:
         rows = [("links", "count", "stiffness", "damping")]
         for link in part.links:
@@ -156,6 +161,7 @@ def _record(console: Console, part: PartStats) -> None:
         held=part.n_held,
         mass_kg=part.mass,
         mass_range_kg=list(part.masses),
+        mode_masses_kg=dict(part.mode_masses),
         links=[
             {
                 "kind": link.kind,
