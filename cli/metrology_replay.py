@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from . import options
+from . import metrology_score, options
 from .console import Console
 from .metrology_compare import calibration
 from .metrology_fit import gesture, written
@@ -16,7 +16,7 @@ from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.metrology.comparison import Replay
-    from ergon.metrology.gesture import Gesture
+    from ergon.metrology.gesture import Floats, Gesture
 
 _WARNS = 5.0  # times the noise of the sensor
 _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
@@ -27,6 +27,7 @@ _HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
 @click.argument("file", metavar="CALIBRATION")
 @click.argument("real", metavar="DEVICE|TAKE")
 @click.option("--hand", metavar="NAME", help="The hand of a take with several.")
+@metrology_score.chosen
 @click.option("--no-gate", is_flag=True, help="As for `ergon metrology DEVICE`.")
 @click.option(
     "--width", type=click.IntRange(24, 1000), help="Width in characters. Default: the terminal's."
@@ -40,6 +41,8 @@ def replay(
     file: str,
     real: str,
     hand: str | None,
+    score: str | None,
+    key: str | None,
     no_gate: bool,
     width: int | None,
     output: str | None,
@@ -48,10 +51,10 @@ def replay(
 ) -> None:
     """Give a key and the model of a calibration the same gesture, and compare their motions.
 
-    A device is pushed by the ladder and then by knocks, and nobody may touch it; of a take the
-    recorded gesture counts. Drawn are the force that was asked for, the real key and its model, and
-    the residual (real less model); the table has the residual of each second, also in steps of the
-    sensor.
+    A device is pushed by the ladder and then by knocks, or along what --score plays on a key, and
+    nobody may touch it; of a take the recorded gesture counts. Drawn are the force that was asked
+    for, the real key and its model, and the residual (real less model); the table has the residual
+    of each second, also in steps of the sensor.
     """
     from ergon.exchange.safe import check_target
     from ergon.metrology import comparison
@@ -60,10 +63,14 @@ def replay(
     known = calibration(file)
     if output is not None:
         check_target(Path(output), force=force, inputs=[Path(file)])
+    is_take = Path(real).is_file()
+    if is_take and score is not None:
+        raise Refused("--score leads a key of a device; a take holds its own gesture")
+    path = metrology_score.path(console, score, key)
     took = (
         gesture(console, Path(real), hand)
-        if Path(real).is_file()
-        else _pushed(console, real, gated=not no_gate)
+        if is_take
+        else _pushed(console, real, path, gated=not no_gate)
     )
     found = comparison.replay(known.row, took)
     if not console.json:
@@ -76,18 +83,18 @@ def replay(
         written(console, picture(found, title), Path(output), force=force, dry=dry)
 
 
-def _pushed(console: Console, device: str, *, gated: bool) -> Gesture:
-    """Knocks on a key of a device."""
+def _pushed(console: Console, device: str, path: Floats | None, *, gated: bool) -> Gesture:
+    """Knocks on a key of a device, or forces that lead it along a path."""
     from ergon.metrology.gesture import MeasurementError
     from ergon.metrology.ladder import climb
-    from ergon.metrology.takes import HELD_OUT, record
+    from ergon.metrology.takes import lasts, record
 
     from .metrology_measure import opened
 
     axis, _ = opened(device, gated=gated)
     console.say("let go of the key: it is pushed now, gently at first")
     try:
-        takes = record(climb(axis), "held-out", HELD_OUT, lambda kind, part: None)
+        takes = record(climb(axis), "held-out", lasts(path), lambda kind, part: None, path=path)
     except MeasurementError as error:
         raise Refused(f"{device}: {error}") from None
     finally:

@@ -198,6 +198,57 @@ def test_a_key_of_a_device_is_measured(capsys: Capture):
     assert "does not sink" in said.err
 
 
+TRUE = """ergon: 1
+M: 400.0g # ± 0.01
+rest: -2.5mm # ± 1e-5
+K: 60N/m # ± 0.001
+Z: 1.2Ns/m # ± 0.0001
+dry: 50mN # ± 0.005
+modes:
+  - {M: 20g, f: 180Hz, t60: 0.30540s}
+date: 2026-11-22
+"""
+SCORE = """ergon: 1
+tempo: [{at: 1|1, bpm: 120}]
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}, k2: {like: k1}}
+gestures: {knock: 0mm@0 2mm@1/8 0mm@1/4}
+players: {ada: {key: k1}, remi: {key: k2}}
+parts: {remi: [{at: 3|1, play: knock, every: 1, times: 5}]}
+"""
+
+
+def test_a_gesture_of_a_score_leads_the_real_key(capsys: Capture):
+    """Five knocks, half a second apart, from the first movement on; the model goes with the key."""
+    Path("true.yaml").write_text(TRUE)
+    Path("duet.yaml").write_text(SCORE)
+    with emulator("frame", "--udp", "0", *EMULATED) as board:
+        url = board.url + "&patience=600"
+        command = ["metrology", "replay", "true.yaml", url, "--score", "duet.yaml"]
+        assert app.run([*command, "--key", "k2", "--json"]) == 0
+        *seconds, last = records(capsys)
+        assert last["rms_m"] < 5e-6
+        assert len(seconds) == 3
+        assert all(second["real_m"] > 1e-3 for second in seconds)
+        assert app.run(command) == 2
+        assert "choose a key of the score by --key" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["emul:", "--score", "duet.yaml", "--key", "k1"], "nothing moves the key k1"),
+        (["emul:", "--score", "duet.yaml", "--key", "k3"], "no player of the score has the key"),
+        (["emul:", "--key", "k1"], "write --score too"),
+        (["knocks.take", "--score", "duet.yaml"], "a take holds its own gesture"),
+    ],
+)
+def test_a_score_that_leads_nothing_is_refused(capsys: Capture, words: list[str], told: str):
+    Path("true.yaml").write_text(TRUE)
+    Path("duet.yaml").write_text(SCORE)
+    assert app.run(["metrology", "replay", "true.yaml", *words]) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_a_device_that_ends_leaves_its_take(capsys: Capture):
     """The host is told, and what was recorded is kept."""
     with emulator("frame", "--pty", *EMULATED, "--seconds", "25") as board:
