@@ -11,6 +11,7 @@ import click
 from ergon.api.errors import OptionError
 from ergon.api.stats import PartStats, PointStats, StatsOptions
 from ergon.api.stats import stats as find_stats
+from ergon.scores.gesture.take_file import SUFFIXES
 
 from . import options
 from .console import Console, plural
@@ -53,11 +54,17 @@ def stats(
     Of a TAKE (.take) a PART is a hand: how far and how fast it went, what was lost, where it turned
     and struck, how smooth its strokes were, what it felt and what energy it gave.
     """
-    if Path(score_path).suffix.lower() == SUFFIX:
+    suffix = Path(score_path).suffix.lower()
+    if suffix == SUFFIX:
         from .stats_take import tell
 
         tell(console, score_path, parts, cutoff)
         return
+    if suffix in SUFFIXES:
+        raise Refused(
+            f"{score_path}: make a recording of this movement first: "
+            f"ergon take import {score_path} -o {Path(score_path).stem}{SUFFIX}"
+        )
     try:
         found = find_stats(score_path, StatsOptions(parts=parts, **given), report=console)
     except OptionError as error:

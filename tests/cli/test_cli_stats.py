@@ -84,6 +84,7 @@ def test_of_a_take(capsys: Capture):
     [
         (["hand.take"], "hand.take: No such file"),
         (["bad.take"], "not a recording"),
+        (["walk.c3d"], "make a recording of this movement first: ergon take import walk.c3d"),
         (["still.take", "eve"], "PART: there is no hand 'eve'; there are remi"),
         (["still.take", "--cutoff", "1kg"], "--cutoff: "),
     ],
