@@ -11,7 +11,6 @@ import click
 from ergon.api.errors import OptionError
 from ergon.api.stats import PartStats, PointStats, StatsOptions
 from ergon.api.stats import stats as find_stats
-from ergon.scores.gesture.take_file import SUFFIXES
 
 from . import options
 from .console import Console, plural
@@ -54,6 +53,8 @@ def stats(
     Of a TAKE (.take) a PART is a hand: how far and how fast it went, what was lost, where it turned
     and struck, how smooth its strokes were, what it felt and what energy it gave.
     """
+    from ergon.scores.gesture.take_file import SUFFIXES
+
     suffix = Path(score_path).suffix.lower()
     if suffix == SUFFIX:
         from .stats_take import tell
