@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon import _core
+    from ergon.instruments.model import Module
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.scene import Scene
 
@@ -77,7 +78,9 @@ class PartStats:
     that the others lie in, `counts` (n_bands,) how many lie in each. `highest` [Hz] is |s|/2π of
     the highest of all modes. `guarantee` says of the scheme at the score's rate, stepped
     `oversampling` times a frame, that it is "proved" or "guarded" or was "tried", and is None where
-    no number of steps up to 16 is known to be stable.
+    no number of steps up to 16 is known to be stable. `mode_masses` [kg] are the `M` of each MODES
+    by its name, the mass of a mode where its level is 1; `mass` and `masses` count those of the
+    network that moves as such a body does, which are others.
     """
 
     part: str
@@ -95,6 +98,7 @@ class PartStats:
     oversampling: int
     points: tuple[PointStats, ...]
     inputs: tuple[Path, ...]
+    mode_masses: Mapping[str, float]
 
 
 def stats(
@@ -146,7 +150,13 @@ def _stats(piece: Piece, scene: Scene, name: str, to: float, inputs: Sequence[Pa
             for label, slots in points.items()
         ),
         tuple(inputs),
+        {m.name: m.fields["M"] for m in _modules(piece, name) if m.kind == "MODES"},
     )
+
+
+def _modules(piece: Piece, name: str) -> Sequence[Module]:
+    part = piece.instruments.get(name) or piece.keys.get(name)
+    return () if part is None else part.modules
 
 
 def _links(own: _core.Elements) -> Sequence[LinkStats]:

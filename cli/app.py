@@ -65,7 +65,7 @@ COMMANDS: Table = {
     "stats": (
         "stats",
         "stats",
-        "Say what instruments and keys are made of, and how their modes and energies are spread.",
+        "Say what instruments and keys are made of, or what hands did in a take, in figures.",
     ),
     "bell": (
         "bell",

@@ -31,15 +31,18 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     """Say what a render, a take or a score contains.
 
     A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
-    .take, CSV or npz file is a take: its channels and what they span. Anything else is a score.
+    .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, SDIF) is a take: its channels and what
+    they span. Anything else is a score.
     """
+    from ergon.scores.gesture.take_file import SUFFIXES as TAKES
+
     path = Path(file)
     suffix = path.suffix.lower()
     if source is not None and suffix not in SUFFIXES:
         raise Refused("--score verifies a rendered WAV or FLAC file")
     if suffix in SUFFIXES:
         _render(console, path, source, trust)
-    elif suffix in (".take", ".csv", ".npz"):
+    elif suffix in TAKES:
         from .take_info import take
 
         take(console, path)

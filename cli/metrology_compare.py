@@ -16,20 +16,9 @@ from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.metrology.calibration_file import Calibration
+    from ergon.metrology.comparison import Difference
 
-# Figures in the order of a table: unit, and units of it in one SI unit.
-_SHOWN = (
-    ("M", "g", 1e3),
-    ("K", "N/m", 1.0),
-    ("Z", "Ns/m", 1.0),
-    ("rest", "mm", 1e3),
-    ("weight", "mN", 1e3),
-    ("dry", "mN", 1e3),
-    ("presliding", "N/m", 1.0),
-    ("static", "mN", 1e3),
-    ("static_speed", "mm/s", 1e3),
-    ("delay", "ms", 1e3),
-)
+_FAR = 3.0  # deviations: farther apart than chance explains
 
 
 def calibration(file: str) -> Calibration:
@@ -56,36 +45,72 @@ def compare(console: Console, one: str, other: str) -> None:
     """Compare two calibrations: figure by figure, and how differently the two keys move.
 
     The replay difference is the rms of the difference of both models under one gesture of knocks: a
-    hand does not feel what lies below the step of the sensor. For a device against a calibration,
-    see `ergon metrology replay`.
+    hand does not feel what lies below the step of the sensor. Modes of nearly one pitch are taken
+    for the same mode. For a device against a calibration, see `ergon metrology replay`.
     """
-    from ergon.metrology.comparison import chi_squared, replay_difference
+    from ergon.metrology.comparison import chi_squared, differences, replay_difference
 
     first, second = calibration(one), calibration(other)
-    if not console.json:
-        console.data(f"{'':14}{'A':>12}{'B':>12}{'difference':>14}{'deviations':>12}\n")
-    for name, unit, scale in _SHOWN:
-        a, b = first.figures.get(name), second.figures.get(name)
-        if a is None and b is None:
-            continue
-        sigma = None
-        if name in first.deviations and name in second.deviations:
-            sigma = (first.deviations[name] ** 2 + second.deviations[name] ** 2) ** 0.5
-        if console.json:
-            console.record("figure", name=name, a=a, b=b, deviation=sigma)
-            continue
-        apart = (b or 0.0) - (a or 0.0)
-        told = [f"{x * scale:12.5g}" if x is not None else f"{'none':>12}" for x in (a, b)]
-        far = f"{apart / sigma:12.3g}" if sigma else f"{'':12}"
-        console.data(f"{name + ' [' + unit + ']':14}{told[0]}{told[1]}{apart * scale:14.4g}{far}\n")
+    found = differences(first, second)
     squared, n = chi_squared(first, second)
     moves = replay_difference(first.row, second.row)
     if console.json:
+        for each in found:
+            console.record(
+                "figure",
+                name=_called(each),
+                a=each.one,
+                b=each.other,
+                deviation=each.deviation,
+                deviations=each.deviations,
+            )
         console.record("compared", replay_difference_m=moves, chi_squared=squared, figures=n)
         return
+    console.data(f"{'':16}{'A':>12}{'B':>12}{'difference':>14}{'deviations':>12}\n")
+    console.data("".join(map(_row, found)))
     console.data(f"replay difference {moves * 1e6:.4g} um rms\n")
+    _judge(console, found, squared, n)
+
+
+def _called(each: Difference) -> str:
+    """The name of a figure, by the numbers of a mode in both files where they differ."""
+    one, other = each.names
+    if one == other or each.other is None:
+        return one
+    return other if each.one is None else f"{one.partition('.')[0]}/{other.removeprefix('mode')}"
+
+
+def _row(each: Difference) -> str:
+    from ergon.metrology.calibration_file import OF_MODES, UNITS
+
+    name = _called(each)
+    mode, _, what = name.partition(".")
+    unit, scale = OF_MODES[what] if what else UNITS[name]
+    told = f"{mode.replace('mode', 'mode ')} {what}" if what else name
+    a, b = (f"{'none':>12}" if x is None else f"{x * scale:12.5g}" for x in (each.one, each.other))
+    apart = (
+        "" if each.one is None or each.other is None else f"{(each.other - each.one) * scale:.4g}"
+    )
+    far = "" if each.deviations is None else f"{each.deviations:.3g}"
+    return f"{told + ' [' + unit + ']':16}{a}{b}{apart:>14}{far:>12}".rstrip() + "\n"
+
+
+def _judge(console: Console, found: list[Difference], squared: float, n: int) -> None:
+    """Which figures differ, and by how much all together."""
+    known = [(abs(each.deviations), each) for each in found if each.deviations is not None]
+    far = sorted((pair for pair in known if pair[0] > _FAR), key=lambda pair: -pair[0])
+    lacking = [_called(each) for each in found if each.one is None or each.other is None]
+    if far:
+        told = ", ".join(f"{_called(each)} by {sigma:.3g}" for sigma, each in far)
+        console.say(f"more than {_FAR:g} standard deviations apart: {told}")
+    elif known:
+        console.say(f"no figure differs by more than {_FAR:g} standard deviations")
+    if lacking:
+        console.say(f"only one has {', '.join(lacking)}")
     if n:
-        console.say(f"chi squared {squared:.3g} of {n} figures")
+        console.say(
+            f"chi squared {squared:.3g} of {n} figures with their covariance; of one key about {n}"
+        )
 
 
 @click.command()
@@ -102,7 +127,7 @@ def log(console: Console, files: tuple[str, ...]) -> None:
     if not console.json:
         console.data(
             f"{'date':12}{'M [g]':>10}{'K [N/m]':>10}{'Z [Ns/m]':>10}{'dry [mN]':>10}"
-            f"{'moves [um]':>12}   file\n"
+            f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
         )
     for each, file in known:
         moves = replay_difference(known[0][0].row, each.row)
@@ -112,9 +137,10 @@ def log(console: Console, files: tuple[str, ...]) -> None:
                 "calibration", file=file, date=each.date, figures=own, replay_difference_m=moves
             )
             continue
+        modes = " ".join(f"{f:.5g}" for _, f, _ in each.modes) or "none"
         console.data(
             f"{each.date or '?':12}{own['M'] * 1e3:10.5g}{own['K']:10.5g}{own['Z']:10.4g}"
-            f"{own.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}   {file}\n"
+            f"{own.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}{modes:>16}   {file}\n"
         )
 
 

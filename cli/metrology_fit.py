@@ -82,15 +82,18 @@ def report(
     Raises Refused, and Findings where the model does not explain the key.
     """
     from ergon.metrology import stages
-    from ergon.metrology.gesture import MeasurementError
+    from ergon.metrology.gesture import MeasurementError, sensor_step
 
+    step = sensor_step(gestures if held_out is None else [*gestures, held_out])
     if not console.json:
-        console.data(f"{'':14}{'fit rms':>10}{'replay':>10}   what was added\n")
+        parts = "" if step is None else f"{'of step':>9}"
+        head = f"{'':14}{'fit rms':>10}{parts}{'replay':>10}{parts}{'BIC':>12}"
+        console.data(f"{head}   what was added\n")
     try:
-        measured = stages.measure(gestures, held_out, lambda stage: _say(console, stage))
+        measured = stages.measure(gestures, held_out, lambda stage: _say(console, stage, step))
     except MeasurementError as error:
         raise Refused(str(error)) from None
-    _sum_up(console, measured)
+    _sum_up(console, measured, step)
     if output is not None:
         _write(console, measured, takes, output, force=force, dry=dry)
         shown = gestures[-1] if held_out is None else held_out
@@ -124,8 +127,8 @@ def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
         raise Refused(f"{path}: {error}") from None
 
 
-def _say(console: Console, stage: Stage) -> None:
-    """A row of the table."""
+def _say(console: Console, stage: Stage, step: float | None) -> None:
+    """A row of the table; `step` [m] is the sensor's."""
     from ergon.metrology.mode_search import SCORE_MIN
 
     fit = stage.fit
@@ -147,7 +150,11 @@ def _say(console: Console, stage: Stage) -> None:
         what = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
     elif not stage.kept:
         what += ", not kept"
-    console.data(f"{name:14}{fit.rms * 1e6:7.4g} um{stage.replay * 1e6:7.4g} um   {what}\n")
+    left, off = (
+        f"{x * 1e6:7.4g} um" + ("" if step is None else f"{x / step:9.3g}")
+        for x in (fit.rms, stage.replay)
+    )
+    console.data(f"{name:14}{left}{off}{fit.bic:12,.0f}   {what}\n")
 
 
 def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
@@ -187,16 +194,21 @@ def _what(stage: Stage) -> str:
     return f"{mass * 1e3:.3g} g at {frequency:.4g} Hz, t60 {t60(frequency, ratio):.3g} s"
 
 
-def _sum_up(console: Console, measured: Measured) -> None:
+def _sum_up(console: Console, measured: Measured, step: float | None) -> None:
     noise = measured.noise
     if console.json:
-        console.record("measured", rms_m=measured.fit.rms, replay_m=measured.replay, noise_m=noise)
-    elif noise is None:
+        console.record(
+            "measured", rms_m=measured.fit.rms, replay_m=measured.replay, noise_m=noise, step_m=step
+        )
+        return
+    told = "" if step is None else f"; its step is {step * 1e6:.3g} um"
+    if noise is None:
         console.say(
             "no take begins with a still key for 50 ticks, so the sensor's noise is not known"
+            + told
         )
     else:
-        console.say(f"the sensor's noise is {noise * 1e6:.3g} um")
+        console.say(f"the sensor's noise is {noise * 1e6:.3g} um{told}")
 
 
 def _draw(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from . import metrology_fit, options
+from . import metrology_fit, metrology_score, options
 from .console import Console
 from .emulate import Quantity
 from .outcome import DeviceMissing, Refused
@@ -18,6 +18,7 @@ from .outcome import DeviceMissing, Refused
 if TYPE_CHECKING:
     from ergon import _core
     from ergon.live.calibration import Axis as Known
+    from ergon.metrology.gesture import Floats
     from ergon.metrology.ladder import Axis, Ladder, Rung
     from ergon.metrology.takes import Take
 
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="The firmware lets forces through without a touch, whatever its kind usually does.",
 )
+@metrology_score.chosen
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the forces.")
 @options.target("Write the calibration into this file; takes and report have its name.")
 @options.force
@@ -57,6 +59,8 @@ def measure(
     force_max: float | None,
     force_step: float,
     no_gate: bool,
+    score: str | None,
+    key: str | None,
     seed: int,
     output: str | None,
     force: bool,
@@ -67,8 +71,9 @@ def measure(
     DEVICE is a URL or a name of your list, with its axis: frame:/dev/ttyACM0#1, tgr0.1. The key is
     pushed so little at first that it hardly moves, then more and more (a ladder), and never near
     an end of its travel. Then come takes of strikes, of single ticks of random sign (rain), and a
-    held-out gesture of knocks, by which the parts of the model are judged. What a key is made of is
-    then found as by `ergon metrology fit`. Ctrl-C ends every force at once.
+    held-out gesture, of knocks or along what --score plays on a key, by which the parts of the
+    model are judged. What a key is made of is then found as by `ergon metrology fit`. Ctrl-C ends
+    every force at once.
     """
     from ergon.exchange.safe import check_target
     from ergon.metrology.gesture import MeasurementError
@@ -79,12 +84,13 @@ def measure(
     if path is not None:
         check_target(path, force=force)
         check_target(path.with_suffix(".svg"), force=force)
+    asked = metrology_score.path(console, score, key)
     axis, url = opened(device, force_max=force_max, force_step=force_step, gated=not no_gate)
     recorder = Recorder(path, about(url, axis.number))
     try:
         try:
             ladder = _climbed(console, axis, seed)
-            takes = _taken(console, ladder, seconds, recorder, seed)
+            takes = _taken(console, ladder, seconds, recorder, seed, asked)
         finally:
             axis.device.close()
     except MeasurementError as error:
@@ -228,7 +234,12 @@ def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
 
 
 def _taken(
-    console: Console, ladder: Ladder, seconds: float, recorder: Recorder, seed: int
+    console: Console,
+    ladder: Ladder,
+    seconds: float,
+    recorder: Recorder,
+    seed: int,
+    asked: Floats | None,
 ) -> list[Take]:
     """Takes of strikes and rain, then one that is held out."""
     from ergon.metrology import takes
@@ -236,8 +247,8 @@ def _taken(
     found: list[Take] = []
     said = []
     for kind in takes.KINDS:
-        length = takes.HELD_OUT if kind == "held-out" else seconds
-        each = takes.record(ladder, kind, length, recorder.target, seed)
+        length = takes.lasts(asked) if kind == "held-out" else seconds
+        each = takes.record(ladder, kind, length, recorder.target, seed, asked)
         lasted = sum(len(take.gesture.force) / take.gesture.rate for take in each)
         said.append(f"{kind} {lasted:.0f} s")
         # The longest part of what is held out judges; the others would be lost.

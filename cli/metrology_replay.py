@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from . import options
+from . import metrology_score, options
 from .console import Console
 from .metrology_compare import calibration
 from .metrology_fit import gesture, written
@@ -15,16 +16,22 @@ from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.metrology.comparison import Replay
-    from ergon.metrology.gesture import Gesture
+    from ergon.metrology.gesture import Floats, Gesture
 
 _WARNS = 5.0  # times the noise of the sensor
+_WIDTH_MAX = 160  # columns: wider is harder to read, not finer
+_HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
 
 
 @click.command()
 @click.argument("file", metavar="CALIBRATION")
 @click.argument("real", metavar="DEVICE|TAKE")
 @click.option("--hand", metavar="NAME", help="The hand of a take with several.")
+@metrology_score.chosen
 @click.option("--no-gate", is_flag=True, help="As for `ergon metrology DEVICE`.")
+@click.option(
+    "--width", type=click.IntRange(24, 1000), help="Width in characters. Default: the terminal's."
+)
 @options.target("Write a picture of asked, real, model and residual into this SVG file.")
 @options.force
 @options.dry_run
@@ -34,30 +41,41 @@ def replay(
     file: str,
     real: str,
     hand: str | None,
+    score: str | None,
+    key: str | None,
     no_gate: bool,
+    width: int | None,
     output: str | None,
     force: bool,
     dry: bool,
 ) -> None:
     """Give a key and the model of a calibration the same gesture, and compare their motions.
 
-    A device is pushed by the ladder and then by knocks, and nobody may touch it; of a take the
-    recorded gesture counts. The table has the residual (real less model) of each second.
+    A device is pushed by the ladder and then by knocks, or along what --score plays on a key, and
+    nobody may touch it; of a take the recorded gesture counts. Drawn are the force that was asked
+    for, the real key and its model, and the residual (real less model); the table has the residual
+    of each second, also in steps of the sensor.
     """
     from ergon.exchange.safe import check_target
     from ergon.metrology import comparison
-    from ergon.metrology.gesture import sensor_noise
+    from ergon.metrology.gesture import sensor_noise, sensor_step
 
     known = calibration(file)
     if output is not None:
         check_target(Path(output), force=force, inputs=[Path(file)])
+    is_take = Path(real).is_file()
+    if is_take and score is not None:
+        raise Refused("--score leads a key of a device; a take holds its own gesture")
+    path = metrology_score.path(console, score, key)
     took = (
         gesture(console, Path(real), hand)
-        if Path(real).is_file()
-        else _pushed(console, real, gated=not no_gate)
+        if is_take
+        else _pushed(console, real, path, gated=not no_gate)
     )
     found = comparison.replay(known.row, took)
-    _tell(console, found, sensor_noise([took]))
+    if not console.json:
+        console.data(_drawn(found, width))
+    _tell(console, found, sensor_noise([took]), sensor_step([took]))
     if output is not None:
         from ergon.metrology.picture import picture
 
@@ -65,18 +83,18 @@ def replay(
         written(console, picture(found, title), Path(output), force=force, dry=dry)
 
 
-def _pushed(console: Console, device: str, *, gated: bool) -> Gesture:
-    """Knocks on a key of a device."""
+def _pushed(console: Console, device: str, path: Floats | None, *, gated: bool) -> Gesture:
+    """Knocks on a key of a device, or forces that lead it along a path."""
     from ergon.metrology.gesture import MeasurementError
     from ergon.metrology.ladder import climb
-    from ergon.metrology.takes import HELD_OUT, record
+    from ergon.metrology.takes import lasts, record
 
     from .metrology_measure import opened
 
     axis, _ = opened(device, gated=gated)
     console.say("let go of the key: it is pushed now, gently at first")
     try:
-        takes = record(climb(axis), "held-out", HELD_OUT, lambda kind, part: None)
+        takes = record(climb(axis), "held-out", lasts(path), lambda kind, part: None, path=path)
     except MeasurementError as error:
         raise Refused(f"{device}: {error}") from None
     finally:
@@ -84,33 +102,49 @@ def _pushed(console: Console, device: str, *, gated: bool) -> Gesture:
     return max((take.gesture for take in takes), key=lambda took: len(took.force))
 
 
-def _tell(console: Console, found: Replay, noise: float | None) -> None:
+def _drawn(found: Replay, width: int | None) -> str:
+    """Asked, real and model, residual: one above the other, over one time."""
+    from ergon.metrology.picture import rows
+    from ergon.view.braille import panels
+
+    columns = width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    return panels(rows(found), width=columns, heights=_HEIGHTS)
+
+
+def _tell(console: Console, found: Replay, noise: float | None, step: float | None) -> None:
     import numpy as np
 
+    of_step = "" if step is None else f"{'of step':>9}"
     if not console.json:
-        console.data(f"{'s':>5}{'real':>12}{'residual':>14}{'at most':>12}\n")
+        console.data(f"\n{'s':>5}{'real':>12}{'residual':>14}{of_step}{'at most':>12}{of_step}\n")
     seconds = found.t.astype(int)
     real = found.gesture.position[found.gesture.counts]
     for second in np.unique(seconds):
         inside = seconds == second
-        left = found.residual[inside] * 1e6
+        left = found.residual[inside]
         moved = float(np.ptp(real[inside]))
         rms, most = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
         if console.json:
-            console.record(
-                "second", s=int(second), real_m=moved, rms_m=rms * 1e-6, most_m=most * 1e-6
-            )
+            console.record("second", s=int(second), real_m=moved, rms_m=rms, most_m=most)
         else:
-            console.data(f"{second:5d}{moved * 1e3:9.3g} mm{rms:11.4g} um{most:9.4g} um\n")
+            told = f"{moved * 1e3:9.3g} mm{_off(rms, 11, step)}{_off(most, 9, step)}"
+            console.data(f"{second:5d}{told}\n")
     if console.json:
-        console.record("replay", rms_m=found.rms, most_m=found.most, noise_m=noise)
+        console.record("replay", rms_m=found.rms, most_m=found.most, noise_m=noise, step_m=step)
         return
-    console.data(f"{'all':>5}{'':12}{found.rms * 1e6:11.4g} um{found.most * 1e6:9.4g} um\n")
+    told = f"{_off(found.rms, 11, step)}{_off(found.most, 9, step)}"
+    console.data(f"{'all':>5}{'':12}{told}\n")
     if noise is not None:
         # Both are as a sensor reads them: a model without error leaves the sensor's noise.
         beyond = max(found.rms**2 - noise**2, 0.0) ** 0.5
+        of_it = "" if step is None else f" ({beyond / step:.3g} of its step)"
         console.say(
             f"the sensor's noise is {noise * 1e6:.3g} um; beyond it the model is off by "
-            f"{beyond * 1e6:.3g} um"
+            f"{beyond * 1e6:.3g} um{of_it}"
             + (": measure the key again" if beyond > _WARNS * noise else "")
         )
+
+
+def _off(x: float, width: int, step: float | None) -> str:
+    """A residual in um, and in steps of the sensor where these are known."""
+    return f"{x * 1e6:{width}.4g} um" + ("" if step is None else f"{x / step:9.3g}")

@@ -1,8 +1,9 @@
-"""`ergon stats`: masses, links, modes and energies of the parts of a score, in figures."""
+"""`ergon stats`: what the parts of a score are made of, or what hands did in a take, in figures."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import click
@@ -14,6 +15,7 @@ from ergon.api.stats import stats as find_stats
 from . import options
 from .console import Console, plural
 from .outcome import Refused
+from .recording import SUFFIX
 from .tables import table
 from .units import metres, seconds
 
@@ -21,7 +23,7 @@ _LARGEST = 3  # shares of modes that are told of a point
 
 
 @click.command()
-@options.score
+@click.argument("score_path", metavar="SCORE|TAKE")
 @click.argument("parts", metavar="[PART]...", nargs=-1)
 @click.option(
     "--to",
@@ -30,15 +32,40 @@ _LARGEST = 3  # shares of modes that are told of a point
     show_default=True,
     help="Count modes up to this frequency.",
 )
+@click.option(
+    "--cutoff",
+    metavar="FREQUENCY",
+    default="20Hz",
+    show_default=True,
+    help="Of a take: speed and acceleration below this frequency.",
+)
 @options.trust
 @options.speaking
-def stats(console: Console, score_path: str, parts: tuple[str, ...], **given: Any) -> None:
-    """Say what instruments and keys are made of, and how their modes and energies are spread.
+def stats(
+    console: Console, score_path: str, parts: tuple[str, ...], cutoff: str, **given: Any
+) -> None:
+    """Say what instruments and keys are made of, or what hands did in a take, in figures.
 
     Each part is taken by itself, without its links to others, its contacts open and its laws at
     their slope at rest. The answer of a point is how far it goes for a force of 1 N that stays;
     its modes are those that take most of the energy of a blow there.
+
+    Of a TAKE (.take) a PART is a hand: how far and how fast it went, what was lost, where it turned
+    and struck, how smooth its strokes were, what it felt and what energy it gave.
     """
+    from ergon.scores.gesture.take_file import SUFFIXES
+
+    suffix = Path(score_path).suffix.lower()
+    if suffix == SUFFIX:
+        from .stats_take import tell
+
+        tell(console, score_path, parts, cutoff)
+        return
+    if suffix in SUFFIXES:
+        raise Refused(
+            f"{score_path}: make a recording of this movement first: "
+            f"ergon take import {score_path} -o {Path(score_path).stem}{SUFFIX}"
+        )
     try:
         found = find_stats(score_path, StatsOptions(parts=parts, **given), report=console)
     except OptionError as error:
@@ -59,6 +86,11 @@ def _lines(part: PartStats) -> str:
     masses = "1 mass" if part.n_masses == 1 else f"{part.n_masses:,} masses"
     each = _range(part.masses, _kilograms)
     text = f"{part.part}: {masses} of {each}, {_kilograms(part.mass)} in all; {held}\n"
+    for name, mass in part.mode_masses.items():
+        text += (
+            f"{name}: its modes have {_kilograms(mass)} (M) where their level is 1; the masses are "
+            "those of the network that moves as it does\n"
+        )
     if part.links:
         rows = [("links", "count", "stiffness", "damping")]
         for link in part.links:
@@ -137,6 +169,7 @@ def _record(console: Console, part: PartStats) -> None:
         held=part.n_held,
         mass_kg=part.mass,
         mass_range_kg=list(part.masses),
+        mode_masses_kg=dict(part.mode_masses),
         links=[
             {
                 "kind": link.kind,

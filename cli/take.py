@@ -14,7 +14,7 @@ COMMANDS: Table = {
     "import": (
         "take_import",
         "import_take",
-        "Make a recording of a movement in a CSV, npz or WAV file.",
+        "Make a recording of a movement in a table, WAV or motion capture.",
     ),
     "export": ("take_export", "export", "Write a recording as CSV, npz or WAV."),
 }

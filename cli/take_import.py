@@ -8,6 +8,7 @@ import click
 
 from . import options, recording
 from .console import Console
+from .emulate import Quantity
 from .outcome import Refused
 
 
@@ -19,12 +20,18 @@ from .outcome import Refused
     "channels",
     multiple=True,
     metavar="NAME",
-    help="Column that becomes an axis; repeatable. Not needed where there is one column.",
+    help="Column that becomes an axis, or a point and an axis, such as RWRI.z or RWRI.auto; "
+    "repeatable. Not needed where there is one column.",
 )
 @click.option(
     "--rate",
     metavar="RATE",
     help="Samples a second, for a file without a column t [s], such as 1kHz.",
+)
+@click.option(
+    "--unit",
+    type=Quantity("SIZE"),
+    help="What 1.0 means in a file without units (BVH, SDIF; WAV: 1m), such as 1cm.",
 )
 @click.option(
     "--audio",
@@ -49,14 +56,18 @@ def import_take(
     output: str | None,
     channels: tuple[str, ...],
     rate: str | None,
+    unit: float | None,
     audio: str,
     frames: int | None,
     dry: bool,
     force: bool,
 ) -> None:
-    """Make a recording of a movement in a CSV, npz or WAV file.
+    """Make a recording of a movement in a table, WAV or motion capture.
 
-    The names of its columns have units (`t [s],x [mm]`). Positions between the samples are those of
+    Of a table (CSV, TSV, npz) a channel is a column; its name has a unit (`t [s],x [mm]`). Of
+    motion capture (C3D, BVH, TSV of Qualisys) it is a point and an axis: `RWRI.x`, or `RWRI.auto`
+    for the straight line that its path is nearest to; positions count from the first. Of SDIF it is
+    a column of a matrix. `ergon take info` lists them. Positions between the samples are those of
     the spline that a score would play. A score can play such files as they are, too.
     """
     from ergon.exchange.recording import NotRecordingError, recorded
@@ -78,7 +89,9 @@ def import_take(
     found = {}
     try:
         for name in channels or (None,):
-            samples = read(path, name, rate=hertz)
+            samples = read(path, name, rate=hertz, unit=unit)
+            if samples.damage is not None:
+                console.warn(f"{file}: {samples.damage}")
             found[name or path.stem] = samples.t, samples.x
         made = recorded(
             found,

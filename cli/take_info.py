@@ -27,11 +27,15 @@ def info(console: Console, file: str) -> None:
     """Say what a take holds, and whether it is whole.
 
     Of a recording (.take) it says the hands, the duration, the range of positions and forces, and
-    what was lost. Of a CSV or npz file it says the channels.
+    what was lost. Of a table (CSV, TSV, npz) or motion capture (C3D, BVH, SDIF) it says the
+    channels.
     """
+    from ergon.scores.gesture.summary import SUFFIXES
+
     path = Path(file)
-    if path.suffix.lower() not in (SUFFIX, ".csv", ".npz"):
-        raise Refused(f"{file}: a take is a .take, .csv or .npz file")
+    if path.suffix.lower() not in (SUFFIX, *SUFFIXES):
+        *others, last = (SUFFIX, *SUFFIXES)
+        raise Refused(f"{file}: a take is a {', '.join(others)} or {last} file")
     take(console, path)
 
 
@@ -142,9 +146,12 @@ def _table(console: Console, path: Path) -> None:
         words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
     lines = [f"{path}: " + ", ".join(words)]
     lines += [
-        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}" for c in channels
+        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}"
+        if c.low <= c.high
+        else f"  {c.name}: never seen"
+        for c in channels
     ]
-    console.data("\n".join(lines) + "\n")
+    console.data("\n".join(printable(line) for line in lines) + "\n")
 
 
 def _seconds(time: Column) -> float | None:

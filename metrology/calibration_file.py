@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +14,24 @@ from .gesture import MeasurementError
 from .parameters import INDEX, OF_MODE, OWN, START, n_modes, of_mode, total_mass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from .gesture import Floats
+    from .output_error import Fit
     from .stages import Measured
+
+
+# What a file and the model call one thing.
+_OWN = (
+    ("K", "stiffness"),
+    ("Z", "damping"),
+    ("weight", "weight"),
+    ("dry", "dry"),
+    ("presliding", "presliding"),
+    ("static", "static_dry"),
+    ("static_speed", "static_speed"),
+    ("delay", "delay"),
+)
 
 
 def t60(frequency: float, ratio: float) -> float:
@@ -25,68 +39,73 @@ def t60(frequency: float, ratio: float) -> float:
     return float(LN_1000 / (2 * np.pi * frequency * ratio)) if ratio else float("inf")
 
 
-def mass_deviation(measured: Measured) -> float:
-    """Standard deviation [kg] of the mass of the key with its modes."""
-    fit = measured.fit
-    masses = {0, *range(OWN, len(fit.row), OF_MODE)}
-    at = [i for i, index in enumerate(fit.columns) if index in masses]
-    return float(np.sqrt(fit.covariance[np.ix_(at, at)].sum()))
+def _of_fit(fit: Fit) -> tuple[list[str], Floats, Floats]:
+    """The figures of a file in SI units, and their covariance by that of the fit.
 
+    Names, values (n,), covariance (n, n); a mode's are called as `mode1.f`. `M` is the mass of the
+    key with its modes; without a spring `weight` stands in the place of `rest`.
+    """
+    row, columns = fit.row, fit.columns
+    names: list[str] = []
+    values: list[float] = []
+    slopes: list[Floats] = []
 
-def rest(measured: Measured) -> tuple[float, float] | None:
-    """Where spring and weight balance [m], and its standard deviation; None without a spring."""
-    fit = measured.fit
+    def add(name: str, value: float, by: dict[int, float]) -> None:
+        names.append(name)
+        values.append(float(value))
+        slopes.append(np.array([by.get(index, 0.0) for index in columns]))
+
+    add("M", total_mass(row), dict.fromkeys((0, *range(OWN, len(row), OF_MODE)), 1.0))
     k, w = INDEX["stiffness"], INDEX["weight"]
-    stiffness, weight = fit.row[k], fit.row[w]
-    if stiffness <= 3 * fit.deviation(k):
-        return None
-    at = [fit.columns.index(index) for index in (k, w)]
-    slope = np.array([weight / stiffness**2, -1 / stiffness])
-    variance = slope @ fit.covariance[np.ix_(at, at)] @ slope
-    return float(-weight / stiffness), float(np.sqrt(variance))
-
-
-def _figures(measured: Measured) -> Iterator[tuple[str, float, float, str, float]]:
-    """Name, value and deviation in SI, unit and units of it in one SI unit."""
-    fit = measured.fit
-    yield "M", total_mass(fit.row), mass_deviation(measured), "g", 1e3
-    own = [("K", "stiffness", "N/m", 1.0), ("Z", "damping", "Ns/m", 1.0)]
-    balance = rest(measured)
-    if balance is None:
-        own.append(("weight", "weight", "mN", 1e3))
-    else:
-        yield "rest", *balance, "mm", 1e3
-    own += [
-        ("dry", "dry", "mN", 1e3),
-        ("presliding", "presliding", "N/m", 1.0),
-        ("static", "static_dry", "mN", 1e3),
-        ("static_speed", "static_speed", "mm/s", 1e3),
-        ("delay", "delay", "ms", 1e3),
-    ]
-    for name, parameter, unit, per_unit in own:
+    has_spring = row[k] > 3 * fit.deviation(k)
+    if has_spring:
+        add("rest", -row[w] / row[k], {k: row[w] / row[k] ** 2, w: -1 / row[k]})
+    for name, parameter in _OWN:
         index = INDEX[parameter]
-        if index in fit.columns:
-            yield name, float(fit.row[index]), fit.deviation(index), unit, per_unit
+        if index in columns and not (has_spring and index == w):
+            add(name, row[index], {index: 1.0})
+    for mode in range(n_modes(row)):
+        m, f, z = of_mode(mode)
+        decay = t60(float(row[f]), float(row[z]))
+        add(f"mode{mode + 1}.M", row[m], {m: 1.0})
+        add(f"mode{mode + 1}.f", row[f], {f: 1.0})
+        add(f"mode{mode + 1}.t60", decay, {f: -decay / row[f], z: -decay / row[z]})
+    slope = np.array(slopes)
+    return names, np.array(values), slope @ fit.covariance @ slope.T
 
 
 def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     """The file's text; `takes` are the SHA-256 of what it was measured by.
 
-    M is the mass of the key with its modes. Each comment is a standard deviation.
+    M is the mass of the key with its modes. Each comment is a standard deviation; a row of
+    correlations is of a figure with those before it.
     """
     fit = measured.fit
+    names, values, covariance = _of_fit(fit)
+    deviations = np.sqrt(np.diag(covariance))
+    known = dict(zip(names, zip(values, deviations, strict=True), strict=True))
     lines = ["ergon: 1"]
-    lines += [
-        f"{name}: {value * scale:.7g}{unit} # ± {deviation * scale:.2g}"
-        for name, value, deviation, unit, scale in _figures(measured)
-    ]
+    for name, (value, deviation) in known.items():
+        if name in UNITS:
+            unit, scale = UNITS[name]
+            lines.append(f"{name}: {value * scale:.7g}{unit} # ± {deviation * scale:.3g}")
     if n_modes(fit.row):
         lines.append("modes:")
-    for mode in range(n_modes(fit.row)):
-        mass, frequency, ratio = (float(fit.row[index]) for index in of_mode(mode))
+    for mode in range(1, n_modes(fit.row) + 1):
+        own = [
+            (value * OF_MODES[name][1], deviation * OF_MODES[name][1])
+            for name in OF_MODES
+            for value, deviation in [known[f"mode{mode}.{name}"]]
+        ]
+        (m, dm), (f, df), (decay, dt) = own
         lines.append(
-            f"  - {{M: {mass * 1e3:.6g}g, f: {frequency:.6g}Hz, t60: {t60(frequency, ratio):.4g}s}}"
+            f"  - {{M: {m:.6g}g, f: {f:.6g}Hz, t60: {decay:.6g}s}} # ± {dm:.3g} {df:.3g} {dt:.3g}"
         )
+    size = np.where(deviations > 0, deviations, 1.0)
+    lines.append("correlations:")
+    for i, name in enumerate(names):
+        each = covariance[i, :i] / (size[i] * size[:i])
+        lines.append(" ".join([f"  - {name}", *(f"{x:.6f}" for x in each)]))
     if measured.noise is not None:
         lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
     lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n} positions")
@@ -96,8 +115,8 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-# The figures of a file: unit, and units of it in one SI unit.
-_UNITS = {
+# The figures of a file and of its modes: unit, and units of it in one SI unit.
+UNITS = {
     "M": ("g", 1e3),
     "K": ("N/m", 1.0),
     "Z": ("Ns/m", 1.0),
@@ -110,22 +129,38 @@ _UNITS = {
     "delay": ("ms", 1e3),
     "noise": ("mm", 1e3),
 }
+OF_MODES = {"M": ("g", 1e3), "f": ("Hz", 1.0), "t60": ("s", 1.0)}
 _NUMBER = r"([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)"
 _FIGURE = re.compile(rf"(\w+): {_NUMBER}([A-Za-z/]+)(?: # ± {_NUMBER})?$")
-_MODE = re.compile(rf"  - {{M: {_NUMBER}g, f: {_NUMBER}Hz, t60: (?:{_NUMBER}|inf)s}}$")
+_MODE = re.compile(
+    rf"  - {{M: {_NUMBER}g, f: {_NUMBER}Hz, t60: (?:{_NUMBER}|inf)s}}(?: # ± (.+))?$"
+)
+_CORRELATED = re.compile(r"  - ((?:mode\d+\.)?[A-Za-z]\w*)((?: -?[01]\.\d+)*)$")
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """A calibration file: its figures in SI units, the deviations that it tells, modes and date.
 
-    `modes` are rows of mass [kg], frequency [Hz] and damping ratio.
+    `modes` are rows of mass [kg], frequency [Hz] and damping ratio; in `figures` and `deviations`
+    they are called `mode1.M`, `mode1.f` and `mode1.t60`. `correlations` are of pairs of names.
     """
 
     figures: dict[str, float]
     deviations: dict[str, float]
     modes: tuple[tuple[float, float, float], ...]
     date: str
+    correlations: dict[tuple[str, str], float] = field(default_factory=dict)
+
+    def covariance(self, names: Sequence[str]) -> Floats:
+        """Of figures whose deviations are known, (names, names), in SI units."""
+        size = np.array([self.deviations[name] for name in names])
+        known = self.correlations
+        each = [
+            [1.0 if a == b else known.get((a, b), known.get((b, a), 0.0)) for b in names]
+            for a in names
+        ]
+        return np.array(each).reshape(len(names), len(names)) * np.outer(size, size)
 
     @property
     def row(self) -> Floats:
@@ -136,13 +171,7 @@ class Calibration:
         row[1:3] = own["K"], own["Z"]
         row[INDEX["weight"]] = own.get("weight", -own.get("rest", 0.0) * own["K"])
         row[START] = own.get("rest", 0.0)
-        for name, parameter in (
-            ("dry", "dry"),
-            ("presliding", "presliding"),
-            ("static", "static_dry"),
-            ("static_speed", "static_speed"),
-            ("delay", "delay"),
-        ):
+        for name, parameter in _OWN[3:]:
             row[INDEX[parameter]] = own.get(name, 0.0)
         return np.concatenate([row, *map(np.array, self.modes)]) if self.modes else row
 
@@ -151,18 +180,28 @@ def read(said: str) -> Calibration:
     """A calibration of a file's text. Raises MeasurementError where `text` did not write it."""
     figures: dict[str, float] = {}
     deviations: dict[str, float] = {}
-    modes = []
-    date = ""
+    correlations: dict[tuple[str, str], float] = {}
+    before: list[str] = []
+    modes: list[tuple[float, float, float]] = []
+    date = section = ""
     for line in said.splitlines():
+        if not line.startswith(" "):
+            section = line
         if found := _MODE.match(line):
-            mass, frequency, decay = found.groups()
-            ratio = LN_1000 / (2 * np.pi * float(frequency) * float(decay)) if decay else 0.0
-            modes.append((float(mass) / 1e3, float(frequency), float(ratio)))
+            modes.append(_mode(found, f"mode{len(modes) + 1}", figures, deviations))
+        elif section == "correlations:" and (found := _CORRELATED.match(line)):
+            each = map(float, found[2].split())
+            # Of a damaged row as much counts as there is.
+            correlations |= {
+                (found[1], name): max(-1.0, min(x, 1.0))
+                for name, x in zip(before, each, strict=False)
+            }
+            before.append(found[1])
         elif line.startswith("date: "):
             date = line.removeprefix("date: ").strip()
-        elif (found := _FIGURE.match(line)) and found[1] in _UNITS:
+        elif (found := _FIGURE.match(line)) and found[1] in UNITS:
             name, value, unit, deviation = found.groups()
-            usual, per_unit = _UNITS[name]
+            usual, per_unit = UNITS[name]
             if unit != usual:
                 raise MeasurementError(f"{name} must be in {usual}, as ergon metrology writes it")
             figures[name] = float(value) / per_unit
@@ -173,4 +212,19 @@ def read(said: str) -> Calibration:
         raise MeasurementError(
             f"this is no calibration that ergon metrology has written: it lacks {missing[0]}"
         )
-    return Calibration(figures, deviations, tuple(modes), date)
+    return Calibration(figures, deviations, tuple(modes), date, correlations)
+
+
+def _mode(
+    found: re.Match[str], name: str, figures: dict[str, float], deviations: dict[str, float]
+) -> tuple[float, float, float]:
+    """A mode of a line, put among the figures by its name: mass, frequency, damping ratio."""
+    *said, told = found.groups()
+    mass, frequency, decay = (float("inf") if x is None else float(x) for x in said)
+    wobbles = (told or "").split()
+    for i, (own, (_, per_unit)) in enumerate(OF_MODES.items()):
+        figures[f"{name}.{own}"] = (mass, frequency, decay)[i] / per_unit
+        if len(wobbles) == len(OF_MODES) and re.fullmatch(_NUMBER, wobbles[i]):
+            deviations[f"{name}.{own}"] = float(wobbles[i]) / per_unit
+    ratio = LN_1000 / (2 * np.pi * frequency * decay) if np.isfinite(decay) else 0.0
+    return mass / 1e3, frequency, float(ratio)

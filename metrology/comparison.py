@@ -10,6 +10,7 @@ import numpy as np
 from ergon import _core
 
 from . import excitation, output_error
+from .calibration_file import OF_MODES, UNITS
 from .gesture import MeasurementError
 from .parameters import INDEX, START
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 _RATE = 44100 / 44  # ticks a second of the standard gesture
 _SECONDS, _REACH, _MOST = 4.0, 5e-3, 20.0  # of the standard gesture: s, m, N
 _GRAVITY = 9.80665
+_ALIKE = 0.2  # of the logarithm of a pitch: modes that are one
+_CERTAIN = 1e-5  # of a correlation matrix: less is what a file has rounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +72,77 @@ def replay_difference(one: Floats, other: Floats) -> float:
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))
 
 
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A figure of two calibrations, in SI units; None where one lacks it.
+
+    `names` are those of the figure in each, which differ where modes have other numbers.
+    `deviation` is the standard deviation of the difference, None where a file tells none.
+    """
+
+    names: tuple[str, str]
+    one: float | None
+    other: float | None
+    deviation: float | None
+
+    @property
+    def deviations(self) -> float | None:
+        """The difference in its standard deviations; None where either is not known."""
+        if self.one is None or self.other is None or not self.deviation:
+            return None
+        return (self.other - self.one) / self.deviation
+
+
+def differences(one: Calibration, other: Calibration) -> list[Difference]:
+    """All figures of two calibrations. Modes of nearly one pitch are taken for the same mode."""
+    pairs = [(name, name) for name in UNITS if name != "noise"]
+    for a, b in _alike(one, other):
+        pairs += [(f"mode{a}.{what}", f"mode{b}.{what}") for what in OF_MODES]
+    found = []
+    for first, second in pairs:
+        x, y = one.figures.get(first), other.figures.get(second)
+        if x is None and y is None:
+            continue
+        sigma = None
+        if first in one.deviations and second in other.deviations:
+            sigma = float(np.hypot(one.deviations[first], other.deviations[second]))
+        found.append(Difference((first, second), x, y, sigma))
+    return found
+
+
+def _alike(one: Calibration, other: Calibration) -> list[tuple[int, int]]:
+    """Numbers of modes, from 1; one that only one calibration has stands beside 0."""
+    apart = sorted(
+        (abs(np.log(f / g)), a, b)
+        for a, (_, f, _) in enumerate(one.modes, 1)
+        for b, (_, g, _) in enumerate(other.modes, 1)
+    )
+    pairs: list[tuple[int, int]] = []
+    for distance, a, b in apart:
+        if distance < _ALIKE and not any(a == x or b == y for x, y in pairs):
+            pairs.append((a, b))
+    first, second = {a for a, _ in pairs}, {b for _, b in pairs}
+    pairs += [(a, 0) for a in range(1, len(one.modes) + 1) if a not in first]
+    pairs += [(0, b) for b in range(1, len(other.modes) + 1) if b not in second]
+    return sorted(pairs)
+
+
 def chi_squared(one: Calibration, other: Calibration) -> tuple[float, int]:
-    """The sum of the squared differences over their variances, and of how many figures."""
-    total, n = 0.0, 0
-    for name, deviation in one.deviations.items():
-        if name in other.deviations:
-            apart = one.figures[name] - other.figures[name]
-            total += apart**2 / (deviation**2 + other.deviations[name] ** 2)
-            n += 1
-    return total, n
+    """Δᵀ(C₁ + C₂)⁻¹Δ of the figures whose deviations both tell, and of how many.
+
+    For two calibrations of one key its mean is their number. What the covariance holds for certain,
+    to five digits, is left out and not counted.
+    """
+    both = [d for d in differences(one, other) if d.deviations is not None]
+    if not both:
+        return 0.0, 0
+    first, second = ([d.names[i] for d in both] for i in (0, 1))
+    covariance = one.covariance(first) + other.covariance(second)
+    size = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    along = vectors.T @ np.array([d.deviations for d in both])
+    known = values > _CERTAIN
+    return float(np.sum(along[known] ** 2 / values[known])), int(known.sum())
 
 
 def gains(plain: Calibration, loaded: Calibration, mass: float) -> tuple[float, float | None]:

@@ -114,9 +114,22 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, most: float) 
         for _ in range(12):
             go(chance.uniform(0.3, 0.9), 0.06)
             go(0.0, 0.07)
+    return _forces(reach * x, row, rate, most)
+
+
+def led(path: Floats, row: Floats, rate: float, reach: float, most: float) -> Floats:
+    """Forces [N] that lead a rough model of a key along a path (n,) [m] from where it rests, (n,).
+
+    A path that goes farther than `reach` [m] is made smaller as a whole.
+    """
+    x = path - path[0]
+    return _forces(min(1.0, reach / max(np.abs(x).max(), 1e-12)) * x, row, rate, most)
+
+
+def _forces(x: Floats, row: Floats, rate: float, most: float) -> Floats:
+    """Forces (n,) [N] that lead a key without dry friction along x (n,) [m], at most `most`."""
     v = np.gradient(x) * rate
-    inertia, held = total_mass(row) * np.gradient(v) * rate, row[2] * v + row[1] * x
-    force = reach * (inertia + held)
+    force = total_mass(row) * np.gradient(v) * rate + row[2] * v + row[1] * x
     # Leans weigh little, knocks much: where a knock needs too much, it is weakened alone.
     clipped: Floats = np.clip(
         force * min(1.0, 2.0 * most / max(np.abs(force).max(), 1e-12)), -most, most

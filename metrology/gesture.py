@@ -10,6 +10,8 @@ import numpy as np
 from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from ergon._core import Recording
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 _FRESH = 1  # of a recording's flags
 TICKS_MIN = 500
 _LOST_MAX = 0.04  # of the ticks
+_OFF_GRID = 0.2  # of a step: where positions lie on no grid
 _STILL = 50  # ticks of a still beginning by which the sensor's noise is known
 
 
@@ -188,3 +191,16 @@ def sensor_noise(gestures: list[Gesture]) -> float | None:
     # By second differences, which creep hardly changes: there white noise has 6 times its variance.
     parts = [np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2) / 6)) if parts else None
+
+
+def sensor_step(gestures: Sequence[Gesture]) -> float | None:
+    """Step [m] of the sensor: of the grid on which positions lie; None where they lie on none."""
+    places = np.unique(np.concatenate([g.position[g.counts] for g in gestures]))
+    apart = np.diff(places)
+    apart = apart[apart > 1e-6 * np.ptp(places)]  # else the same, but for rounding
+    if not apart.size:
+        return None
+    count = np.round((places - places[0]) / apart.min())
+    if np.abs((places - places[0]) / apart.min() - count).max() > _OFF_GRID:
+        return None
+    return float((places - places[0]) @ count / (count @ count))

@@ -21,21 +21,26 @@ def picture(after: Replay, title: str, before: Replay | None = None) -> str:
 
     `before` is the replay of a model with less in it.
     """
-    rate = after.gesture.rate
-    t = np.arange(after.gesture.force.size) / rate
-    real = np.where(after.gesture.counts, after.gesture.position, np.nan)
-    residuals = [_curve("residual", after.t, after.residual * 1e6)]
-    rows = [
-        ("force [N]", [_curve("asked", t, after.gesture.force)]),
+    drawn = rows(after)
+    if before is not None:
+        left = _curve("residual", before.t, before.residual * 1e6)
+        drawn.insert(2, ("M K Z alone [um]", [left]))
+    return panels(drawn, title=title)
+
+
+def rows(found: Replay) -> list[tuple[str, list[Curve]]]:
+    """What is drawn of a replay: the label of each picture, and its curves."""
+    rate = found.gesture.rate
+    t = np.arange(found.gesture.force.size) / rate
+    real = np.where(found.gesture.counts, found.gesture.position, np.nan)
+    return [
+        ("force [N]", [_curve("asked", t, found.gesture.force)]),
         (
             "position [mm]",
-            [_curve("real", t, real * 1e3), _curve("model", t, after.model * 1e3)],
+            [_curve("real", t, real * 1e3), _curve("model", t, found.model * 1e3)],
         ),
-        ("residual [um]", residuals),
+        ("residual [um]", [_curve("residual", found.t, found.residual * 1e6)]),
     ]
-    if before is not None:
-        rows.insert(2, ("M K Z alone [um]", [_curve("residual", before.t, before.residual * 1e6)]))
-    return panels(rows, title=title)
 
 
 def _curve(name: str, t: Floats, x: Floats) -> Curve:

@@ -38,14 +38,22 @@ class Take:
     gesture: Gesture
 
 
+def lasts(path: Floats | None) -> float:
+    """How long a held-out gesture is [s], along a path by ticks or with knocks."""
+    return HELD_OUT if path is None else len(path) / TICK_RATE
+
+
 def record(
     ladder: Ladder,
     kind: str,
     seconds: float,
     target: Callable[[str, int], _core.RecordTarget | None],
     seed: int = 0,
+    path: Floats | None = None,
 ) -> list[Take]:
     """Takes of a kind that last so long [s] in all; `target` names the file of each, or None.
+
+    `path` (n,) [m], by ticks, is what a held-out gesture goes along instead of knocks.
 
     Where a safety stage holds the axis at zero, what was recorded counts, and a weaker part
     follows.
@@ -53,9 +61,9 @@ def record(
     """
     axis, takes, left = ladder.axis, [], seconds
     guide = ladder.guide if ladder.needs_guide else ladder.guide.off
-    force = _borne(ladder, kind, guide, seed)
+    force = _borne(ladder, kind, guide, seed, path)
     for part in range(1, _PARTS_MAX + 1):
-        stream = _stream(ladder, kind, left, force, seed + part)
+        stream = _stream(ladder, kind, left, force, seed + part, path)
         framed, still = excitation.framed(stream, TICK_RATE)
         settle(axis, ladder.guide)
         excited = push(axis, framed, guide, still, target(kind, part), forgiven=True)
@@ -72,12 +80,12 @@ def record(
     return takes
 
 
-def _borne(ladder: Ladder, kind: str, guide: Guide, seed: int) -> float:
+def _borne(ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None) -> float:
     """The force of such a take that the key bears [N]: found by rungs, as on the ladder."""
     axis, most = ladder.axis, _MOST * ladder.axis.most
     force = min(most, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):
-        stream = _stream(ladder, kind, _RUNG, force, seed + 100 + rung)
+        stream = _stream(ladder, kind, _RUNG, force, seed + 100 + rung, path)
         settle(axis, ladder.guide)
         excited = push(axis, stream, guide, forgiven=True)
         if excited.end != "done" or excited.braked().any():
@@ -89,7 +97,9 @@ def _borne(ladder: Ladder, kind: str, guide: Guide, seed: int) -> float:
     return force
 
 
-def _stream(ladder: Ladder, kind: str, seconds: float, force: float, seed: int) -> Floats:
+def _stream(
+    ladder: Ladder, kind: str, seconds: float, force: float, seed: int, path: Floats | None
+) -> Floats:
     """Forces of a take (n,) [N]."""
     n, chance, rough = round(seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
     reach = _REACH * ladder.guide.half
@@ -98,7 +108,10 @@ def _stream(ladder: Ladder, kind: str, seconds: float, force: float, seed: int) 
         stiffness, damping = ladder.guide.guide
         guided[INDEX["stiffness"]] += stiffness
         guided[INDEX["damping"]] += damping
-    if kind == "held-out":
+    if kind == "held-out" and path is not None:
+        own = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
+        stream = excitation.led(own, rough, TICK_RATE, reach, force)
+    elif kind == "held-out":
         stream = excitation.knocks(rough, TICK_RATE, seconds, reach, force)
     else:
         quick = (

@@ -31,25 +31,65 @@ def plot(
     """Draw up to three curves over one pair of axes, `width` by `height` characters in all."""
     if not 1 <= len(curves) <= CURVES_MAX:
         raise ValueError(f"a plot has 1 to {CURVES_MAX} curves, not {len(curves)}")
-    width, height = max(width, WIDTH_MIN), max(height, HEIGHT_MIN)
-    rows = height - 3  # legend above, two lines of axis below
-    x_axis = axis([value for curve in curves for value in curve.x], max(2, rows // 4))
-    labels = {_row(x_axis, tick, rows): x_axis.text(tick) for tick in x_axis.ticks}
-    margin = max(len(label) for label in labels.values())
+    return _drawn([(x_label, curves)], width, [height], t_label, 2)
+
+
+def panels(
+    rows: Sequence[tuple[str, Sequence[Curve]]],
+    *,
+    width: int = 78,
+    heights: Sequence[int],
+    t_label: str = "time [s]",
+) -> str:
+    """Draw several plots above one another, over one time: the label and the curves of each.
+
+    `heights` are their lines; those of the time axis belong to the last.
+    """
+    return _drawn(rows, width, [*heights[:-1], heights[-1] + 2], t_label, 4)
+
+
+def _drawn(
+    plots: Sequence[tuple[str, Sequence[Curve]]],
+    width: int,
+    heights: Sequence[int],
+    t_label: str,
+    n_ticks: int,
+) -> str:
+    width = max(width, WIDTH_MIN)
+    n_rows = [max(height, HEIGHT_MIN) - 1 for height in heights]  # below a legend
+    n_rows[-1] -= 2  # two lines of axis
+    x_axes = [
+        axis([value for curve in curves for value in curve.x], max(n_ticks, n // 4))
+        for (_, curves), n in zip(plots, n_rows, strict=True)
+    ]
+    margin = max(len(own.text(tick)) for own in x_axes for tick in own.ticks)
     columns = width - margin - 2
-    t_axis = axis([t for curve in curves for t in curve.t], max(2, columns // 14), tight=True)
+    t = [t for _, curves in plots for curve in curves for t in curve.t]
+    t_axis = axis(t, max(2, columns // 14), tight=True)
+    lines: list[str] = []
+    for (x_label, curves), x_axis, n in zip(plots, x_axes, n_rows, strict=True):
+        lines.append(_legend(curves, x_label, margin))
+        lines += _canvas(curves, t_axis, x_axis, n, margin, columns)
+    lines.extend(_time(t_axis, columns, margin, t_label))
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _canvas(
+    curves: Sequence[Curve], t_axis: Axis, x_axis: Axis, rows: int, margin: int, columns: int
+) -> list[str]:
+    """The lines of a plot, with the labels of its axis before them."""
+    labels = {_row(x_axis, tick, rows): x_axis.text(tick) for tick in x_axis.ticks}
     canvas = [[_BLANK] * columns for _ in range(rows)]
     for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
         for column, (low, high) in _columns(curve, t_axis, x_axis, columns, rows).items():
             if column % period < drawn:
                 for dot in range(low, high + 1):
                     canvas[dot // 4][column // 2] |= _DOTS[column % 2][dot % 4]
-    lines = [_legend(curves, x_label, margin)]
+    lines = []
     for index, row in enumerate(canvas):
         corner = "┤" if index in labels else "│"
         lines.append(f"{labels.get(index, ''):>{margin}} {corner}{''.join(map(chr, row))}")
-    lines.extend(_time(t_axis, columns, margin, t_label))
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+    return lines
 
 
 def _row(x_axis: Axis, value: float, rows: int) -> int:

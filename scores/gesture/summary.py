@@ -1,15 +1,17 @@
-"""What a file of measured curves holds, told a block at a time: CSV, or npz."""
+"""What a file of measured curves holds, told a block at a time: tables, or motion capture."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ergon.scores.gesture import bvh_file, c3d_file, qtm_file, sdif_file
+from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
 from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened
 
@@ -26,6 +28,8 @@ class Column:
 
     def add(self, block: Floats | Sequence[float]) -> None:
         """Further values."""
+        if not len(block):
+            return
         if math.isnan(self.first):
             self.first = float(block[0])
         self.last = float(block[-1])
@@ -45,8 +49,9 @@ _BLOCK = 4096  # rows
 
 
 def summary(path: Path) -> Table:
-    """Summarise a `.csv` or `.npz` file in one pass. Raises TakeError or OSError."""
-    table = _npz(path) if path.suffix.lower() == ".npz" else _csv(path)
+    """Summarise a file of one of SUFFIXES in one pass. Raises TakeError or OSError."""
+    with np.errstate(all="ignore"):
+        table = _SUMMARIES[path.suffix.lower()](path)
     if not table.n_rows:
         raise TakeError("the file has no numbers", path)
     return table
@@ -107,3 +112,51 @@ def _npz(path: Path) -> Table:
             columns.append(column)
             n_rows = max(n_rows, row.length)
     return Table(n_rows, tuple(columns))
+
+
+def _tsv(path: Path) -> Table:
+    return _points(qtm_file.read)(path) if qtm_file.is_qtm(path) else _csv(path)
+
+
+def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
+    """A summary of points that move: three columns each, in metres where the file tells a unit."""
+
+    def points(path: Path) -> Table:
+        motion = opening(path)
+        unit = " [m]" if motion.metres else ""
+        names = [f"{point}.{axis}{unit}" for point in motion.points for axis in AXES[:3]]
+        columns = tuple(Column(name) for name in names)
+        for block in motion.blocks():
+            values = block.reshape(len(block), -1).T * (motion.metres or 1.0)
+            for column, own in zip(columns, values, strict=True):
+                column.add(own[np.isfinite(own)])
+        if not motion.rate:
+            return Table(motion.n, columns)
+        time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
+        return Table(motion.n, (time, *columns))
+
+    return points
+
+
+def _sdif(path: Path) -> Table:
+    """Each column has instants of its own; the longest tells how many."""
+    columns, times = [], Column("t [s]")
+    n_rows = 0
+    for name, own in sdif_file.columns(path).items():
+        columns.append(Column(name))
+        columns[-1].add(np.frombuffer(own.x))
+        if len(own.t) > n_rows:
+            n_rows, times = len(own.t), Column("t [s]")
+            times.add(np.frombuffer(own.t))
+    return Table(n_rows, (times, *columns))
+
+
+_SUMMARIES: dict[str, Callable[[Path], Table]] = {
+    ".csv": _csv,
+    ".tsv": _tsv,
+    ".npz": _npz,
+    ".c3d": _points(c3d_file.read),
+    ".bvh": _points(bvh_file.read),
+    ".sdif": _sdif,
+}
+SUFFIXES = tuple(_SUMMARIES)

@@ -1,11 +1,15 @@
-"""Captured movements: recordings, CSV with units in its header, WAV, npz, in bounded memory.
+"""Captured movements: recordings, tables, WAV, motion capture, in bounded memory.
 
 * take: a recording of live hands; an axis is called by its player, or its key.
-* CSV: a header `t [s],x [mm]`, then rows; `,`, `;` or tab between columns, `#` before comments.
-* WAV: channels are numbered from 1; full scale is `full_scale` metres (1 m unless said).
+* CSV, TSV: a header `t [s],x [mm]`, then rows; `,`, `;` or tab between columns, `#` before
+  comments.
+* WAV: channels are numbered from 1; 1.0 is one `unit` (1 m unless said).
 * npz: one-dimensional arrays, `t` in seconds and channels in metres, or named `x [mm]`.
+* C3D, BVH, TSV of Qualisys (`motion.py`): a point and an axis, such as `RWRI.x`.
+* SDIF (`sdif_file.py`): a column of a matrix, such as `XPOS.x`.
 
-CSV and npz files without `t` need a `rate`.
+CSV and npz files without `t` need a `rate`, BVH and SDIF files a `unit`, for they tell none. GMS
+files would have a row in `_READERS` too: no description of how their bytes lie is public.
 """
 
 import io
@@ -21,6 +25,7 @@ import numpy as np
 from ergon import _core
 from ergon.common.regular import open_regular
 from ergon.notation.text.spelling import nearest
+from ergon.scores.gesture import bvh_file, c3d_file, motion, qtm_file, sdif_file
 from ergon.scores.gesture.npz import Npz, npz
 from ergon.scores.gesture.points import METRE, SECOND
 from ergon.scores.gesture.take_file import (
@@ -51,12 +56,16 @@ class Samples(NamedTuple):
 
 
 def read(
-    path: Path, channel: str | None = None, *, rate: float | None = None, full_scale: float = 1.0
+    path: Path,
+    channel: str | None = None,
+    *,
+    rate: float | None = None,
+    unit: float | None = None,
 ) -> Samples:
     """Read one channel of a captured movement; it may be left out where a file has one.
 
-    `rate` [Hz] times files without instants of their own; `full_scale` [m] is what 1.0 in a WAV
-    file means. Raises TakeError.
+    `rate` [Hz] times files without instants of their own; `unit` [m] is what 1.0 means in files
+    that tell no unit. Raises TakeError.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
@@ -66,12 +75,14 @@ def read(
         raise TakeError(
             f"the rate must be above 0 and at most {MAX_RATE:,.0f} Hz", path, field="rate"
         )
+    if unit is not None and not 0.0 < unit <= MAX_POSITION:
+        raise TakeError("the unit must be a length above 0", path, field="unit")
     try:
         if not path.is_file():
             raise TakeError("the file does not exist", path)
         # Of large numbers a damaged file has many; what comes of them is judged below.
         with np.errstate(all="ignore"):
-            samples = reader(path, channel, rate, full_scale)
+            samples = reader(path, channel, rate, unit)
     except OSError as error:
         raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
     if len(samples.x) < 2:
@@ -79,7 +90,8 @@ def read(
     return samples
 
 
-def _read_csv(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
+def _read_csv(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+    _check_unit(unit, path)
     with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
         try:
             rows = lines(file, path)
@@ -190,6 +202,11 @@ def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
         )
 
 
+def _check_unit(unit: float | None, path: Path) -> None:
+    if unit is not None:
+        raise TakeError("the file tells its own unit; remove `unit`", path, field="unit")
+
+
 def _checked(t: Floats, x: Floats, path: Path) -> Samples:
     for name, values in (("t", t), ("x", x)):
         if not (finite := np.isfinite(values)).all():
@@ -205,7 +222,7 @@ def _checked(t: Floats, x: Floats, path: Path) -> Samples:
     return Samples(t, x)
 
 
-def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: float) -> Samples:
+def _read_wav(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     import soundfile  # 80 ms that a score without WAV takes need not spend
 
     _judge_wav(path)
@@ -227,7 +244,7 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: f
                     raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
                 blocks.append(block[:, column].copy())
             x = np.concatenate(blocks) if blocks else np.empty(0)
-            return _checked(np.arange(len(x)) / float(file.samplerate), x * full_scale, path)
+            return _checked(np.arange(len(x)) / float(file.samplerate), x * (unit or 1.0), path)
     except soundfile.LibsndfileError as error:
         raise TakeError(
             f"this is not a WAV file that can be read ({error.error_string})", path
@@ -265,7 +282,8 @@ def _judge_wav(path: Path) -> None:
     raise TakeError("this is not a WAV file: it holds no samples", path)
 
 
-def _read_npz(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
+def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+    _check_unit(unit, path)
     bare = {"t": "t [s]"}
     with npz(path) as arrays:
         headers = [n if "[" in n else bare.get(n, f"{n} [m]") for n in arrays.names]
@@ -290,8 +308,11 @@ def _array(arrays: Npz, column: int, path: Path) -> Floats:
     return arrays.array(row)
 
 
-def _read_recording(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
+def _read_recording(
+    path: Path, channel: str | None, rate: float | None, unit: float | None
+) -> Samples:
     _check_rate(True, rate, path)
+    _check_unit(unit, path)
     try:
         open_regular(path).close()  # the core would wait for a pipe's other end
         recording = _core.read_recording(path)
@@ -315,10 +336,38 @@ def _axis(recording: _core.Recording, channel: str | None, path: Path) -> int:
     return _chosen(columns, channel, path)[0]
 
 
-_Reader = Callable[[Path, str | None, float | None, float], Samples]
+_Reader = Callable[[Path, str | None, float | None, float | None], Samples]
+
+
+def _read_tsv(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+    read_table = _captured(qtm_file.read) if qtm_file.is_qtm(path) else _read_csv
+    return read_table(path, channel, rate, unit)
+
+
+def _read_sdif(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+    _check_rate(True, rate, path)
+    return _checked(*sdif_file.track(path, channel, unit), path)
+
+
+def _captured(opening: Callable[[Path], motion.Motion]) -> _Reader:
+    """A reader of a format of motion capture."""
+
+    def read_points(
+        path: Path, channel: str | None, rate: float | None, unit: float | None
+    ) -> Samples:
+        t, x, damage = motion.track(opening(path), channel, rate, unit, path)
+        return _checked(t, x, path)._replace(damage=damage)
+
+    return read_points
+
+
 _READERS: dict[str, _Reader] = {
     ".take": _read_recording,
     ".csv": _read_csv,
+    ".tsv": _read_tsv,
     ".wav": _read_wav,
     ".npz": _read_npz,
+    ".c3d": _captured(c3d_file.read),
+    ".bvh": _captured(bvh_file.read),
+    ".sdif": _read_sdif,
 }

@@ -19,7 +19,7 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.gesture import midi_file, notation
+from ergon.scores.gesture import midi_file, notation, take_file
 from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import calibration, mixing
@@ -128,12 +128,14 @@ def take(values: Values, files: Files) -> TakeFile:
     path = folder / file
     if path.suffix.lower() == ".gms":
         v.error("E108", f"{who}ergon does not read GMS files yet", "file")
-    elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz", *midi_file.SUFFIXES):
-        v.error("E206", f"{who}a take is a .take, .csv, .wav, .npz or .mid file", "file")
+    elif path.suffix.lower() not in (*take_file.SUFFIXES, *midi_file.SUFFIXES):
+        v.error("E206", f"{who}a take is a {', '.join(take_file.SUFFIXES)} or .mid file", "file")
     else:
         path = files.locate(file, folder, v.place_of("file"), who, is_text=False) or path
     is_midi = path.suffix.lower() in midi_file.SUFFIXES
-    for name in v.written(*(("trim", "smooth", "rate") if is_midi else ("velocity", "depth"))):
+    for name in v.written(
+        *(("trim", "smooth", "rate", "unit") if is_midi else ("velocity", "depth"))
+    ):
         which = "a MIDI file" if is_midi else "a take that is no MIDI file"
         v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
     return TakeFile(
@@ -143,6 +145,7 @@ def take(values: Values, files: Files) -> TakeFile:
         trim=v["trim"],
         smooth=v["smooth"],
         rate=v["rate"],
+        unit=v["unit"],
         place=v.place,
         places={name: node.place for name, node in v.nodes.items()},
     )

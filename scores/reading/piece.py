@@ -123,7 +123,10 @@ class Gesture:
 
 @dataclass(frozen=True, slots=True)
 class TakeFile:
-    """A captured movement in a file; `trim` [s], `smooth` [Hz], `rate` [Hz] where it has no t."""
+    """A captured movement in a file; `trim` [s], `smooth` [Hz], `rate` [Hz] where it has no t.
+
+    `unit` [m] is what 1.0 means where the file does not tell.
+    """
 
     name: str
     path: Path
@@ -131,6 +134,7 @@ class TakeFile:
     trim: tuple[float, float] | None
     smooth: float | None
     rate: float | None
+    unit: float | None = field(metadata={"hash_omits_empty": True})
     place: Place
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
 

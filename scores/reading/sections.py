@@ -130,11 +130,16 @@ TAKE = Record(
     "take",
     "a captured movement",
     (
-        Field("file", k.PATH, "a recording (.take), CSV, WAV, npz or MIDI (.mid)", required=True),
+        Field(
+            "file",
+            k.PATH,
+            "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, SDIF or MIDI (.mid)",
+            required=True,
+        ),
         Field(
             "channel",
             k.TITLE,
-            "the column, the player of a recording, a MIDI channel",
+            "the column, the player of a recording, point and axis (hand.x), a MIDI channel",
             shown="the only one; of MIDI all",
         ),
         Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
@@ -142,6 +147,7 @@ TAKE = Record(
         Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),
         Field("smooth", k.HERTZ, "cutoff of a low-pass filter, run forward and backward"),
         Field("rate", k.HERTZ, "sample rate of a file without a column t [s]"),
+        Field("unit", k.SIZE, "what 1.0 means in a file without units (BVH, SDIF; WAV: 1m)"),
     ),
 )
 _TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
@@ -420,6 +426,7 @@ CALIBRATION = Record(
         Field("delay", k.PAUSE, "delay of the motor's force"),
         Field("modes", ListOf(_MODE), "parts that swing on the key"),
         Field("noise", k.POSITION, "rms of the sensor's noise"),
+        Field("correlations", ListOf(k.TITLE), "of each figure with those before it"),
         Field("takes", ListOf(k.TITLE), "SHA-256 of the takes that it was measured by"),
         *(
             Field(name, k.TITLE, "for the reader")

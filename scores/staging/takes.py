@@ -44,7 +44,7 @@ class Takes:
 
     def _new(self, take: TakeFile, made_of: Hashable) -> _core.Take | None:
         try:
-            samples = read(take.path, take.channel, rate=take.rate)
+            samples = read(take.path, take.channel, rate=take.rate, unit=take.unit)
             if samples.damage is not None:
                 message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
                 self.collector.error("W314", message, take.places.get("file", take.place))
@@ -73,4 +73,4 @@ def _made_of(take: TakeFile) -> Hashable:
         file = at.st_mtime_ns, at.st_size, at.st_ino
     except OSError:
         file = None
-    return take.path, file, take.channel, take.rate, take.trim, take.smooth
+    return take.path, file, take.channel, take.rate, take.unit, take.trim, take.smooth

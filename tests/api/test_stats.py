@@ -94,3 +94,18 @@ def test_what_cannot_be_asked_for(options: dict, message: str):
     with pytest.raises(ergon.OptionError) as refused:
         ergon.stats("bars.yaml", ergon.StatsOptions(**options))
     assert str(refused.value).startswith(message)
+
+
+def test_a_list_of_modes_tells_whose_mass_is_meant(own_folder: Path):
+    """Its mass M is that of a mode: a strike at a place moves it by its level over M."""
+    body = "{M: 150g, f: [220Hz, 447Hz], t60: [4s, 3s], places: {rim: [1, 0.5], waist: [0.4, -1]}}"
+    Path("modes.yaml").write_text(
+        "ergon: 1\ninstruments:\n"
+        f"  one: {{modules: {{b: {{MODES: {body}}}}}, out: {{SOX: b.rim}}}}\n"
+        "strikes: {a: {to: one.b.rim, at: 0.02s, impulse: 2mNs}}\nrender: {tail: 1s}\n"
+    )
+    (part,) = ergon.stats("modes.yaml")
+    assert part.mode_masses == {"b": 0.15}
+    shapes = part.modes.points["out"][:2].real
+    assert np.abs(shapes) == pytest.approx(np.array([1, 0.5]) / np.sqrt(0.15), rel=1e-3)
+    assert stats("bar").mode_masses == {}

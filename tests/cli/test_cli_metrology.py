@@ -64,7 +64,37 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     assert all("not kept" in line for line in table[3:5])
     assert " g at 18" in table[6] or " g at 179" in table[6]
     assert "the sensor's noise is 4" in said.err
-    assert "wrote k.yaml" in said.err
+    assert "its step is 7.32 um" in said.err
+    assert " ".join(table[0].split()) == "fit rms of step replay of step BIC what was added"
+    # Of the last row: 4.2 um are 0.58 steps of 7.32 um, in the fit and in the replay.
+    left, off, bic = (float(table[6].replace(",", "").split()[i]) for i in (4, 7, 8))
+    assert 0.55 < left < 0.61
+    assert 0.55 < off < 0.61
+    assert bic < -240_000
+    take("again.take", knocks(KEY), 3)
+    assert app.run(["metrology", "replay", "k.yaml", "again.take", "--width", "80"]) == 0
+    said = capsys.readouterr()
+    shown = said.out.splitlines()
+    assert [line.split("[")[0].strip() for line in shown if "] " in line] == [
+        "force",
+        "position",
+        "residual",
+    ]
+    assert "asked" in shown[0]
+    assert any("real" in line and "model" in line for line in shown)
+    assert max(map(len, shown)) <= 80
+    every = shown[-1].split()
+    assert (every[0], every[2]) == ("all", "um")
+    assert 0.55 < float(every[3]) < 0.61
+    stiff = Path("k.yaml").read_text().replace("K: 6", "K: 5")
+    Path("stiff.yaml").write_text(stiff)
+    assert app.run(["metrology", "compare", "k.yaml", "stiff.yaml"]) == 0
+    said = capsys.readouterr()
+    assert "mode 1 f [Hz]" in said.out
+    assert "more than 3 standard deviations apart: K by" in said.err
+    assert "of 9 figures with their covariance" in said.err
+    assert app.run(["metrology", "compare", "k.yaml", "k.yaml"]) == 0
+    assert "no figure differs" in capsys.readouterr().err
     text = Path("k.yaml").read_text()
     assert text.startswith("ergon: 1\nM: 400.") or text.startswith("ergon: 1\nM: 399.")
     assert "modes:\n  - {M: " in text
@@ -166,6 +196,57 @@ def test_a_key_of_a_device_is_measured(capsys: Capture):
     said = capsys.readouterr()
     assert "true over found: 1;" in said.out
     assert "does not sink" in said.err
+
+
+TRUE = """ergon: 1
+M: 400.0g # ± 0.01
+rest: -2.5mm # ± 1e-5
+K: 60N/m # ± 0.001
+Z: 1.2Ns/m # ± 0.0001
+dry: 50mN # ± 0.005
+modes:
+  - {M: 20g, f: 180Hz, t60: 0.30540s}
+date: 2026-11-22
+"""
+SCORE = """ergon: 1
+tempo: [{at: 1|1, bpm: 120}]
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}, k2: {like: k1}}
+gestures: {knock: 0mm@0 2mm@1/8 0mm@1/4}
+players: {ada: {key: k1}, remi: {key: k2}}
+parts: {remi: [{at: 3|1, play: knock, every: 1, times: 5}]}
+"""
+
+
+def test_a_gesture_of_a_score_leads_the_real_key(capsys: Capture):
+    """Five knocks, half a second apart, from the first movement on; the model goes with the key."""
+    Path("true.yaml").write_text(TRUE)
+    Path("duet.yaml").write_text(SCORE)
+    with emulator("frame", "--udp", "0", *EMULATED) as board:
+        url = board.url + "&patience=600"
+        command = ["metrology", "replay", "true.yaml", url, "--score", "duet.yaml"]
+        assert app.run([*command, "--key", "k2", "--json"]) == 0
+        *seconds, last = records(capsys)
+        assert last["rms_m"] < 5e-6
+        assert len(seconds) == 3
+        assert all(second["real_m"] > 1e-3 for second in seconds)
+        assert app.run(command) == 2
+        assert "choose a key of the score by --key" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["emul:", "--score", "duet.yaml", "--key", "k1"], "nothing moves the key k1"),
+        (["emul:", "--score", "duet.yaml", "--key", "k3"], "no player of the score has the key"),
+        (["emul:", "--key", "k1"], "write --score too"),
+        (["knocks.take", "--score", "duet.yaml"], "a take holds its own gesture"),
+    ],
+)
+def test_a_score_that_leads_nothing_is_refused(capsys: Capture, words: list[str], told: str):
+    Path("true.yaml").write_text(TRUE)
+    Path("duet.yaml").write_text(SCORE)
+    assert app.run(["metrology", "replay", "true.yaml", *words]) == 2
+    assert told in capsys.readouterr().err
 
 
 def test_a_device_that_ends_leaves_its_take(capsys: Capture):

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import records
+from recordings import Axis, end, header, row, rows
 from tests.api.test_tune import SCORE
 
 from ergon.cli import app
@@ -52,3 +54,43 @@ def test_as_records(capsys: Capture):
 def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):
     assert app.run(["stats", "bars.yaml", *typed]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_of_a_take(capsys: Capture):
+    every = [
+        row(k, Axis(float(5e-3 * np.sin(k / 100)), float(np.cos(k / 100)), 0.0, 1))
+        for k in range(3000)
+    ]
+    data = [rows(*every[i : i + 250]) for i in range(0, 3000, 250)]
+    Path("hand.take").write_bytes(b"".join([header(rate=44000.0), *data, end()]))
+    assert app.run(["stats", "hand.take"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0] == "remi: 3 s, 3,000 ticks, none lost"
+    assert out[1].startswith("  position      -5 mm to 5 mm, rms 3.")
+    assert out[2].startswith("  speed         peak 50 mm/s, rms 35")
+    assert out[5] == "  reversals     9"
+    assert out[6].startswith("  smoothness    -1.")
+    assert out[7] == "  force felt    peak 1 N, rms 0.705 N; sent up to 0 N"
+    assert out[8].startswith("  energy        given ")
+    assert app.run(["stats", "hand.take", "remi", "--cutoff", "8Hz", "--json"]) == 0
+    (found,) = records(capsys)
+    assert (found["event"], found["lost"], found["held"]) == ("hand", 0, 0)
+    assert len(found["movement"]["reversals"]) == 9
+    assert found["movement"]["cutoff"] == 8.0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["hand.take"], "hand.take: No such file"),
+        (["bad.take"], "not a recording"),
+        (["walk.c3d"], "make a recording of this movement first: ergon take import walk.c3d"),
+        (["still.take", "eve"], "PART: there is no hand 'eve'; there are remi"),
+        (["still.take", "--cutoff", "1kg"], "--cutoff: "),
+    ],
+)
+def test_of_a_take_refuses(capsys: Capture, words: list[str], said: str):
+    Path("bad.take").write_bytes(b"RIFF")
+    Path("still.take").write_bytes(header() + rows(row(1, Axis(0.0)), row(2, Axis(0.0))) + end())
+    assert app.run(["stats", *words]) == 2
+    assert said in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import motion_files
 import numpy as np
 import pytest
 import soundfile
@@ -70,7 +71,9 @@ def test_info_of_a_damaged_file(folder: Path, capsys: Capture) -> None:
     assert app.run(["take", "info", "nowhere.take"]) == 2
     assert "nowhere.take: No such file" in capsys.readouterr().err
     assert app.run(["take", "info", "hand.gms"]) == 2
-    assert "a take is a .take, .csv or .npz file" in capsys.readouterr().err
+    assert (
+        "a take is a .take, .csv, .tsv, .npz, .c3d, .bvh or .sdif file" in capsys.readouterr().err
+    )
 
 
 def test_names_of_strangers_move_no_terminal(folder: Path, capsys: Capture) -> None:
@@ -238,6 +241,41 @@ def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) ->
     want = [take.at(k * 44 / 44100)[0] for k in range(len(found.ticks()))]
     assert found.positions()[:, 0].tolist() == want
     assert len(want) == int(0.2 * 44100 / 44) + 1
+
+
+def test_motion_capture_becomes_a_recording(folder: Path, capsys: Capture) -> None:
+    """A marker's axis in mm and a joint's in units of 1 cm, read as a score reads them, too."""
+    places = motion_files.curve(40)
+    places[20:22, 0] = np.nan
+    (folder / "walk.c3d").write_bytes(motion_files.c3d(places))
+    command = ["take", "import", "walk.c3d", "-o", "y.take", "--channel", "RWRI.z"]
+    assert app.run([*command, "--channel", "LWRI.x", "--audio", "44kHz", "--tick", "44"]) == 0
+    assert "'RWRI' is not seen in 2 frames" in capsys.readouterr().err
+    found = _core.read_recording("y.take")
+    assert found.names == ["RWRI.z", "LWRI.x"]
+    every = found.positions()[::10, 1]
+    assert np.allclose(every, (places[:, 1, 0] - places[0, 1, 0]) / 1e3, atol=1e-12)
+    rows = np.zeros((30, 12))
+    rows[:, 0] = np.arange(30) ** 2
+    (folder / "dance.bvh").write_bytes(motion_files.bvh(rows))
+    command = ["take", "import", "dance.bvh", "-o", "z.take", "--channel", "hand.x"]
+    assert app.run(command) == 2
+    assert "write what 1.0 means" in capsys.readouterr().err
+    assert app.run([*command, "--unit", "1cm"]) == 0
+    capsys.readouterr()
+    assert app.run(["info", "walk.c3d"]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == "walk.c3d: 40 samples, 0.39 s, 100 Hz on average"
+    assert told[1].startswith("  RWRI.x [m]: -0.04")
+    score = "ergon: 1\nkeys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\nplayers: {a: {key: k}}\n"
+    score += "takes: {hop: {file: dance.bvh, channel: hand.x, unit: 0.01mm}}\n"
+    (folder / "s.yaml").write_text(score + "parts: {a: [{at: 1|1, play: hop}]}\n")
+    assert app.run(["check", "s.yaml"]) == 0, capsys.readouterr().err
+    (folder / "s.yaml").write_text(
+        score.replace(", unit: 0.01mm", "") + "parts: {a: [{at: 1|1, play: hop}]}\n"
+    )
+    assert app.run(["check", "s.yaml"]) == 1
+    assert "E310" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

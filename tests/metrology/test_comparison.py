@@ -1,15 +1,18 @@
 """Calibrations beside each other, and a gesture on a key beside its model."""
 
+import dataclasses
 import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from measured_keys import KEY, gesture, knocks
+from measured_keys import KEY, QUANTUM, gesture, knocks, rain
 
-from ergon.metrology.calibration_file import Calibration, read
-from ergon.metrology.comparison import chi_squared, gains, replay, replay_difference
-from ergon.metrology.gesture import MeasurementError
+from ergon.metrology.calibration_file import Calibration, read, text
+from ergon.metrology.comparison import chi_squared, differences, gains, replay, replay_difference
+from ergon.metrology.gesture import Gesture, MeasurementError, sensor_step
+from ergon.metrology.output_error import Fit
 from ergon.metrology.picture import picture
+from ergon.metrology.stages import Measured
 
 TEXT = """ergon: 1
 M: 400.0g # ± 0.01
@@ -99,3 +102,88 @@ def test_a_weighed_mass_tells_the_gains():
     assert gains(plain, lying, added)[1] is None
     with pytest.raises(MeasurementError, match="no heavier"):
         gains(loaded, plain, added)
+
+
+FITTED = (0, 1, 2, 3, 4, 6, 10, 11, 12)  # of a key with dry friction, delay and a mode
+
+
+def fitted(row: np.ndarray, covariance: np.ndarray) -> Measured:
+    fit = Fit(row, FITTED, (0.0,), covariance, 4e-6, 10_000)
+    return Measured((), fit, 4e-6, 4e-6)
+
+
+def spread(seed: int) -> np.ndarray:
+    """A covariance of all that is fitted, a ten-thousandth of each parameter, correlated."""
+    chance = np.random.default_rng(seed)
+    mixed = chance.normal(size=(9, 9)) + 2 * np.eye(9)
+    size = 1e-4 * KEY[list(FITTED)]
+    covariance = mixed @ mixed.T
+    scale = size / np.sqrt(np.diag(covariance))
+    return np.asarray(covariance * np.outer(scale, scale))
+
+
+def test_a_file_tells_deviations_and_correlations_of_its_figures():
+    """Against 20,000 keys drawn by the covariance of the fit, each with its own figures."""
+    covariance = spread(1)
+    known = read(text(fitted(KEY, covariance), [], "2026-11-22"))
+    names = list(known.deviations)
+    assert names == ["M", "rest", "K", "Z", "dry", "delay", "mode1.M", "mode1.f", "mode1.t60"]
+    drawn = np.random.default_rng(2).multivariate_normal(KEY[list(FITTED)], covariance, 20_000).T
+    m, k, z, w, dry, delay, mode, f, ratio = drawn
+    decay = 3 * np.log(10) / (2 * np.pi * f * ratio)
+    figures = np.array([m + mode, -w / k, k, z, dry, delay, mode, f, decay])
+    assert np.allclose([known.figures[name] for name in names], figures.mean(axis=1), rtol=2e-4)
+    assert np.allclose([known.deviations[name] for name in names], figures.std(axis=1), rtol=0.03)
+    size = np.array([known.deviations[name] for name in names])
+    correlations = known.covariance(names) / np.outer(size, size)
+    assert np.abs(correlations - np.corrcoef(figures)).max() < 0.03
+    assert np.array_equal(correlations, correlations.T)
+
+
+def test_chi_squared_of_one_key_is_the_number_of_its_figures():
+    """500 pairs of calibrations of one key, each drawn by its covariance and written to a file."""
+    one, other = spread(3), spread(4)
+    chance = np.random.default_rng(5)
+    found = []
+    for _ in range(500):
+        pair = []
+        for covariance in (one, other):
+            row = KEY.copy()
+            row[list(FITTED)] = chance.multivariate_normal(KEY[list(FITTED)], covariance)
+            pair.append(read(text(fitted(row, covariance), [], "2026-11-22")))
+        squared, n = chi_squared(pair[0], pair[1])
+        assert n == 9
+        found.append(squared)
+    assert abs(np.mean(found) - 9) < 4 * np.sqrt(18 / 500)
+    assert abs(np.var(found) - 18) < 6
+
+
+def test_modes_of_one_pitch_stand_beside_each_other():
+    one = read(TEXT.replace("modes:\n", "modes:\n  - {M: 1g, f: 900Hz, t60: 1s} # ± 0.1 2 0.3\n"))
+    other = read(TEXT.replace("180Hz, t60: 0.30540s}", "186Hz, t60: 0.3s} # ± 0.1 0.5 0.01"))
+    rows = {each.names: each for each in differences(one, other)}
+    assert ("mode2.f", "mode1.f") in rows
+    assert rows["mode2.f", "mode1.f"].deviation is None
+    alone = rows["mode1.f", "mode0.f"]
+    assert (alone.one, alone.other, alone.deviations) == (900.0, None, None)
+    again = {each.names: each for each in differences(other, other)}
+    assert again["mode1.f", "mode1.f"].deviation == pytest.approx(0.5 * np.sqrt(2))
+
+
+@pytest.mark.parametrize("row", ["  - K 7.0", "  - K -1.0000000 2", "  - K x", "correlations: 3"])
+def test_a_damaged_row_of_correlations_bounds_nothing(row: str):
+    found = read(TEXT + f"correlations:\n  - M\n{row}\n")
+    assert all(abs(x) <= 1 for x in found.correlations.values())
+    assert np.isfinite(chi_squared(found, found)[0])
+
+
+def test_the_step_of_a_sensor_is_seen_in_its_positions():
+    took = gesture(KEY, rain(KEY, 2.0), 5)
+    assert sensor_step([took, gesture(KEY, knocks(KEY), 6)]) == pytest.approx(QUANTUM, rel=1e-9)
+    smooth = took.position + 1e-6 * np.random.default_rng(1).normal(size=took.position.size)
+    assert sensor_step([replaced(took, smooth)]) is None
+    assert sensor_step([replaced(took, np.zeros(took.position.size))]) is None
+
+
+def replaced(took: Gesture, position: np.ndarray) -> Gesture:
+    return dataclasses.replace(took, position=position)

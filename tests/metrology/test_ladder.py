@@ -5,7 +5,7 @@ import pytest
 from measured_keys import FORCE_STEP, KEY, QUANTUM, RATE, Floats, path
 
 from ergon import _core
-from ergon.metrology import ladder, takes
+from ergon.metrology import excitation, ladder, takes
 from ergon.metrology.ladder import Axis, Ladder, TakeEnded, climb
 from ergon.metrology.parameters import INDEX, total_mass
 from ergon.metrology.stages import measure
@@ -147,3 +147,16 @@ def test_a_motor_without_power_is_told():
     row[0], row[4] = 0.4, 20.0
     with pytest.raises(ladder.MeasurementError, match="check the power of its motor"):
         climb(Axis(emulated(row)))
+
+
+def test_forces_lead_a_key_along_a_path():
+    """The engine's key, without friction, goes where it is led, within its reach and force."""
+    row = np.array([0.4, 60.0, 1.2, *[0.0] * 7])
+    rate = 44100 / 44
+    s = np.clip((np.arange(2000) - 200) / 600, 0, 1)
+    path = 0.001 + 0.004 * s**3 * (10 - 15 * s + 6 * s * s)
+    for reach, share in ((0.01, 1.0), (0.002, 0.5)):
+        force = excitation.led(path, row, rate, reach, 10.0)
+        went = _core.key_path(row, force, rate, columns=())[0]
+        assert np.abs(went - share * (path - path[0])).max() < 0.01 * share * 0.004
+    assert np.abs(excitation.led(path, row, rate, 0.01, 0.1)).max() == 0.1

@@ -393,6 +393,7 @@ READERS = (
     "repl score.yaml --resume {} --audio null",
     "info {}",
     "take info {}",
+    "stats {}",
     "take trim {} -o y.take",
     "take import {} -o y.take",
     "take export {} -o y.csv",
@@ -410,8 +411,9 @@ READERS = (
 @pytest.mark.parametrize("line", READERS)
 def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
     """A pipe that nobody writes to, a folder, a device without an end: a sentence, in 2 GB."""
-    suffixes = (".csv", ".npz", ".wav") if "take import" in line else ("",)
-    if "take" in line or "--hands" in line:
+    captured = (".c3d", ".bvh", ".tsv", ".sdif")
+    suffixes = (".csv", ".npz", ".wav", *captured) if "take import" in line else ("",)
+    if "take" in line or "stats" in line or "--hands" in line:
         suffixes = suffixes if "import" in line else (".take",)
     for suffix in suffixes:
         for what in ("fifo", "folder", "zero"):

@@ -3,7 +3,9 @@
 import contextlib
 import io
 from collections import Counter
+from collections.abc import Iterator
 
+import motion_files
 import numpy as np
 import pytest
 import soundfile
@@ -44,13 +46,33 @@ def recorded() -> bytes:
     return header(axes, about='{"day": "x"}') + rows(*own) + lines + end()
 
 
+def captured() -> Iterator[tuple[str, tuple[bytes, ...]]]:
+    places = motion_files.curve(9)
+    places[4, 1] = np.nan
+    t = np.arange(9) / 100
+    yield (
+        ".c3d",
+        (
+            motion_files.c3d(places),
+            motion_files.c3d(places, scale=0.0625, processor="mips", analog=1),
+            motion_files.c3d(places, processor="dec"),
+        ),
+    )
+    yield ".bvh", (motion_files.bvh(np.round(np.sin(np.arange(60.0)).reshape(5, 12), 3)),)
+    yield ".tsv", (motion_files.qtm(places, titles=True, leading=2), b"t [s]\tx [mm]\n0\t0\n1\t2\n")
+    types = motion_files.declared("{1MTD XPOS {x, y, z} 1FTD XMOV {XPOS position;}}")
+    yield ".sdif", (motion_files.sdif(types, motion_files.moving(t, places[:, 0])),)
+
+
 FORMATS = {
     ".csv": (csv(),),
     ".wav": (wav(), wav("FLOAT"), wav("DOUBLE", "RF64"), wav("PCM_24", "WAVEX")),
     ".npz": (npz(False), npz(True), npz(True, **{"x [mm]": np.arange(9, dtype=">i2")})),
     ".take": (recorded(),),
+    **dict(captured()),
 }
-CHANNEL = {".csv": "x", ".wav": "1", ".npz": "x", ".take": "remi"}
+POINT = {".c3d": "RWRI.auto", ".tsv": "LWRI.x", ".bvh": "hand.x", ".sdif": "XPOS.x"}
+CHANNEL = {".csv": "x", ".wav": "1", ".npz": "x", ".take": "remi", **POINT}
 MEANT = (TakeError, Outcome, OSError)
 
 
@@ -58,6 +80,9 @@ def internal(path, quiet) -> list[str]:
     """What goes wrong that nobody meant, in all that reads a take."""
     found = []
     ways = [lambda: quiet(path)] if path.suffix != ".wav" else []
+    if path.suffix in POINT:
+        for channel in (None, POINT[path.suffix]):
+            ways += [lambda c=channel, u=unit: played(path, c, None, u) for unit in (None, 0.01)]
     for channel, rate in ((None, None), ("x", None), ("1", None), ("remi", None), ("x", 100.0)):
         ways.append(lambda c=channel, r=rate: played(path, c, r))
     for way in ways:
@@ -70,8 +95,8 @@ def internal(path, quiet) -> list[str]:
     return found
 
 
-def played(path, channel, rate):
-    samples = read(path, channel, rate=rate)
+def played(path, channel, rate, unit=None):
+    samples = read(path, channel, rate=rate, unit=unit)
     with contextlib.suppress(_core.EngineError):
         _core.Take(samples.t, samples.x)
 
@@ -97,7 +122,9 @@ def test_damage_is_refused_with_a_sentence(tmp_path, capsys, suffix):
     for data in FORMATS[suffix]:
         (tmp_path / f"whole{suffix}").write_bytes(data)
         rate = 100.0 if data is FORMATS[".npz"][2] else None
-        assert len(read(tmp_path / f"whole{suffix}", CHANNEL[suffix], rate=rate).x) >= 2
+        unit = 0.01 if suffix in (".bvh", ".sdif") else None
+        channel = "x" if data is FORMATS[".tsv"][1] else CHANNEL[suffix]
+        assert len(read(tmp_path / f"whole{suffix}", channel, rate=rate, unit=unit).x) >= 2
     assert tried(suffix, 1200, 1, tmp_path, capsys) == {}
 
 

@@ -130,7 +130,7 @@ def test_a_wav_take_is_scaled_and_timed_by_its_rate(tmp_path):
     path = tmp_path / "hand.wav"
     x = np.array([[0.0, 0.5], [0.25, -0.5], [-1.0, 0.0]])
     soundfile.write(path, x, 3000, subtype="DOUBLE")
-    take = read(path, "2", full_scale=0.01)
+    take = read(path, "2", unit=0.01)
     assert take.x.tolist() == [0.005, -0.005, 0.0]
     assert take.t.tolist() == [0.0, 1 / 3000, 2 / 3000]
     assert read(path, "1").x.tolist() == x[:, 0].tolist()

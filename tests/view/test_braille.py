@@ -146,3 +146,22 @@ def test_a_spectrogram_shows_the_tone_at_its_place() -> None:
 
 def test_silence_has_a_picture_too() -> None:
     ET.fromstring(sound.picture([np.zeros((100, 1))], 100, 44_100, "nothing"))
+
+
+def test_panels_share_one_time():
+    """Each as a plot by itself draws it, over the longest time and beside the widest label."""
+    t = [i / 100 for i in range(201)]
+    slow = Curve("slow", t, [math.sin(3 * x) for x in t])
+    late = Curve("late", t[100:], [1000 * x for x in t[100:]])
+    text = braille.panels([("a", [slow]), ("b", [late])], width=60, heights=[6, 8])
+    lines = text.splitlines()
+    assert len(lines) == 6 + 8 + 2
+    assert lines[0].startswith("a")
+    assert lines[6].startswith("b")
+    assert lines[-1].endswith("time [s]")
+    (edge,) = {re.search("[│┤]", line).start() for line in lines[1:6]}  # type: ignore[union-attr]
+    assert all(line[edge] in "│┤" for line in (*lines[1:6], *lines[7:14]))
+    # The later curve begins in the middle.
+    middle = edge + 1 + (60 - edge - 1) // 2
+    assert all(set(line[edge + 1 : middle - 1]) <= {"\u2800"} for line in lines[7:14])
+    assert any(set(line[middle + 1 :]) - {"\u2800"} for line in lines[7:14])

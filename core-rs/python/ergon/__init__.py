@@ -1,8 +1,8 @@
 """Ergon: write the gesture, hear the matter.
 
 `check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze`
-take the path of a score, and options; `open_session` plays one while it is changed; `bell` finds
-the modes of what was struck. Whatever is refused is an `ErgonError`. The page
+take the path of a score, and options; `open_session` plays one while it is changed; `take_stats`
+says what hands did in a recording, `bell` finds the modes of what was struck. Whatever is refused is an `ErgonError`. The page
 docs/library.md shows each.
 """
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
     from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
+    from ergon.api.take_stats import ForceStats, HandStats, TakeStatsOptions, take_stats
     from ergon.api.tune import Tuned, TunedValue, TuneOptions, tune
     from ergon.bells.bell import Bell
     from ergon.common.errors import ErgonError
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from ergon.rendering.render import RenderedFile, RenderedFiles
     from ergon.repl.session.api import NotTaken
     from ergon.repl.session_protocol import Reply, State
+    from ergon.scores.gesture.movement import MovementStats
 
 __all__ = [
     "AccuracyOptions",
@@ -52,10 +54,13 @@ __all__ = [
     "ErgonError",
     "FileOptions",
     "FileRefusedError",
+    "ForceStats",
     "FreezeOptions",
     "Frozen",
+    "HandStats",
     "LinkStats",
     "ModesOptions",
+    "MovementStats",
     "NotTaken",
     "OptionError",
     "PartModes",
@@ -77,6 +82,7 @@ __all__ = [
     "SessionOptions",
     "State",
     "StatsOptions",
+    "TakeStatsOptions",
     "TuneOptions",
     "Tuned",
     "TunedValue",
@@ -90,6 +96,7 @@ __all__ = [
     "render",
     "render_to_file",
     "stats",
+    "take_stats",
     "tune",
 ]
 
@@ -107,10 +114,13 @@ _PLACES = {
     "EngineExitError": "api.errors",
     "ErgonError": "common.errors",
     "FileOptions": "api.render",
+    "ForceStats": "api.take_stats",
     "FreezeOptions": "api.freeze",
     "Frozen": "exchange.frozen",
+    "HandStats": "api.take_stats",
     "LinkStats": "api.stats",
     "ModesOptions": "api.modes",
+    "MovementStats": "scores.gesture.movement",
     "NotTaken": "repl.session.api",
     "OptionError": "api.errors",
     "PartModes": "api.modes",
@@ -133,6 +143,7 @@ _PLACES = {
     "SessionOptions": "api.options",
     "State": "repl.session_protocol",
     "StatsOptions": "api.stats",
+    "TakeStatsOptions": "api.take_stats",
     "TuneOptions": "api.tune",
     "Tuned": "api.tune",
     "TunedValue": "api.tune",
@@ -146,6 +157,7 @@ _PLACES = {
     "render": "api.render",
     "render_to_file": "api.files",
     "stats": "api.stats",
+    "take_stats": "api.take_stats",
     "tune": "api.tune",
 }
 

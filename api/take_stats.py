@@ -1,0 +1,125 @@
+"""Statistics of what hands did in a recording: movement, lost ticks, force and work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.regular import open_regular
+
+from .errors import OptionError
+from .parts import hertz
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.scores.gesture.movement import MovementStats
+
+_FRESH = 1  # of a recording's flags
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeStatsOptions:
+    """Of which hands figures are told, all without a name.
+
+    Speed and acceleration are those below the frequency `cutoff`, a number [Hz] or a text such as
+    "20Hz".
+    """
+
+    hands: Sequence[str] = ()
+    cutoff: float | str = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class ForceStats:
+    """Forces [N] that a key felt from the scene, and the energy [J] that went through the hand.
+
+    `given` is what the hand gave to the scene, `taken` what it got back, each added up tick by
+    tick; `sent` is the greatest force that was sent to the device.
+    """
+
+    peak: float
+    rms: float
+    given: float
+    taken: float
+    sent: float
+
+
+@dataclass(frozen=True, slots=True)
+class HandStats:
+    """Figures of one hand of a recording.
+
+    `n_ticks` are in the recording, `n_lost` missing between them; in `n_held` no new position had
+    come in, None where the recording does not tell. `movement` is None with less than two ticks,
+    `force` where no force was felt or sent.
+    """
+
+    hand: str
+    n_ticks: int
+    n_lost: int
+    n_held: int | None
+    movement: MovementStats | None
+    force: ForceStats | None
+
+
+def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tuple[HandStats, ...]:
+    """Statistics of the hands of a recording, a .take file. Of a damaged one what is whole counts.
+
+    Raises TakeError where it cannot be read, and OptionError.
+    """
+    from ergon import _core
+    from ergon.scores.gesture.take_file import TakeError
+
+    options = options or TakeStatsOptions()
+    cutoff = hertz("cutoff", options.cutoff)
+    try:
+        open_regular(Path(path)).close()  # the core would wait for a pipe's other end
+        recording = _core.read_recording(Path(path))
+    except OSError as error:
+        raise TakeError(error.strerror or str(error), Path(path)) from None
+    except _core.EngineError as error:
+        raise TakeError(str(error), Path(path)) from None
+    names = recording.names
+    for name in options.hands:
+        if name not in names:
+            raise OptionError("hands", f"there is no hand {name!r}; there are {', '.join(names)}")
+    wanted = options.hands or names
+    return tuple(_of_hand(recording, names.index(name), cutoff) for name in wanted)
+
+
+def _of_hand(recording: _core.Recording, axis: int, cutoff: float) -> HandStats:
+    from ergon.exchange.recording import instants
+    from ergon.scores.gesture.movement import movement_stats
+
+    ticks = recording.ticks()
+    n = len(ticks)
+    is_fresh = recording.flags()[:, axis] & _FRESH != 0
+    return HandStats(
+        recording.names[axis],
+        n,
+        int(ticks[-1] - ticks[0]) + 1 - n if n else 0,
+        int((~is_fresh).sum()) if is_fresh.any() else None,
+        movement_stats(instants(recording), recording.positions()[:, axis], cutoff)
+        if n >= 2
+        else None,
+        _force(recording, axis),
+    )
+
+
+def _force(recording: _core.Recording, axis: int) -> ForceStats | None:
+    import numpy as np
+
+    x, force = recording.positions()[:, axis], recording.forces()[:, axis]
+    sent = np.abs(recording.sent()[:, axis].astype(float))
+    if not force.any() and not sent.any():
+        return None
+    # The hand gives what it goes against the force of the scene.
+    energy = -0.5 * (force[1:] + force[:-1]) * np.diff(x)
+    return ForceStats(
+        float(np.abs(force).max()),
+        float(np.sqrt(np.mean(force**2))),
+        float(energy[energy > 0].sum()),
+        float(np.abs(energy[energy < 0]).sum()),
+        float(sent.max()),
+    )

@@ -1,0 +1,76 @@
+"""What a score plays on a key, as the gesture by which the real key and its model are judged."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from ergon.metrology.gesture import Floats
+    from ergon.scores.reading.piece import Piece
+
+_LEAST = 2.0  # s of a gesture
+_STILL = 1e-6  # m: less is no movement yet
+
+chosen = options.several(
+    click.option(
+        "--score",
+        metavar="SCORE",
+        help="Lead the key along what this score plays on it, instead of knocks, for up to 8 s.",
+    ),
+    click.option("--key", metavar="KEY", help="Which key of the score; not needed for its only."),
+)
+
+
+def path(console: Console, score: str | None, key: str | None) -> Floats | None:
+    """Where the score takes the key, by ticks (n,) [m], from its first movement on.
+
+    None without a score; Refused where it plays nothing on the key.
+    """
+    if score is None:
+        if key is not None:
+            raise Refused("--key names a key of a score; write --score too")
+        return None
+    import numpy as np
+
+    from ergon.api import score as scores
+    from ergon.api.options import ReadOptions
+    from ergon.metrology.ladder import TICK_RATE
+    from ergon.metrology.takes import HELD_OUT
+    from ergon.notation.text.errors import Collector
+    from ergon.scores.staging.live import standin
+
+    loaded = scores.read(score, ReadOptions(), console)
+    piece = scores.piece_of(loaded)
+    name = _key(piece, key)
+    frames = max(1, round(piece.rate / TICK_RATE))
+    for player in piece.players.values():
+        if player.key != name:
+            continue
+        with scores.staging(lambda: loaded, console):
+            own = standin(piece, player, frames, Collector())
+        moving = np.flatnonzero(np.abs(own - own[0]) > _STILL)
+        if moving.size:
+            own = own[max(0, int(moving[0]) - 1) :]
+            t = np.arange(len(own)) * (frames / piece.rate)
+            seconds = min(HELD_OUT, max(float(t[-1]), _LEAST))
+            # As the ticks of a measurement fall; what is over stays where it ended.
+            return np.interp(np.arange(round(seconds * TICK_RATE)) / TICK_RATE, t, own)
+    raise Refused(f"{score}: nothing moves the key {name}")
+
+
+def _key(piece: Piece, key: str | None) -> str:
+    played = list(dict.fromkeys(player.key for player in piece.players.values()))
+    if key is None and len(played) == 1:
+        return played[0]
+    there = f"its players have {', '.join(played)}" if played else "it has no players"
+    if key is None:
+        raise Refused(f"choose a key of the score by --key: {there}")
+    if key not in played:
+        raise Refused(f"--key: no player of the score has the key '{key}'; {there}")
+    return key

@@ -1,0 +1,193 @@
+"""C3D files of motion capture: their points (The C3D File Format, C3D.org, 2008).
+
+A header of 512 bytes, parameters in groups, then frames: four words a point, and what analog
+channels measured meanwhile, which is passed over. Numbers are 16 bits or 32, of any of three
+processors.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+from collections.abc import Iterator
+from io import BufferedReader
+from pathlib import Path
+
+import numpy as np
+
+from ergon.scores.gesture.motion import BLOCK, Motion, judged, unlike
+from ergon.scores.gesture.points import METRE
+from ergon.scores.gesture.take_file import Floats, TakeError, opened
+
+_SECTOR = 512
+_DEC = 85
+_ORDERS = {84: "<", _DEC: "<", 86: ">"}  # Intel, DEC, MIPS
+_MANY = 0xFFFF  # frames that the header can say
+_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # of a parameter's numbers, by its type
+_PARAMETERS_MAX = 1 << 17  # bytes: 255 sectors
+
+_Value = tuple[int, tuple[int, ...], bytes]  # type, dimensions, bytes
+
+
+class _Numbers:
+    """Numbers as the processor of a file writes them."""
+
+    def __init__(self, processor: int) -> None:
+        self.order = _ORDERS[processor]
+        self._is_dec = processor == _DEC
+
+    def word(self, data: bytes, at: int) -> int:
+        """16 bits without a sign."""
+        value: int = struct.unpack_from(f"{self.order}H", data, at)[0]
+        return value
+
+    def real(self, data: bytes, at: int) -> float:
+        return float(self.reals(data[at : at + 4])[0])
+
+    def reals(self, data: bytes) -> Floats:
+        """32 bits each. DEC's have their halves the other way round, and count four times."""
+        if self._is_dec:
+            halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
+            return np.ascontiguousarray(halves).view("<f4")[:, 0].astype(np.float64) / 4
+        return np.frombuffer(data, f"{self.order}f4").astype(np.float64)
+
+
+def read(path: Path) -> Motion:
+    """What a C3D file holds. Raises TakeError and OSError."""
+    with opened(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        head = file.read(_SECTOR)
+        if len(head) < _SECTOR or head[1] != 0x50 or not head[0]:
+            raise TakeError("this is not a C3D file", path)
+        numbers, values = _parameters(file, _SECTOR * (head[0] - 1), path)
+    n_points, n_analog = numbers.word(head, 2), numbers.word(head, 4)
+    scaling = numbers.real(head, 12)
+    rate = _number(values, "POINT", "RATE", numbers) or numbers.real(head, 20)
+    first, last = numbers.word(head, 6), numbers.word(head, 8)
+    n = _frames(first, last, values, numbers)
+    is_real = scaling < 0
+    # POINT:SCALE is what the header says, too; real numbers are not scaled.
+    factor = 1.0 if is_real else scaling
+    width = 4 if is_real else 2
+    frame = width * (4 * n_points + n_analog)
+    start = _SECTOR * (numbers.word(head, 16) - 1)
+    if not math.isfinite(scaling) or not scaling or start < _SECTOR or n < 0:
+        raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
+    if start + n * frame > size:
+        whole = max(0, (size - start) // frame)
+        raise TakeError(f"the file is cut: of {n:,} frames {whole:,} are there", path)
+    is_rate = math.isfinite(rate) and rate > 0
+    unit = _text(values, "POINT", "UNITS").strip()
+
+    def blocks() -> Iterator[Floats]:
+        with opened(path) as file:
+            file.seek(start)
+            left, most = n, max(1, BLOCK * width // max(frame, 1))
+            while left:
+                data = file.read(frame * min(left, most))
+                if len(data) != frame * min(left, most):
+                    raise TakeError("the file is shorter than its header says", path)
+                left -= len(data) // frame
+                yield _places(data, len(data) // frame, n_points, numbers, is_real) * factor
+
+    labels = _labels(values, n_points)
+    metres = METRE.get(unit) if unit else None
+    return judged(Motion(labels, n, rate if is_rate else None, metres and 1 / metres, blocks), path)
+
+
+def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool) -> Floats:
+    """Positions (n, points, 3); NaN where the fourth word of a point is negative."""
+    if is_real:
+        words = numbers.reals(data)
+    else:
+        words = np.frombuffer(data, f"{numbers.order}i2").astype(np.float64)
+    each = words.reshape(n, -1)[:, : 4 * n_points].reshape(n, n_points, 4)
+    return np.where(each[:, :, 3:] < 0, np.nan, each[:, :, :3])
+
+
+def _parameters(
+    file: BufferedReader, at: int, path: Path
+) -> tuple[_Numbers, dict[tuple[str, str], _Value]]:
+    """Parameters by the names of their groups and their own."""
+    file.seek(at)
+    data = file.read(_PARAMETERS_MAX)
+    if len(data) < 4 or data[3] not in _ORDERS:
+        raise TakeError("this is not a C3D file that can be read: no parameters", path)
+    numbers = _Numbers(data[3])
+    groups: dict[int, str] = {}
+    found: list[tuple[int, str, _Value]] = []
+    at = 4
+    while at + 2 < len(data):
+        # A negative length of the name locks a parameter; a negative number makes it a group.
+        length, group = abs(struct.unpack_from("b", data, at)[0]), data[at + 1]
+        at += 2
+        name = data[at : at + length].decode("ascii", "replace").upper()
+        at += length
+        if not length or at + 2 > len(data):
+            break
+        offset = numbers.word(data, at)
+        if group >= 0x80:
+            groups[0x100 - group] = name
+        elif (value := _value(data, at + 2)) is not None:
+            found.append((group, name, value))
+        if not offset:
+            break
+        at += offset
+    return numbers, {(groups.get(group, ""), name): value for group, name, value in found}
+
+
+def _value(data: bytes, at: int) -> _Value | None:
+    """A parameter that begins there; None where it is damaged."""
+    if at + 2 > len(data):
+        return None
+    kind, n_dimensions = struct.unpack_from("bB", data, at)
+    dimensions = tuple(data[at + 2 : at + 2 + n_dimensions])
+    size = _SIZES.get(kind, 0) * math.prod(dimensions)
+    at += 2 + n_dimensions
+    if kind not in _SIZES or at + size > len(data):
+        return None
+    return kind, dimensions, data[at : at + size]
+
+
+def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
+    kind, _, data = values.get((group, name), (0, (), b""))
+    return data.decode("latin-1") if kind == -1 else ""
+
+
+def _number(
+    values: dict[tuple[str, str], _Value], group: str, name: str, numbers: _Numbers
+) -> float | None:
+    """The first number of a parameter; an integer of two words is the frames of a long file."""
+    kind, _, data = values.get((group, name), (0, (), b""))
+    if kind == 4 and len(data) >= 4:
+        return numbers.real(data, 0)
+    if kind == 2 and len(data) >= 4:
+        return numbers.word(data, 0) + 0x10000 * numbers.word(data, 2)
+    return numbers.word(data, 0) if kind == 2 and len(data) >= 2 else None
+
+
+def _frames(first: int, last: int, values: dict[tuple[str, str], _Value], numbers: _Numbers) -> int:
+    """How many frames there are; where the header cannot say it, a parameter does."""
+    if last == _MANY:
+        begin = _number(values, "TRIAL", "ACTUAL_START_FIELD", numbers)
+        end = _number(values, "TRIAL", "ACTUAL_END_FIELD", numbers)
+        if begin and end and math.isfinite(begin) and math.isfinite(end):
+            return int(end) - int(begin) + 1
+        for name in ("LONG_FRAMES", "FRAMES"):
+            n = _number(values, "POINT", name, numbers)
+            if n and math.isfinite(n):
+                return int(n)
+    return last - first + 1
+
+
+def _labels(values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
+    """Names of points, (n,)."""
+    names: list[str] = []
+    number = 1
+    while (label := ("POINT", "LABELS" if number == 1 else f"LABELS{number}")) in values:
+        _, dimensions, _ = values[label]
+        text, width = _text(values, *label), max(1, dimensions[0] if dimensions else 1)
+        names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
+        number += 1
+    return unlike([*names, *[""] * n][:n])

@@ -1,0 +1,181 @@
+"""What files of motion capture share: points that move in space, of which one goes one way.
+
+A channel is a point and an axis: `RWRI.x`, or `RWRI.auto` for the straight line that its path is
+nearest to. Positions count from where the point is seen first, for the origin of a studio means
+nothing to a key. Where a point is hidden a spline runs across, for a moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ergon.notation.text.spelling import nearest
+from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError
+
+AXES = ("x", "y", "z", "auto")
+BLOCK = 1 << 18  # numbers that are read at once
+_HIDDEN_MAX = 0.2  # s that a spline runs across
+_STRAIGHT = 0.8  # of the variance: less of it along one line, and no line stands for the path
+_LISTED = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Points that a file holds; sizes: n frames.
+
+    `rate` [Hz] is None where the file does not tell it, `metres` what 1.0 in the file means, None
+    likewise. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
+    unit; a point that is not seen is NaN there.
+    """
+
+    points: tuple[str, ...]
+    n: int
+    rate: float | None
+    metres: float | None
+    blocks: Callable[[], Iterator[Floats]]
+
+
+def judged(motion: Motion, path: Path) -> Motion:
+    """The same, if it is of a size that a take may have. Raises TakeError."""
+    if not motion.points:
+        raise TakeError("the file holds no points that move", path)
+    if len(motion.points) > MAX_CHANNELS:
+        raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
+    if motion.n > MAX_SAMPLES:
+        raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
+    return motion
+
+
+def unlike(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, where two are alike or one is empty with its number from 1."""
+    taken: set[str] = set()
+    told = []
+    for i, name in enumerate(names, 1):
+        told.append(f"{name} {i}".strip() if not name or name in taken else name)
+        taken.add(told[-1])
+    return tuple(told)
+
+
+def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int, str]:
+    """The index of a point and the axis of a channel. Raises TakeError."""
+    listed = ", ".join(points[:_LISTED])
+    if (more := len(points) - _LISTED) > 0:
+        listed += f" and {more} more"
+    if channel is None:
+        first = f"{points[0]}.x"
+        raise TakeError(
+            f"write `channel` as a point and an axis ({', '.join(AXES)}), such as {first[:60]}; "
+            f"the points are {listed}",
+            path,
+            field="channel",
+        )
+    point, _, axis = channel.rpartition(".")
+    if channel in points or axis not in AXES:
+        name = channel if channel in points else point or channel
+        close = name if name in points else nearest(name, points)
+        raise TakeError(
+            f"'{channel[:60]}' is no point with an axis ({', '.join(AXES)}); the points are "
+            f"{listed}",
+            path,
+            suggestion=f"{close}.x" if close else None,
+            field="channel",
+        )
+    if point not in points:
+        close = nearest(point, points)
+        raise TakeError(
+            f"no point '{point[:60]}'; there are {listed}",
+            path,
+            suggestion=f"{close}.{axis}" if close else None,
+            field="channel",
+        )
+    return list(points).index(point), axis
+
+
+def scale(of_file: float | None, unit: float | None, path: Path) -> float:
+    """What 1.0 in a file means [m], by the file or by who reads it. Raises TakeError."""
+    if of_file is not None and unit is not None:
+        raise TakeError("the file tells its own unit; remove `unit`", path, field="unit")
+    metres = unit if of_file is None else of_file
+    if metres is None:
+        raise TakeError(
+            "the file does not tell the unit of its lengths; write what 1.0 means, "
+            "such as unit: 1cm",
+            path,
+            field="unit",
+        )
+    return metres
+
+
+def track(
+    motion: Motion, channel: str | None, rate: float | None, unit: float | None, path: Path
+) -> tuple[Floats, Floats, str | None]:
+    """Instants [s] and positions [m] of a channel, both (seen,), and what the spline runs across.
+
+    Time begins with the file, not with the first frame in which the point is seen. Raises
+    TakeError.
+    """
+    index, axis = chosen(motion.points, channel, path)
+    metres = scale(motion.metres, unit, path)
+    if motion.rate is not None and rate is not None:
+        raise TakeError("the file tells its own rate; remove `rate`", path, field="rate")
+    hertz = motion.rate if rate is None else rate
+    if hertz is None:
+        raise TakeError(
+            "the file does not tell its rate; write it, such as rate: 100Hz", path, field="rate"
+        )
+    places = np.concatenate([np.empty((0, 3)), *(b[:, index].copy() for b in motion.blocks())])
+    seen = np.flatnonzero(np.isfinite(places).all(axis=1))
+    if seen.size < 2:
+        raise TakeError(f"'{motion.points[index][:60]}' is seen in no two frames", path)
+    damage = _hidden(seen, hertz, motion.points[index], path)
+    places = places[seen]
+    places -= places[0]
+    if axis == "auto":
+        x = places @ _direction(places, motion.points[index], path)
+    else:
+        x = places[:, AXES.index(axis)]
+    return seen / hertz, x * metres, damage
+
+
+def _hidden(seen: NDArray[np.intp], rate: float, point: str, path: Path) -> str | None:
+    """What is to be said of frames in which a point is not seen. Raises TakeError."""
+    gaps = np.diff(seen)
+    longest = int(gaps.argmax())
+    if (gaps[longest] - 1) / rate > _HIDDEN_MAX:
+        raise TakeError(
+            f"'{point[:60]}' is not seen from {(seen[longest] + 1) / rate:.3f} s to "
+            f"{seen[longest + 1] / rate:.3f} s; fill the gap in the program that captured it, or "
+            "take another point",
+            path,
+        )
+    n_hidden = int((gaps - 1).sum())
+    if not n_hidden:
+        return None
+    return f"'{point[:60]}' is not seen in {n_hidden:,} frames; a spline runs across them"
+
+
+def _direction(places: Floats, point: str, path: Path) -> Floats:
+    """The line that a path is nearest to, (3,), of length 1; towards its farther end."""
+    spread = places - places.mean(axis=0)
+    # As a part of the farthest, so that no square overflows or vanishes.
+    size = float(np.abs(spread).max())
+    if not size:
+        raise TakeError(f"'{point[:60]}' does not move", path, field="channel")
+    spread = spread / size
+    values, vectors = np.linalg.eigh(spread.T @ spread)
+    share = float(values[-1] / values.sum())
+    if share < _STRAIGHT:
+        raise TakeError(
+            f"'{point[:60]}' goes along no straight line: the nearest holds {100 * share:.0f}% of "
+            f"its variance, and auto needs {100 * _STRAIGHT:.0f}%; choose x, y or z",
+            path,
+            field="channel",
+        )
+    line: Floats = vectors[:, -1]
+    along = spread @ line
+    return line if along.max() - along[0] >= along[0] - along.min() else -line

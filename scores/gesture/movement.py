@@ -1,0 +1,166 @@
+"""Figures of a movement: how far, how fast, at which frequencies, where it turns, how smooth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ergon._core import Take
+from ergon.scores.gesture.take_file import Floats
+
+CUTOFF = 20.0  # Hz: what hands do lies below; what a sensor's steps add when differentiated, above
+RATE = 50.0  # times the cutoff: samples a second at which derivatives are taken
+_CUTOFF_MAX = 0.45  # of the rate of the samples
+_TURN = 0.05  # of the range: less is no reversal
+_STRIKE = 3.0  # times the rms of the acceleration
+_REMEMBERED = 4.0  # periods of the cutoff, after which the filter has forgotten
+_EDGE = 4  # samples beyond each end, of which two derivatives need two each
+_NEAR = 0.01  # s about a reversal, in which its acceleration is looked for
+_SAL_CUTOFF = 20.0  # Hz: 40π rad/s (Balasubramanian & others, 2012)
+_SAL_PADDED = 64  # times the length of a movement
+_STROKE_MIN, _STROKE_MAX = 0.02, 10.0  # s: of a stroke whose smoothness is told
+
+
+@dataclass(frozen=True, slots=True)
+class MovementStats:
+    """Figures of one movement, in SI units.
+
+    `low`, `high` and `rms` (about the mean) [m] are those of the positions, `path` [m] is how far
+    it goes in all. Speed [m/s] and acceleration [m/s²] are those below `cutoff` [Hz]. `centre` and
+    `bandwidth` [Hz] are mean and standard deviation of frequency by the power of the velocity.
+    `reversals` (n_reversals,) [s] are where it turns by a twentieth of its range, `strikes`
+    (n_strikes,) [s] those of them with three times the rms acceleration. `smoothness` is the median
+    spectral arc length of the strokes between reversals (below 0, nearer to 0 is smoother); None
+    without one.
+    """
+
+    duration: float
+    low: float
+    high: float
+    rms: float
+    path: float
+    speed_peak: float
+    speed_rms: float
+    acceleration_peak: float
+    acceleration_rms: float
+    cutoff: float
+    centre: float
+    bandwidth: float
+    reversals: Floats
+    strikes: Floats
+    smoothness: float | None
+
+
+def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStats:
+    """Figures of positions x (n,) [m] at rising instants t (n,) [s].
+
+    Derivatives are those of the spline that a score would play, after a fourth-order Butterworth
+    low-pass at `cutoff` [Hz], forward and backward; samples too slow for it are not filtered.
+    Raises EngineError.
+    """
+    t, x = np.asarray(t, float) - t[0], np.asarray(x, float)
+    duration = float(t[-1])
+    own_rate = (len(t) - 1) / duration
+    rate = max(own_rate, RATE * cutoff)
+    n = max(int(duration * rate), 8)
+    rate = n / duration
+    smooth = _smooth(t, x, cutoff, cutoff < _CUTOFF_MAX * own_rate, n)
+    v = _slope(smooth) * rate
+    a = _slope(v) * rate
+    smooth, v = smooth[_EDGE:-_EDGE], v[_EDGE // 2 : -_EDGE // 2]
+    centre, bandwidth = _spread(v, rate)
+    turns = _reversals(smooth)
+    near = max(1, round(_NEAR * rate))
+    most = [float(np.abs(a[max(0, i - near) : i + near + 1]).max()) for i in turns]
+    a_rms = _rms(a)
+    strokes = [
+        spectral_arc_length(np.abs(v[i : j + 1]), rate)
+        for i, j in zip([0, *turns], [*turns, n], strict=True)
+        if _STROKE_MIN <= (j - i) / rate <= _STROKE_MAX and v[i : j + 1].any()
+    ]
+    return MovementStats(
+        duration,
+        float(np.min(x)),
+        float(np.max(x)),
+        float(np.std(x)),
+        float(np.abs(np.diff(smooth)).sum()),
+        float(np.abs(v).max()),
+        _rms(v),
+        float(np.abs(a).max()),
+        a_rms,
+        cutoff,
+        centre,
+        bandwidth,
+        np.array(turns) / rate,
+        np.array([i / rate for i, x in zip(turns, most, strict=True) if x > _STRIKE * a_rms]),
+        float(np.median(strokes)) if strokes else None,
+    )
+
+
+def _smooth(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> Floats:
+    """Positions (n + 9,) at even instants of the spline through samples, four beyond each end.
+
+    The samples go on beyond their ends reflected through them, for as long as the filter remembers.
+    """
+    most = max(_REMEMBERED / cutoff, _EDGE * 2 * float(t[-1]) / n)
+    before = min(len(t) - 1, int(np.searchsorted(t, most)))
+    after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], most)))
+    first, last = slice(before, 0, -1), slice(-2, -2 - after, -1)
+    longer = np.concatenate([2 * t[0] - t[first], t, 2 * t[-1] - t[last]])
+    x = np.concatenate([2 * x[0] - x[first], x, 2 * x[-1] - x[last]])
+    take = Take(longer - longer[0], x, smooth=cutoff if is_filtered else None)
+    at = float(t[0] - longer[0]) + np.arange(-_EDGE, n + _EDGE + 1) * (float(t[-1]) / n)
+    return take.positions(np.clip(at, 0.0, take.duration))
+
+
+def spectral_arc_length(speed: Floats, rate: float) -> float:
+    """The spectral arc length of a speed profile (n,), `rate` samples a second; below 0.
+
+    Minus the length of the curve of |V(ω)|/|V(0)| over ω/ω_c, up to ω_c = 40π rad/s
+    (Balasubramanian, Melendez-Calderon & Burdet, IEEE Transactions on Biomedical Engineering 59,
+    2012). The size of the speed does not count, nor rest before and after.
+    """
+    n = 1 << int(np.ceil(np.log2(_SAL_PADDED * len(speed))))
+    most = int(_SAL_CUTOFF / rate * n) + 1
+    size = np.abs(np.fft.rfft(speed, n))[: most + 1]
+    return -float(np.hypot(np.diff(size) / size[0], 1 / most).sum()) if size[0] else 0.0
+
+
+def _slope(x: Floats) -> Floats:
+    """Differences a sample, exact for polynomials of the fourth degree, (n - 4,)."""
+    return (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / 12
+
+
+def _rms(x: Floats) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def _spread(v: Floats, rate: float) -> tuple[float, float]:
+    """Mean frequency [Hz] by power, and its standard deviation, under a Hann window; 0 at rest."""
+    power = np.abs(np.fft.rfft(v * np.hanning(len(v)))) ** 2
+    if not power.any():
+        return 0.0, 0.0
+    frequency = np.fft.rfftfreq(len(v), 1 / rate)
+    power /= power.sum()
+    centre = float(power @ frequency)
+    return centre, float(np.sqrt(power @ (frequency - centre) ** 2))
+
+
+def _reversals(x: Floats) -> list[int]:
+    """Samples at which a path turns round and then goes back by a part of its range."""
+    room = _TURN * float(np.ptp(x))
+    if not room:
+        return []
+    ends = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
+    turns: list[int] = []
+    way, low, high = 0, 0, 0  # the way it goes, and its farthest samples since it turned
+    for i in (*ends.tolist(), len(x) - 1):
+        low, high = (i if x[i] < x[low] else low), (i if x[i] > x[high] else high)
+        if way >= 0 and x[i] < x[high] - room:
+            turns += [high] if way else []
+            way, low, high = -1, i, i
+        elif way <= 0 and x[i] > x[low] + room:
+            turns += [low] if way else []
+            way, low, high = 1, i, i
+    return turns

@@ -1,0 +1,135 @@
+"""TSV files that Qualisys Track Manager exports: a header of names and values, then rows in mm."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ergon.scores.gesture.motion import BLOCK, Motion, judged, unlike
+from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
+
+_FIRST = (b"FILE_VERSION", b"NO_OF_FRAMES")
+_AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
+_LEADING_MAX = 2  # columns before the positions: the number of the frame, its time
+_HIGH = 1e9  # mm: more is damage
+
+
+def is_qtm(path: Path) -> bool:
+    """Whether a file begins as QTM's do. Raises TakeError, OSError."""
+    with opened(path) as file:
+        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Where the rows of a file are: their first line, and columns before the positions."""
+
+    path: Path
+    names: list[str]
+    first: int
+    leading: int
+
+    def values(self, line: str, number: int) -> list[float]:
+        """Positions of a row; nan for empty cells. A tab may come last."""
+        cells, width = line.split("\t"), self.leading + 3 * len(self.names)
+        if len(cells) == width + 1 and not cells[-1]:
+            cells.pop()
+        if len(cells) != width:
+            raise TakeError(
+                f"the number of values in this line is {len(cells)}, but the markers need {width}",
+                self.path,
+                number,
+            )
+        try:
+            values = [float(cell or "nan") for cell in cells[self.leading :]]
+        except ValueError:
+            raise TakeError("this line is not a row of numbers", self.path, number) from None
+        if any(abs(value) > _HIGH for value in values):
+            raise TakeError("this line has a position that no camera sees", self.path, number)
+        return values
+
+
+def read(path: Path) -> Motion:
+    """What such a file holds. A point that is not seen stands at 0, 0, 0, or has empty cells.
+
+    Raises TakeError and OSError.
+    """
+    header, rows = _header(path)
+    n = _count(header.get("NO_OF_FRAMES", []), path)
+
+    def blocks() -> Iterator[Floats]:
+        with _text(path) as file:
+            block: list[list[float]] = []
+            n_rows = 0
+            for number, line in lines(file, path):
+                if number < rows.first:
+                    continue
+                block.append(rows.values(line, number))
+                n_rows += 1
+                if len(block) * len(block[0]) >= BLOCK:
+                    yield _places(block)
+                    block = []
+            if block:
+                yield _places(block)
+            if n_rows != n:
+                raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
+
+    rate = _rate(header.get("FREQUENCY", []), path)
+    return judged(Motion(unlike(rows.names), n, rate, 1e-3, blocks), path)
+
+
+def _header(path: Path) -> tuple[dict[str, list[str]], _Rows]:
+    header: dict[str, list[str]] = {}
+    with _text(path) as file:
+        first = 0, ""
+        for numbered in lines(file, path):
+            word, *values = numbered[1].split("\t")
+            if "MARKER_NAMES" not in header:
+                header[word.strip()] = values
+            elif word not in _AFTER_NAMES:
+                first = numbered
+                break
+    names = [name.strip() for name in header.get("MARKER_NAMES", ())]
+    while names and not names[-1]:
+        names.pop()
+    if not names:
+        raise TakeError("this file of QTM has no MARKER_NAMES; export 3D data with a header", path)
+    number, cells = first[0], first[1].split("\t")
+    # Titles of columns may come first. Every line may end in a tab, and so does that of the names.
+    has_titles = any(cell[:1].isalpha() for cell in cells)
+    is_tabbed = not header["MARKER_NAMES"][-1].strip()
+    leading = len(cells) - 3 * len(names) - is_tabbed
+    return header, _Rows(path, names, number + has_titles, min(max(leading, 0), _LEADING_MAX))
+
+
+def _text(path: Path) -> io.TextIOWrapper:
+    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+
+
+def _count(values: list[str], path: Path) -> int:
+    if not values or not values[0].strip().isdecimal() or len(values[0]) > 9:
+        raise TakeError("NO_OF_FRAMES of this file of QTM is no number", path)
+    return int(values[0])
+
+
+def _rate(values: list[str], path: Path) -> float | None:
+    """Frames a second; None of cameras that another clock drives."""
+    if values[:1] == ["EXT"]:
+        return None
+    try:
+        rate = float(values[0])
+    except (ValueError, IndexError):
+        rate = 0.0
+    if not 0 < rate <= 1e6:
+        raise TakeError("FREQUENCY of this file of QTM is no rate", path)
+    return rate
+
+
+def _places(rows: list[list[float]]) -> Floats:
+    each = np.array(rows).reshape(len(rows), -1, 3)
+    each[(each == 0).all(axis=2)] = np.nan
+    return each

@@ -1,0 +1,171 @@
+"""SDIF files: movements that stand in columns of matrices, frame by frame at instants of their own.
+
+Sound Description Interchange Format (Wright & others, SDIF Specification, CNMAT, 1999; Virolle &
+Schwarz, SDIF Format Specification 3, IRCAM, 2006). A channel is `MATRIX.COLUMN`, by the name that
+the file gives the column (its 1TYP declarations) or by its number from 1. Where several streams or
+rows have it, their numbers follow: `XPOS.x stream 2 row 1`. Numbers have no unit.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import struct
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BufferedReader
+from pathlib import Path
+
+import numpy as np
+
+from ergon.notation.text.spelling import nearest
+from ergon.scores.gesture.motion import scale
+from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError, opened
+
+_FRAME = struct.Struct(">dii")  # time, stream, number of matrices
+_MATRIX = struct.Struct(">4sIII")  # name, type, rows, columns
+_TYPES = {0x0004: ">f4", 0x0008: ">f8", 0x0101: "i1", 0x0102: ">i2", 0x0104: ">i4", 0x0108: ">i8"}
+_TYPES |= {0x0201: "u1", 0x0202: ">u2", 0x0204: ">u4", 0x0208: ">u8"}
+_FRAME_MAX = 1 << 24  # bytes of a frame
+_TEXTS = (b"1NVT", b"1IDS")
+_TEXT_MAX = 1 << 20  # of declarations
+_DECLARED = re.compile(r"1MTD\s+(\S{4})\s*\{([^{}]*)\}")
+_LISTED = 12
+_TOO_MANY = f"the file has more than {MAX_CHANNELS:,} columns in its matrices"
+
+_Key = tuple[bytes, int, int, int]  # matrix, stream, row, column; from 0
+
+
+@dataclass(slots=True)
+class Column:
+    """Values at instants [s], both rising with the frames."""
+
+    t: array[float]
+    x: array[float]
+
+
+def columns(path: Path) -> dict[str, Column]:
+    """All columns of a file by their names; no more than a take may have. Raises TakeError."""
+    found: dict[_Key, Column] = {}
+    declared: dict[bytes, list[str]] = {}
+    n_values = 0
+    for name, t, stream, matrix in _matrices(path, declared):
+        n_values += matrix.size
+        if matrix.size > MAX_CHANNELS:
+            raise TakeError(_TOO_MANY, path)
+        if n_values > MAX_SAMPLES:
+            raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
+        for row, values in enumerate(matrix.tolist()):
+            for column, value in enumerate(values):
+                key = name, stream, row, column
+                if (own := found.get(key)) is None:
+                    if len(found) == MAX_CHANNELS:
+                        raise TakeError(_TOO_MANY, path)
+                    own = found[key] = Column(array("d"), array("d"))
+                own.t.append(t)
+                own.x.append(value)
+    if not found:
+        raise TakeError("the file has no matrices of numbers", path)
+    return _named(found, declared)
+
+
+def track(path: Path, channel: str | None, unit: float | None) -> tuple[Floats, Floats]:
+    """Instants [s] from the first on, and positions [m] from the first on, of a column."""
+    every = columns(path)
+    if channel is None and len(every) == 1:
+        (channel,) = every
+    listed = ", ".join(list(every)[:_LISTED])
+    if (more := len(every) - _LISTED) > 0:
+        listed += f" and {more} more"
+    if channel is None:
+        raise TakeError(f"the file has several columns; write `channel` as one of {listed}", path)
+    if channel not in every:
+        raise TakeError(
+            f"no column '{channel[:60]}'; there are {listed}",
+            path,
+            suggestion=nearest(channel, every),
+            field="channel",
+        )
+    metres = scale(None, unit, path)
+    t, x = np.frombuffer(every[channel].t), np.frombuffer(every[channel].x)
+    return t - t[0], (x - x[0]) * metres
+
+
+def _named(found: dict[_Key, Column], declared: dict[bytes, list[str]]) -> dict[str, Column]:
+    streams = {(name, row, column): set[int]() for name, _, row, column in found}
+    rows = {(name, stream, column): set[int]() for name, stream, _, column in found}
+    for name, stream, row, column in found:
+        streams[name, row, column].add(stream)
+        rows[name, stream, column].add(row)
+    told = {}
+    for key, column_of in found.items():
+        name, stream, row, column = key
+        titles = declared.get(name, [])
+        title = titles[column] if column < len(titles) else str(column + 1)
+        word = f"{name.decode('latin-1')}.{title}"
+        if len(streams[name, row, column]) > 1:
+            word += f" stream {stream}"
+        if len(rows[name, stream, column]) > 1:
+            word += f" row {row + 1}"
+        told[word if word not in told else f"{word} ({column + 1})"] = column_of
+    return told
+
+
+def _matrices(
+    path: Path, declared: dict[bytes, list[str]]
+) -> Iterator[tuple[bytes, float, int, Floats]]:
+    """Name, instant, stream and numbers of each matrix; what columns are called is put aside."""
+    with opened(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if file.read(4) != b"SDIF":
+            raise TakeError("this is not an SDIF file", path)
+        file.seek(4)
+        _body(file, size, path)
+        while head := file.read(4):
+            data = _body(file, size, path)
+            if head == b"1TYP":
+                _declare(data, declared)
+                continue
+            if head in _TEXTS or len(data) < _FRAME.size:
+                continue
+            t, stream, count = _FRAME.unpack_from(data)
+            if not math.isfinite(t):
+                continue  # what holds for all of the file
+            yield from ((name, t, stream, x) for name, x in _of_frame(data, count, path))
+
+
+def _body(file: BufferedReader, size: int, path: Path) -> bytes:
+    """The bytes of a frame after its size."""
+    said = file.read(4)
+    length = int.from_bytes(said, "big")
+    if len(said) < 4 or length > size - file.tell():
+        raise TakeError("the file ends within a frame", path)
+    if length > _FRAME_MAX:
+        raise TakeError("the file has a frame of more than 16 MB", path)
+    return file.read(length)
+
+
+def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
+    """What the file calls the columns of its matrices: `1MTD XPOS {x, y, z}`."""
+    for name, titles in _DECLARED.findall(data[:_TEXT_MAX].decode("latin-1")):
+        words = [word.strip() for word in titles.split(",")]
+        declared[name.encode("latin-1")] = [word.replace(".", "_") for word in words if word]
+
+
+def _of_frame(data: bytes, count: int, path: Path) -> Iterator[tuple[bytes, Floats]]:
+    """Name and numbers of each matrix of a frame; other matrices are passed over."""
+    at = _FRAME.size
+    for _ in range(count):
+        if at + _MATRIX.size > len(data):
+            raise TakeError("the file has a frame that is too short for its matrices", path)
+        name, kind, n_rows, n_columns = _MATRIX.unpack_from(data, at)
+        at += _MATRIX.size
+        length = n_rows * n_columns * (kind & 0xFF)
+        if at + length > len(data):
+            raise TakeError("the file has a matrix that is longer than its frame", path)
+        if kind in _TYPES and length:
+            values = np.frombuffer(data, _TYPES[kind], n_rows * n_columns, at)
+            yield name, values.astype(np.float64).reshape(n_rows, n_columns)
+        at += length + -length % 8  # padded

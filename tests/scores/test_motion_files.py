@@ -1,0 +1,343 @@
+"""Motion capture as takes: C3D, BVH, TSV of Qualisys, SDIF."""
+
+import math
+
+import ezc3d
+import motion_files as files
+import numpy as np
+import pytest
+
+from ergon.scores.gesture import bvh_file, c3d_file
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.gesture.takes import Samples, read
+
+PLACES = files.curve()
+
+
+def wrote(tmp_path, suffix, data):
+    path = tmp_path / f"walk{suffix}"
+    path.write_bytes(data)
+    return path
+
+
+def is_of(found: Samples, places, point: int, axis: int, rate: float = 100.0, metres: float = 1e-3):
+    """Whether a take is an axis of a point, from its first frame on."""
+    x = places[:, point, axis]
+    seen = np.isfinite(x)
+    assert np.allclose(found.t, np.flatnonzero(seen) / rate, rtol=0, atol=1e-12)
+    assert np.allclose(found.x, (x[seen] - x[seen][0]) * metres, rtol=1e-12, atol=1e-15)
+    return True
+
+
+# --- C3D ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("analog", [0, 3])
+@pytest.mark.parametrize("scale", [-1.0, 0.0625])
+@pytest.mark.parametrize("processor", files.PROCESSORS)
+def test_a_c3d_file_of_any_processor_is_read(tmp_path, processor, scale, analog):
+    path = wrote(
+        tmp_path, ".c3d", files.c3d(PLACES, ("RWRI", "LWRI"), processor, scale, analog=analog)
+    )
+    for point, name in enumerate(("RWRI", "LWRI")):
+        for axis, letter in enumerate("xyz"):
+            assert is_of(read(path, f"{name}.{letter}"), PLACES, point, axis)
+
+
+def test_a_c3d_file_of_another_writer_is_read(tmp_path):
+    """By ezc3d, which nothing else of ergon uses: values, names, rate, hidden points, analog."""
+    chance = np.random.default_rng(7)
+    places = chance.normal(size=(3000, 5, 3)).astype(np.float32).astype(float)
+    places[100:105, 2] = np.nan
+    made = ezc3d.c3d()
+    made["parameters"]["POINT"]["RATE"]["value"] = [240.0]
+    made["parameters"]["POINT"]["LABELS"]["value"] = [f"sub:M{i}" for i in range(5)]
+    made["parameters"]["POINT"]["UNITS"]["value"] = ["m"]
+    made["parameters"]["ANALOG"]["RATE"]["value"] = [480.0]
+    made["parameters"]["ANALOG"]["LABELS"]["value"] = ["force", "emg"]
+    made["data"]["points"] = np.concatenate([places.transpose(2, 1, 0), np.ones((1, 5, 3000))])
+    made["data"]["analogs"] = chance.normal(size=(1, 2, 6000))
+    made.write(str(tmp_path / "walk.c3d"))
+    assert is_of(read(tmp_path / "walk.c3d", "sub:M4.y"), places, 4, 1, 240.0, 1.0)
+    found = read(tmp_path / "walk.c3d", "sub:M2.z")
+    assert is_of(found, places, 2, 2, 240.0, 1.0)
+    assert found.damage == "'sub:M2' is not seen in 5 frames; a spline runs across them"
+
+
+def test_more_frames_than_the_header_can_say(tmp_path):
+    places = np.zeros((66_000, 1, 3))
+    places[:, 0, 0] = np.arange(66_000) % 500
+    own = files._Numbers("intel")
+    begin = (2, "ACTUAL_START_FIELD", 2, (2,), own.word(1) + own.word(0))
+    end = (2, "ACTUAL_END_FIELD", 2, (2,), own.word(66_000 - 65_536) + own.word(1))
+    data = files.c3d(places, ("p",), scale=1.0, parameters=(begin, end))
+    assert is_of(read(wrote(tmp_path, ".c3d", data), "p.x"), places, 0, 0)
+
+
+def test_names_of_points_are_told_apart(tmp_path):
+    path = wrote(tmp_path, ".c3d", files.c3d(files.curve(4, 4), ("a", "a", "b")))
+    assert c3d_file.read(path).points == ("a", "a 2", "b", "4")
+
+
+def test_a_file_without_a_unit_asks_for_it(tmp_path):
+    path = wrote(tmp_path, ".c3d", files.c3d(PLACES, unit=None))
+    with pytest.raises(TakeError, match=r"write what 1\.0 means") as caught:
+        read(path, "RWRI.x")
+    assert caught.value.field == "unit"
+    assert is_of(read(path, "RWRI.x", unit=0.01), PLACES, 0, 0, metres=0.01)
+    known = wrote(tmp_path, ".c3d", files.c3d(PLACES))
+    with pytest.raises(TakeError, match="tells its own unit"):
+        read(known, "RWRI.x", unit=0.01)
+    with pytest.raises(TakeError, match="tells its own rate"):
+        read(known, "RWRI.x", rate=100.0)
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (files.c3d(PLACES)[:-1], "of 12 frames 11 are there"),
+        (files.c3d(PLACES)[:300], "this is not a C3D file"),
+        (files.c3d(PLACES)[:700], "of 12 frames 0 are there"),
+        (b"\2\x50" + bytes(510) + bytes(512), "no parameters"),
+        (files.c3d(files.curve(3, 0), ()), "no points that move"),
+        (files.c3d(PLACES)[:12] + b"\0\0\xc0\x7f" + files.c3d(PLACES)[16:], "header is damaged"),
+    ],
+)
+def test_what_is_no_c3d_file_is_refused(tmp_path, data, told):
+    with pytest.raises(TakeError, match=told):
+        read(wrote(tmp_path, ".c3d", data), "RWRI.x")
+
+
+# --- which point, which axis ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("channel", "told", "suggestion"),
+    [
+        (None, r"such as RWRI\.x; the points are RWRI, LWRI", None),
+        ("RWRI", "no point with an axis", "RWRI.x"),
+        ("RWRI.w", "no point with an axis", "RWRI.x"),
+        ("RWIR.z", "no point 'RWIR'; there are RWRI, LWRI", "RWRI.z"),
+        ("head.z", "no point 'head'; there are RWRI, LWRI", None),
+    ],
+)
+def test_an_unknown_channel_names_what_there_is(tmp_path, channel, told, suggestion):
+    path = wrote(tmp_path, ".c3d", files.c3d(PLACES))
+    with pytest.raises(TakeError, match=told) as caught:
+        read(path, channel)
+    assert (caught.value.suggestion, caught.value.field) == (suggestion, "channel")
+
+
+def test_auto_goes_along_the_path(tmp_path):
+    """A point that goes 300 mm along a line in space, and a little across it."""
+    s = np.linspace(0, 1, 200)
+    along = s**3 * (10 - 15 * s + 6 * s * s)
+    line, across = np.array([2.0, -1.0, 2.0]) / 3, np.array([1.0, 2.0, 0.0]) / math.sqrt(5)
+    places = 300 * along[:, None] * line + 3 * np.sin(40 * s)[:, None] * across
+    data = files.c3d(np.stack([places, places[::-1]], 1))
+    found = read(wrote(tmp_path, ".c3d", data), "RWRI.auto")
+    assert np.abs(found.x - 0.3 * along).max() < 3e-4
+    # It goes towards its farther end, wherever it begins.
+    back = read(tmp_path / "walk.c3d", "LWRI.auto")
+    assert np.abs(back.x - 0.3 * along).max() < 3e-4
+    turning = np.stack([np.cos(6 * s), np.sin(6 * s), s], 1) * 100
+    path = wrote(tmp_path, ".c3d", files.c3d(np.stack([turning, 0 * turning], 1)))
+    with pytest.raises(TakeError, match="no straight line"):
+        read(path, "RWRI.auto")
+    with pytest.raises(TakeError, match="does not move"):
+        read(path, "LWRI.auto")
+
+
+@pytest.mark.parametrize("suffix", [".c3d", ".tsv"])
+def test_a_point_that_is_hidden_for_long_is_refused(tmp_path, suffix):
+    write = files.c3d if suffix == ".c3d" else files.qtm
+    places = files.curve(200)
+    places[50:80, 0] = np.nan
+    places[:30, 1] = np.nan
+    path = wrote(tmp_path, suffix, write(places))
+    with pytest.raises(TakeError, match=r"'RWRI' is not seen from 0.500 s to 0.800 s"):
+        read(path, "RWRI.x")
+    # What is hidden before it is seen first is no gap.
+    found = read(path, "LWRI.x")
+    assert is_of(found, places, 1, 0)
+    assert found.damage is None
+    places[1:, 1] = np.nan
+    with pytest.raises(TakeError, match="seen in no two frames"):
+        read(wrote(tmp_path, suffix, write(places[30:])), "LWRI.x")
+
+
+# --- BVH ------------------------------------------------------------------------------------------
+
+
+def turned(angle: float, axis: int):
+    """A rotation as a product of complex numbers, by columns."""
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    for column in (j, k):
+        z = complex(matrix[j, column], matrix[k, column]) * complex(
+            math.cos(angle), math.sin(angle)
+        )
+        matrix[j, column], matrix[k, column] = z.real, z.imag
+    return matrix
+
+
+def test_joints_turn_about_their_parents(tmp_path):
+    """Against one frame at a time, joint by joint, from the end of the limb back to the hips."""
+    rows = np.random.default_rng(3).uniform(-180, 180, (400, 12))
+    path = wrote(tmp_path, ".bvh", files.bvh(rows))
+    motion = bvh_file.read(path)
+    assert motion.points == ("hips", "arm", "hand", "hand end")
+    found = np.concatenate(list(motion.blocks()))
+    for row, places in zip(rows, found, strict=True):
+        z, x, y = 2, 0, 1
+        a = np.radians(row)
+        hand = turned(a[9], z) @ turned(a[10], y) @ turned(a[11], x) @ [5, 0, 0] + [20, 0, 0]
+        arm = turned(a[6], z) @ turned(a[7], x) @ turned(a[8], y) @ hand + [0, 10, 0]
+        end = turned(a[3], z) @ turned(a[4], x) @ turned(a[5], y) @ arm + row[:3]
+        assert np.allclose(places[3], end, atol=1e-6)
+        assert np.allclose(places[0], row[:3], atol=1e-6)
+    taken = read(path, "hand end.y", unit=0.01)
+    assert np.allclose(taken.x, (found[:, 3, 1] - found[0, 3, 1]) * 0.01)
+    assert np.allclose(taken.t, np.arange(400) * 0.01)
+    with pytest.raises(TakeError, match="such as unit: 1cm"):
+        read(path, "hand.x")
+
+
+def test_an_arm_that_turns_by_a_right_angle(tmp_path):
+    rows = np.zeros((2, 12))
+    rows[1, 6] = 90.0
+    places = np.concatenate(list(bvh_file.read(wrote(tmp_path, ".bvh", files.bvh(rows))).blocks()))
+    assert np.allclose(places[0, 3], [25, 10, 0])
+    assert np.allclose(places[1, 3], [0, 35, 0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("HIERARCHY", "HIERACHY", "1: this is not a BVH file"),
+        ("JOINT arm", "JOIN arm", "6: this line is out of place"),
+        ("CHANNELS 6", "CHANNELS 5", "5: channels are a count"),
+        ("OFFSET 0 10 0", "OFFSET 0 10", "8: an offset must be 3 numbers"),
+        ("OFFSET 0 10 0", "OFFSET 0 nan 0", "8: an offset must be 3 numbers"),
+        ("}\nMOTION", "MOTION", "a brace is not closed"),
+        ("Frames: 3", "Frames: 4", "fewer frames than it says"),
+        ("Frames: 3", "Frames: 999999999", "more than 20,000,000 samples"),
+        ("Frame Time: 0.01", "Frame Time: 0", "above a microsecond"),
+        ("Frame Time: 0.01", "Frame Time:", "the time of a frame must be 1 numbers"),
+        ("0 0 0 0 0 0 0 0 0 0 0 1", "0 0 0 0 0 0 0 0 0 0 1", "a frame must be 12 numbers"),
+    ],
+)
+def test_what_is_no_bvh_file_is_refused_in_its_line(tmp_path, old, new, told):
+    text = files.bvh(np.eye(12)[[0, 3, 11]]).decode()
+    assert old in text
+    path = wrote(tmp_path, ".bvh", text.replace(old, new, 1).encode())
+    with pytest.raises(TakeError, match=told):
+        read(path, "hand.x", unit=0.01)
+
+
+# --- TSV ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hidden", ["0.000", ""])
+@pytest.mark.parametrize("leading", [0, 1, 2])
+@pytest.mark.parametrize("titles", [False, True])
+def test_tsv_of_qtm(tmp_path, titles, leading, hidden):
+    places = files.curve(40)
+    places[20:23, 1] = np.nan
+    data = files.qtm(places, titles=titles, leading=leading, hidden=hidden)
+    for text in (data, data.replace(b"\n", b"\t\r\n")):
+        path = wrote(tmp_path, ".tsv", text)
+        for point, name in enumerate(("RWRI", "LWRI")):
+            for axis, letter in enumerate("xyz"):
+                assert is_of(read(path, f"{name}.{letter}"), places, point, axis)
+        assert "3 frames" in (read(path, "LWRI.x").damage or "")
+
+
+def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
+    path = wrote(tmp_path, ".tsv", files.qtm(PLACES, rate="EXT"))
+    with pytest.raises(TakeError, match="such as rate: 100Hz"):
+        read(path, "RWRI.x")
+    assert is_of(read(path, "RWRI.x", rate=50.0), PLACES, 0, 0, 50.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("MARKER_NAMES", "BODY_NAMES", "export 3D data with a header"),
+        ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\t13", "says 13 frames, and holds 12"),
+        ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\tmany", "is no number"),
+        ("FREQUENCY\t100", "FREQUENCY\t0", "is no rate"),
+        ("\t-", "\t-999999999999", "no camera sees"),
+        ("\t-", "\tleft", "not a row of numbers"),
+        ("\t-", "\t1\t", "the markers need 6"),
+    ],
+)
+def test_what_is_no_tsv_of_qtm_is_refused(tmp_path, old, new, told):
+    text = files.qtm(PLACES).decode()
+    head, _, rest = text.rpartition(old)
+    path = wrote(tmp_path, ".tsv", f"{head}{new}{rest}".encode())
+    with pytest.raises(TakeError, match=told):
+        read(path, "RWRI.x")
+
+
+def test_columns_of_a_plain_tsv(tmp_path):
+    path = wrote(tmp_path, ".tsv", b"t [ms]\tx [cm]\n0\t0\n10\t3\n")
+    assert read(path).t.tolist() == [0.0, 0.01]
+    assert read(path).x.tolist() == [0.0, 0.03]
+
+
+# --- SDIF -----------------------------------------------------------------------------------------
+
+
+def test_columns_of_sdif_by_their_names(tmp_path):
+    t = np.array([0.5, 0.52, 0.6])
+    x = np.array([[1.0, 5.0, 0.0], [2.0, 4.0, 0.5], [4.0, 4.5, 1.0]])
+    types = "{ 1MTD XPOS { x, y, z } 1FTD XMOV { XPOS position; } }"
+    table = files.frame(b"1NVT", 0.0, files.matrix(b"1NVT", np.zeros((1, 1))))
+    path = wrote(tmp_path, ".sdif", files.sdif(table, files.declared(types), files.moving(t, x)))
+    for i, letter in enumerate("xyz"):
+        found = read(path, f"XPOS.{letter}", unit=0.01)
+        assert np.allclose(found.t, t - 0.5)
+        assert np.allclose(found.x, (x[:, i] - x[0, i]) * 0.01)
+    with pytest.raises(TakeError, match=r"there are XPOS\.x, XPOS\.y, XPOS\.z") as caught:
+        read(path, "XPOS.a", unit=0.01)
+    assert caught.value.suggestion in ("XPOS.x", "XPOS.y", "XPOS.z")
+    with pytest.raises(TakeError, match="such as unit: 1cm"):
+        read(path, "XPOS.x")
+    with pytest.raises(TakeError, match="one of XPOS"):
+        read(path, unit=0.01)
+
+
+@pytest.mark.parametrize("kind", [4, 8, 0x104])
+def test_streams_and_rows_of_sdif_are_told_apart(tmp_path, kind):
+    def at(t: float, stream: int, x: float) -> bytes:
+        return files.frame(
+            b"XMOV", t, files.matrix(b"XPOS", np.array([[x], [-x]]), kind), stream=stream
+        )
+
+    path = wrote(
+        tmp_path, ".sdif", files.sdif(*(at(i, s, i * s) for i in range(3) for s in (1, 2)))
+    )
+    for stream in (1, 2):
+        for row, sign in ((1, 1), (2, -1)):
+            found = read(path, f"XPOS.1 stream {stream} row {row}", unit=0.001)
+            assert np.allclose(found.x, sign * stream * np.arange(3) / 1000)
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (b"SDIX", "not an SDIF file"),
+        (files.sdif()[:7], "ends within a frame"),
+        (files.sdif(), "no matrices of numbers"),
+        (
+            files.sdif(files.frame(b"XMOV", 0.0, files.matrix(b"A", np.ones((1, 1))))[:-1]),
+            "ends with",
+        ),
+        (files.sdif(files.frame(b"XMOV", 0.0)[:-4] + b"\0\0\0\1"), "too short for its matrices"),
+        (files.sdif(files.frame(b"XMOV", 0.0, files.matrix(b"XPOS", np.ones((40, 40))))), "1,024"),
+    ],
+)
+def test_what_is_no_sdif_file_is_refused(tmp_path, data, told):
+    with pytest.raises(TakeError, match=told):
+        read(wrote(tmp_path, ".sdif", data), "XPOS.1", unit=0.001)
