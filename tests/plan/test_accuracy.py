@@ -84,6 +84,18 @@ def test_a_plan_of_a_named_scene_is_as_exact_as_it_says(name: str):
     honest(audit.look(name, named(name), (-40.0, -80.0), plain=False))
 
 
+@pytest.mark.parametrize(
+    "points",
+    [12, pytest.param(30, marks=pytest.mark.slow), pytest.param(60, marks=pytest.mark.slow)],
+)
+def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
+    found = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
+    honest(found)
+    (plan,) = found.plans
+    assert "modes" in plan.how
+    assert plan.real <= -60.0
+
+
 @pytest.mark.parametrize("family", ["mesh", "hammer", "chain", "hard", "law"])
 def test_a_plan_of_a_random_scene_is_as_exact_as_it_says(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))

@@ -105,6 +105,17 @@ class Equations:
         inside = f"{part}.{name}"
         return self.names[inside if inside in self.names else name]
 
+    def pairs(self, ends: list[str], part: str) -> list[tuple[int, int]]:
+        """The masses that a link joins: one pair, or of `string.1..12` one for each member."""
+        rows = []
+        for end in ends:
+            head, _, low, high = re.fullmatch(r"(.*?)(\.([0-9]+)\.\.([0-9]+))?", end).groups()
+            members = range(int(low), int(high) + 1) if low else ()
+            rows.append([self.find(f"{head}.{i}", part) for i in members] or [self.find(end, part)])
+        n = max(map(len, rows))
+        a, b = (row * n if len(row) == 1 else row for row in rows)
+        return list(zip(a, b, strict=True))
+
 
 def read(text: str) -> Equations:
     """The equations of a scene."""
@@ -164,14 +175,17 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
     elif kind == "ENF":
         found.push[found.find(given["to"], own)] += number(given["from"])
     else:
-        a, b = (found.find(end, own) for end in given["between"])
+        pairs = found.pairs(given["between"], own)
+        a, b = pairs[0]
+        assert len(pairs) == 1 or kind == "BUT", f"a {kind} over a range is not known here"
         if kind in ("RES", "FRO", "REF"):
             link = found.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
         elif kind == "BUT":
             sign = -1.0 if given.get("side") == "above" else 1.0
             clamp = float(given.get("clamp", False))
-            shape = of("K"), of("exponent", 1.0), of("gap"), of("Z"), sign, clamp
-            link = found.link(a, b, ELASTIC["contact"], 0, *shape)
+            for (a, b), gap in zip(pairs, gaps(given.get("gap", 0.0), len(pairs)), strict=True):
+                shape = of("K"), of("exponent", 1.0), gap, of("Z"), sign, clamp
+                link = found.link(a, b, ELASTIC["contact"], 0, *shape)
         elif kind == "LNL":
             law, damping = given.get("law"), given.get("damping")
             row = [0.0] * N_NUMBERS
@@ -185,6 +199,18 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
         else:
             raise ValueError(f"{kind} is not known here")
         found.links[label] = link
+
+
+def gaps(given: Any, n: int) -> list[float]:
+    """The gap at each of n points [m]: one for all, a list, or least + depth·(i/length)^power."""
+    if isinstance(given, list):
+        return [number(one) for one in given]
+    if not isinstance(given, dict):
+        return [number(given)] * n
+    assert "top" not in given, "a top is not known here"
+    i = np.arange(n) / number(given.get("length", max(n - 1, 1)))
+    shape = number(given["depth"]) * i ** number(given.get("power", 2.0))
+    return list(number(given.get("least", 0.0)) + shape)
 
 
 def plate_edges(shape: str, radius: int, *, fixed: bool) -> tuple[list[tuple[int, int]], int]:

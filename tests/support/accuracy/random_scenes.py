@@ -45,7 +45,8 @@ def text(family: str, seed: int) -> str:
     FAMILIES[family](dice, score, instrument["modules"], instrument["out"])
     for module in instrument["modules"].values():
         for fields in module.values():
-            fields |= {name: f"{fields[name]!r}{unit}" for name, unit in _UNITS if name in fields}
+            bare = [(n, u) for n, u in _UNITS if isinstance(fields.get(n), int | float)]
+            fields |= {name: f"{fields[name]!r}{unit}" for name, unit in bare}
     n_out = len(instrument["out"])
     route = [{"from": f"s.{name}", "to": [i + 1]} for i, name in enumerate(instrument["out"])]
     score["mix"] = {"channels": n_out, "route": route}
@@ -188,6 +189,27 @@ def _hammer(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     _hear(out, target)
 
 
+def _bridge(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A string over a curved obstacle, which holds still or is a cell: contacts at many points."""
+    n = dice.whole(24, 72)
+    f, M = dice.by_ratio(40.0, min(400.0, 12000.0 / n)), dice.by_ratio(1e-3, 2e-2)
+    body = {"masses": n, "M": M, "f": f, "t60": dice.by_ratio(1.0, 8.0)}
+    modules["b"] = {"STRING": body}
+    modules["o"] = dice.one_of({"SOL": {}}, _cell(dice))
+    first, points = dice.whole(0, n // 3), dice.whole(2, n // 2)
+    swing = dice.by_ratio(1e-4, 2e-3)
+    speed = 2.0 * np.pi * f * swing
+    far = swing * (first + points) / n  # about how far the string swings where the obstacle ends
+    profile = {"depth": f"{far * dice.by_ratio(0.02, 0.5)!r}m", "power": dice.one_of(1.0, 2.0)}
+    if dice.whole(0, 1):
+        profile["least"] = f"{far * dice.between(0.0, 0.1)!r}m"
+    contact = _contact(dice, M / n, speed)
+    ends = ["o", f"b.{first}..{first + points - 1}"]
+    modules["c"] = {"BUT": {"between": ends, "gap": profile, **contact}}
+    _strike(dice, score, f"s.b.{dice.whole(n // 2, n - 1)}", M * speed)
+    _hear(out, f"b.{dice.whole(n // 2, n - 1)}")
+
+
 def _chain(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """Cells in a row that hit one another."""
     n = dice.whole(3, 6)
@@ -279,6 +301,7 @@ FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "body": _damped_body,
     "linear": _linear,
     "hammer": _hammer,
+    "bridge": _bridge,
     "chain": _chain,
     "bow": _bow,
     "hard": _hard,
