@@ -14,7 +14,10 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 _UNITS = {"k": 1e3, "m": 1e-3, "u": 1e-6, "": 1.0}
 _NUMBER = re.compile(r"^([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*)$", re.IGNORECASE)
-ELASTIC = {"linear": 1, "cubic": 2, "rope": 3, "detent": 4, "contact": 5}
+ELASTIC = {
+    **{"linear": 1, "cubic": 2, "rope": 3, "detent": 4, "contact": 5},
+    **{"bristle": 6, "dry": 7},
+}
 DAMPING = {"linear": 1, "cubic": 1, "rope": 2, "bow": 3, "coulomb": 4, "bow-hyperbolic": 5}
 # Constants of each law in the order of a link's numbers: elastic ones from 0, damping from 3.
 _OF_ELASTIC = {"cubic": ("k", "q"), "rope": ("k",), "detent": ("F", "w")}
@@ -80,7 +83,7 @@ class Equations:
 
     @property
     def is_linear(self) -> bool:
-        """Whether a matrix exponential solves it: no contact, no law, no gesture."""
+        """Whether a matrix exponential solves it: no contact, no law, no friction, no gesture."""
         return not self.paths and all(a <= 1 and b <= 1 for a, b in self.kinds)
 
     def point(
@@ -175,7 +178,11 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
     elif kind == "ENF":
         found.push[found.find(given["to"], own)] += number(given["from"])
     else:
-        pairs = found.pairs(given["between"], own)
+        if kind == "DRY" and "to" in given:
+            floor = found.point(f"{label}.floor", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+            pairs = [(floor, found.find(given["to"], own))]
+        else:
+            pairs = found.pairs(given["between"], own)
         a, b = pairs[0]
         assert len(pairs) == 1 or kind == "BUT", f"a {kind} over a range is not known here"
         if kind in ("RES", "FRO", "REF"):
@@ -196,6 +203,15 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
                 row[3 + i] = of(constant)
             laws = (ELASTIC[law] if law else 0), (DAMPING[damping] if damping else 0)
             link = found.link(a, b, *laws, *row)
+        elif kind == "BRISTLE" or "K" in given:
+            level, stiffness = ("Fc", "sigma0") if kind == "BRISTLE" else ("F", "K")
+            static = of("Fs" if kind == "BRISTLE" else "static", of(level))
+            speed = of("vs" if kind == "BRISTLE" else "speed", 0.001)
+            shape = of(stiffness), of("sigma1"), of("sigma2"), of(level), static, speed
+            link = found.link(a, b, ELASTIC["bristle"], 0, *shape)
+        elif kind == "DRY":
+            shape = of("F"), of("static", of("F")), 0.0, of("speed", 0.001)
+            link = found.link(a, b, ELASTIC["dry"], 0, *shape)
         else:
             raise ValueError(f"{kind} is not known here")
         found.links[label] = link

@@ -58,11 +58,13 @@ def _hear(out: Modules, *names: str) -> None:
         out[f"o{len(out)}"] = {"SOX": name}
 
 
-def _strike(dice: Dice, score: Modules, to: str, impulse: float) -> None:
-    at = f"{dice.between(0.001, 0.05):.6f}s"
+def _strike(
+    dice: Dice, score: Modules, to: str, impulse: float, at: float | None = None
+) -> None:
+    when = f"{dice.between(0.001, 0.05) if at is None else at:.6f}s"
     score.setdefault("strikes", {})[f"k{len(score.get('strikes', {}))}"] = {
         "to": to,
-        "at": at,
+        "at": when,
         "impulse": impulse,
     }
 
@@ -274,6 +276,77 @@ def _law(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     _hear(out, "m")
 
 
+def _rubbed(dice: Dice, modules: Modules) -> tuple[float, float, list[str]]:
+    """Something that friction may rub: its mass [kg], the force that it swings with [N], the ends.
+
+    A block on a belt, a cell that swings out on the ground, a point of a string, or two cells.
+    """
+    what = dice.whole(0, 3)
+    if what == 0:
+        modules["m"] = _cell(dice)
+        M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
+        speed = dice.by_ratio(0.01, 0.5)
+        modules["w"] = {"MAS": {"M": 1000.0, "V0": speed}}
+        return M, M * 2.0 * np.pi * f * speed, ["w", "m"]
+    if what == 1:
+        x = dice.between(0.3e-3, 3e-3)
+        modules["m"] = _cell(dice, X0=x)
+        M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
+        modules["w"] = {"SOL": {}}
+        return M, M * (2.0 * np.pi * f) ** 2 * x, ["w", "m"]
+    if what == 2:
+        modules["m"], n = _string(dice)
+        body = modules["m"]["STRING"]
+        m, speed, bow = body["M"] / n, dice.by_ratio(0.02, 0.5), f"m.{dice.whole(1, n - 2)}"
+        modules["w"] = {"MAS": {"M": 1000.0, "V0": speed}}
+        return m, 2.0 * body["M"] * body["f"] * speed, ["w", bow]
+    x = dice.between(0.3e-3, 3e-3)
+    modules["m"], modules["w"] = _cell(dice, X0=x), _cell(dice)
+    M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
+    return M, M * (2.0 * np.pi * f) ** 2 * x, ["w", "m"]
+
+
+def _dry(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Dry friction that holds and slides."""
+    m, force, ends = _rubbed(dice, modules)
+    F = float(force * dice.by_ratio(0.01, 2.0))
+    friction = {"F": F}
+    if dice.whole(0, 1):
+        friction |= {"static": F * dice.between(1.0, 2.0), "speed": dice.by_ratio(0.003, 0.1)}
+    is_ground = modules["w"] == {"SOL": {}}
+    modules["l"] = {"DRY": ({"to": ends[1]} if is_ground else {"between": ends}) | friction}
+    _strike_rubbed(dice, score, m, force, ends[1])
+    _hear(out, ends[1])
+
+
+def _bristle(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Friction with memory, that gives no energy; Dahl's in one of three."""
+    m, force, ends = _rubbed(dice, modules)
+    F = float(force * dice.by_ratio(0.01, 1.0))
+    # As a spring that swings with the mass at 200 Hz to 3 kHz.
+    sigma0 = float(m * (2.0 * np.pi * dice.by_ratio(200.0, 3000.0)) ** 2)
+    friction = {"sigma0": sigma0, "Fc": F}
+    if dice.whole(0, 2):
+        static = F * dice.between(1.0, 2.0)
+        damping = float(np.sqrt(sigma0 * m)) * dice.by_ratio(0.02, 1.0)
+        least = damping * (static - F) / F
+        friction |= {"Fs": static, "vs": dice.by_ratio(0.003, 0.1), "sigma1": damping}
+        friction["sigma2"] = least * dice.between(1.0, 2.0)
+    modules["l"] = {"BRISTLE": {"between": ends, **friction}}
+    _strike_rubbed(dice, score, m, force, ends[1])
+    _hear(out, ends[1])
+
+
+def _strike_rubbed(dice: Dice, score: Modules, m: float, force: float, to: str) -> None:
+    """On a hundredth of a second, which is a frame at every rate.
+
+    Between two frames a strike on what is joined to others is split evenly (docs/numerics.md).
+    """
+    if dice.whole(0, 1):
+        impulse = min(m * dice.between(0.05, 0.5), float(force) * 1e-3)
+        _strike(dice, score, f"s.{to}", impulse, dice.whole(1, 5) / 100)
+
+
 def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """A key led by a hand, joined to a body by a spring, or striking it."""
     M, K = dice.by_ratio(0.05, 0.5), dice.by_ratio(20.0, 200.0)
@@ -306,5 +379,7 @@ FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "bow": _bow,
     "hard": _hard,
     "law": _law,
+    "dry": _dry,
+    "bristle": _bristle,
     "key": _key,
 }
