@@ -58,9 +58,7 @@ def _hear(out: Modules, *names: str) -> None:
         out[f"o{len(out)}"] = {"SOX": name}
 
 
-def _strike(
-    dice: Dice, score: Modules, to: str, impulse: float, at: float | None = None
-) -> None:
+def _strike(dice: Dice, score: Modules, to: str, impulse: float, at: float | None = None) -> None:
     when = f"{dice.between(0.001, 0.05) if at is None else at:.6f}s"
     score.setdefault("strikes", {})[f"k{len(score.get('strikes', {}))}"] = {
         "to": to,

@@ -357,10 +357,9 @@ def _march(
                         ways, needs)  # fmt: skip
                 _begin(y, n, ends, kinds, numbers, ways, needs)
                 begins = False
+            h = min(h, end - t)
             if halves:  # the last of them takes the shortest step that turns
                 h = most if halves == _HALVES else 0.5 * (least + most)
-            else:
-                h = min(h, end - t)
             whole = h == end - t
             # The last stage is at the end of the step, where the weights of order 8 lead.
             for stage in range(_STAGES + 1):
