@@ -51,10 +51,11 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
 def never_stuck(done: Simulated) -> list[Diagnostic]:
     """W323 for each bow that slipped and did not stick again."""
     found = []
+    stuck = {one.rubbing.whole for one in done.bows if one.has_stuck}
     for one in done.bows:
-        if one.has_stuck or not one.has_slipped:
-            continue
         rubbing = one.rubbing
+        if rubbing.whole in stuck or not one.has_slipped:
+            continue
         message = (
             f"bow {quote(rubbing.name)} never sticks: once it has slipped, the speed of "
             f"{rubbing.b.name} against {rubbing.a.name} does not stay between {one.low:.3g} and "
@@ -66,21 +67,29 @@ def never_stuck(done: Simulated) -> list[Diagnostic]:
 
 
 def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
-    """W320 for each contact that did not close, nor did it at another note of its instrument."""
+    """W320 for each contact that did not close, nor did it at another note of its instrument.
+
+    A contact over a range closes where one of its points does, and misses by the nearest of them.
+    """
     members = {name: family for family, own in piece.families.items() for name in own}
 
     def called(contact: Contact) -> str:
-        part = contact.name.rpartition(".")[0]
-        return f"{members.get(part, part)}.{contact.module.name}"
+        part, _, name = contact.whole.rpartition(".")
+        return f"{members.get(part, part)}.{name}"
 
     closed = {called(one.contact) for one in done.contacts if one.times}
-    found = []
+    nearest_of: dict[str, Closing] = {}
     for one in done.contacts:
-        if one.times or called(one.contact) in closed:
+        known = nearest_of.get(one.contact.whole)
+        if known is None or one.deepest > known.deepest:
+            nearest_of[one.contact.whole] = one
+    found = []
+    for one in nearest_of.values():
+        if called(one.contact) in closed:
             continue
         contact, nearest = one.contact, scores.where(piece, one.deepest_at / done.rate)
         message = (
-            f"contact {quote(contact.name)} never closes: {contact.a.name} comes within "
+            f"contact {quote(contact.whole)} never closes: {contact.a.name} comes within "
             f"{-1e3 * one.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
         )
         help = "make the gap smaller by more than that, or the movement larger"

@@ -11,6 +11,7 @@ from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start
+from ergon.instruments.spread import singles
 
 _Fields = Mapping[str, Any]
 
@@ -21,9 +22,9 @@ class Assembly:
 
     network: _core.Network = field(default_factory=_core.Network)
     mats: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> first MAT
-    links: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> LIA
-    # The links of generators, (part, module) -> first LIA and number of LIAs.
-    bodies: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)
+    # (part, module) -> LIAs of a link (of one over a range, and of each in it) or of a generator.
+    links: dict[tuple[str, str], range] = field(default_factory=dict)
+    bodies: dict[tuple[str, str], range] = field(default_factory=dict)
     seed: int = 0
 
     def part(
@@ -50,7 +51,7 @@ class Assembly:
                 first = _MATS[module.kind](self, module.name, fields)
                 self.mats[name, module.name] = first
                 if module.kind in GENERATORS:
-                    self.bodies[name, module.name] = (n_links, self.network.n_lia - n_links)
+                    self.bodies[name, module.name] = range(n_links, self.network.n_lia)
                 if "X0" in fields and module.kind in GENERATORS:
                     self._starts(first, fields)
 
@@ -65,16 +66,24 @@ class Assembly:
         """Add a part's links, once the <M> points of all parts are there. Raises EngineError."""
         self.network.part(name, ca_rate=ca_rate)
         for module in modules:
-            if module.kind in LINKS:
-                self.link(name, module, *module.fields["between"], reach=reach)
+            if module.kind not in LINKS:
+                continue
+            first = self.network.n_lia
+            for one in singles(module):
+                self.link(name, one, *one.fields["between"], reach=reach)
+            self.links[name, module.name] = range(first, self.network.n_lia)
 
     def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
         """Add one link between two <M> points; returns its index."""
         make = _LINKS[module.kind]
         ends = self.mat(a), self.mat(b)
         index = make(self, module.name, *ends, _seen(module.fields, reach), reach)
-        self.links[part, module.name] = index
+        self.links[part, module.name] = range(index, index + 1)
         return index
+
+    def links_of(self, where: tuple[str, str]) -> range:
+        """The LIAs of a link or of a generator; none where a module has none."""
+        return self.bodies.get(where, self.links.get(where, range(0)))
 
     def mat(self, target: Target) -> int:
         """Index of the one MAT that a target names."""

@@ -17,6 +17,7 @@ from ergon.instruments.modal import (
     MODES_PITCHES,
     PLACES,
 )
+from ergon.instruments.spread import GAP
 from ergon.instruments.stiff import INHARMONICITY, STRETCHING
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -66,7 +67,10 @@ ENDPOINT = Reference(
     "a module, such as m, bell.m, gong.centre or a key", ("modules", "instruments", "keys")
 )
 BETWEEN = Field(
-    "between", ListOf(ENDPOINT, 2, 2), "the two MATs that it joins: [a, b]", required=True
+    "between",
+    ListOf(ENDPOINT, 2, 2),
+    "the two MATs that it joins: [a, b]; of a range, as in [a, string.3..8], each",
+    required=True,
 )
 
 
@@ -129,7 +133,7 @@ def _but(ca: bool) -> tuple[Field, ...]:
         BETWEEN,
         Field("K", exponent_stiffness, "stiffness (magic chooses its own)"),
         Field("Z", k.NUMBER if ca else k.DAMPING, "viscosity while they touch", 0.0),
-        Field("gap", k.POSITION, "distance at which they touch", 0.0),
+        Field("gap", GAP, "distance at which they touch; of a range also one for each", 0.0),
         Field("side", choice("below", "above"), "side from which the first MAT comes", "below"),
         Field(
             "contact",

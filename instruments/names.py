@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
+from ergon.instruments.spread import size as n_links
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -190,14 +191,16 @@ class Scene:
         wanted: Wanted,
         who: str,
     ) -> Target | None:
-        count = member_count(module.kind, module.fields)
+        count = self._count(owner, module)
         several = wanted in ("mats", "links")
         called = ".".join(filter(None, (owner.name, module.name)))
         first: int | Literal["centre"] = 0
         size = 1
         problem = ""
         if some is None:
-            if count > 1:
+            if module.kind in LINKS:  # its links together
+                size = count
+            elif count > 1:
                 kind, examples = "masses", ("0", "centre")
                 if module.kind == "MODES":
                     kind, examples = "places", tuple(one for one, _ in module.fields["places"])[:4]
@@ -216,6 +219,15 @@ class Scene:
             self.collector.error("E304", f"{who}: {problem}", name.place)
             return None
         return Target(owner.name, module.name, first, size, str(name), name.place)
+
+    def _count(self, owner: Part, module: Module) -> int:
+        """How many members a module has, or how many links a link over a range."""
+        if module.kind not in LINKS:
+            return member_count(module.kind, module.fields)
+        quiet = replace(self, collector=Collector())
+        ends = module.fields["between"] or ()
+        found = (quiet.target(end, "mats", "", owner) for end in ends)
+        return n_links([end for end in found if end is not None])
 
     def _unknown(self, name: Name, path: str, who: str, part: Part | None) -> None:
         if self._is_broken(path, part):

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from ergon.instruments import spread
 from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
@@ -31,7 +32,9 @@ def modules(
         who = f"{module.kind} {quote('.'.join(filter(None, (part.name, module.name))))}"
         fields = dict(module.fields)
         if module.kind in LINKS:
-            fields["between"] = _ends(module, part, scene, who)
+            ends = fields["between"] = _ends(module, part, scene, who)
+            if "gap" in fields:
+                fields["gap"] = spread.gaps(module, spread.size(ends), who, scene.collector)
         elif module.kind in ("ENX", "ENF"):
             _drive(module, part, scene, takes, fields, driven, who)
         elif module.kind in GENERATORS:
@@ -59,10 +62,9 @@ def lawful(
 def _ends(module: Module, part: Part, scene: Scene, who: str) -> tuple[Target, ...]:
     """An <L> point joins exactly one <M> point, and a link joins two different ones."""
     names = module.fields["between"] or ()
-    ends = tuple(end for name in names if (end := scene.target(name, "mat", who, part)) is not None)
-    if len(ends) == 2 and _point(ends[0]) == _point(ends[1]):
-        message = f"{who}: both ends are {ends[0].text}; a link joins two different points"
-        scene.collector.error("E304", message, ends[1].place)
+    found = (scene.target(name, "mats", who, part) for name in names)
+    ends = tuple(end for end in found if end is not None)
+    spread.is_fitting(ends, who, scene.collector)
     return ends
 
 

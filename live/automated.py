@@ -56,9 +56,8 @@ def _applied(stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[
         if len(own) == 3:
             k, z, m = own
             ties.append((assembly.mats[where], k, z, m))
-        elif where in assembly.bodies or where in assembly.links:
-            first, count = assembly.bodies.get(where) or (assembly.links[where], 1)
-            factors += [(first + link, max(own)) for link in range(count)]
+        else:
+            factors += [(link, max(own)) for link in assembly.links_of(where)]
     return Values(tuple(ties), tuple(factors))
 
 

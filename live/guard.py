@@ -310,10 +310,10 @@ def _numbers(
             k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
             ties.append((stage.scene.assembly.mats[where], k, z, mass))
         elif len(glide.before) == 2:
-            first, count = stage.scene.assembly.bodies[where]
             most = max(of + (1.0 - of) * share for of in glide.body_factors)
-            factors += [(first + link, most) for link in range(count)]
+            factors += [(link, most) for link in stage.scene.assembly.bodies[where]]
         else:
             ratio, to = glide.factors
-            factors.append((stage.scene.assembly.links[where], ratio + (to - ratio) * share))
+            factor = ratio + (to - ratio) * share
+            factors += [(link, factor) for link in stage.scene.assembly.links[where]]
     return tuple(ties), tuple(factors)

@@ -10,6 +10,7 @@ from typing import Any
 from ergon.instruments.materials import MATERIALS, OWN_MATERIAL
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import INSTRUMENT, PLACING
+from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY
@@ -106,6 +107,7 @@ def text() -> str:
     lines += ["## Modules", ""]
     for kind in KINDS.values():
         lines += _section(f"`{kind.name}`", kind.table, "###")
+    lines += _section("`gap`", PROFILE, "###")
     lines += _section("`material`", OWN_MATERIAL, "###")
     lines += _materials()
     return "\n".join(lines).rstrip() + "\n"

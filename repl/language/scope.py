@@ -10,6 +10,7 @@ from typing import Any
 
 from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import KINDS
+from ergon.instruments.spread import GAP
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.reading.leads import FACTOR, PARAMETERS, whole
@@ -113,7 +114,7 @@ def _fields(part: str, module: Module, ca: bool) -> Iterator[tuple[str, Text]]:
     if module.kind == "BANK":  # each member has its own
         yield from ((f"{path}.{name}", FACTOR) for name in PARAMETERS["BANK"])
     for field_ in (kind.ca_table if ca else kind.table).fields:
-        shape = field_.shape
+        shape = k.POSITION if field_.shape is GAP else field_.shape  # one for all of its points
         if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _AT_THE_BEGINNING:
             yield f"{path}.{field_.name}", shape
     for name in module.fields.get("constants", ()):

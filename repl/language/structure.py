@@ -8,7 +8,7 @@ from typing import Any
 
 from ergon.instruments.module_kinds import KINDS, LINKS
 from ergon.instruments.transpose import parse_interval
-from ergon.notation.tables.shapes import Text
+from ergon.notation.tables.shapes import Either, Shape, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
@@ -73,7 +73,9 @@ def _fields(text: str, scope: Scope, given: Mapping[str, Any]) -> dict[str, str]
             near = nearest(name, names)
             message = f"{given['kind']} has no field {quote(name)}; it has {', '.join(names)}"
             raise TextError(message, offset=offset, length=len(name), suggestion=near)
-        shape = table.by_name[name].shape if name in table.by_name else None
+        shape: Shape | None = table.by_name[name].shape if name in table.by_name else None
+        if isinstance(shape, Either):
+            shape = shape.scalar  # a line has room for one value
         if isinstance(shape, Text):
             checked(shape, value, offset + len(name) + 1)
         if name in found:

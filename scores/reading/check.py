@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments import rules
+from ergon.instruments import rules, spread
 from ergon.instruments.model import Instrument, Target
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.names import Scene
@@ -279,4 +279,7 @@ class Checker:
         laws = self.matter.laws((made.link,), self.names)
         who = f"{made.link.kind} of a coupling"
         link = rules.lawful(made.link, laws, values.given[values.kind], who, self.collector)
+        if "gap" in link.fields:
+            gap = spread.gaps(link, 1, who, self.collector)
+            link = replace(link, fields={**link.fields, "gap": gap})
         return replace(made, link=link, a=a, b=b)

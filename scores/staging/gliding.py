@@ -10,6 +10,7 @@ from ergon import _core
 from ergon.common.decay import LN_1000
 from ergon.instruments.model import Instrument
 from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.spread import singles
 
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
@@ -42,6 +43,11 @@ class Glide:
     own: float | None = None
 
     @property
+    def written(self) -> tuple[str, str]:
+        """The part and the module as the score has it: a link over a range is one."""
+        return self.part, self.module.partition(".")[0]
+
+    @property
     def factors(self) -> tuple[float, float]:
         """Of a link: the factors of its force at both ends."""
         own = self.after[0] if self.own is None else self.own
@@ -67,11 +73,12 @@ class Glide:
             k, z, m = self.before
             timeline.glide(assembly.mats[where], k, z, m, self.start, self.stop)
         elif len(self.before) == 2:
-            first, count = assembly.bodies[where]
+            links = assembly.bodies[where]
             points = [(self.start, *self.body_factors), (self.stop, 1.0, 1.0)]
-            timeline.lead(first, points, n=count)
+            timeline.lead(links.start, points, n=len(links))
         else:
-            timeline.fade(assembly.links[where], *self.factors, self.start, self.stop)
+            for link in assembly.links[where]:
+                timeline.fade(link, *self.factors, self.start, self.stop)
 
 
 def glides(
@@ -102,7 +109,8 @@ def glides(
             values = _of(module) or (1.0,)
             now = (0.0,) if current is None else current.at(start)
             made = Glide(*where, now, values, start, start + seconds)
-            found[where] = current if current is not None and current.after == values else made
+            if made.written not in found:  # else all of its links glide already
+                found[where] = current if current is not None and current.after == values else made
     return tuple(found.values())
 
 
@@ -152,13 +160,17 @@ def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
 
 
 def _links(piece: Piece) -> dict[tuple[str, str], Module]:
-    """The links of instruments, by (part, module), but for those of discrete networks."""
+    """The links of instruments, by (part, module), but for those of discrete networks.
+
+    A link over a range is there once for each member.
+    """
     return {
-        (part.name, module.name): module
+        (part.name, one.name): one
         for part in piece.instruments.values()
         if part.ca_rate is None
         for module in part.modules
         if module.kind in LINKS
+        for one in singles(module)
     }
 
 

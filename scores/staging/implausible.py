@@ -8,6 +8,7 @@ from math import inf, pi, sqrt
 
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import member_count
+from ergon.instruments.spread import singles, size
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Key, Piece
 
@@ -84,22 +85,24 @@ class _Scene:
 
     def gaps(self, name: str, but: Module) -> Iterator[Diagnostic]:
         """W327 where a contact is pressed from the beginning, W329 where it is too wide."""
-        a, b = but.fields["between"]
-        gap, sign = but.fields["gap"], 1.0 if but.fields["side"] == "below" else -1.0
+        sign = 1.0 if but.fields["side"] == "below" else -1.0
         place = but.places.get("gap", but.place)
-        start = sign * (self._start(a) - self._start(b)) - gap
-        if gap < 0.0 and start > 0.0:
+        pressed, nearest = -inf, -inf  # of one over a range that of its points which is deepest
+        for one in singles(but):
+            (a, b), gap = one.fields["between"], one.fields["gap"]
+            start = sign * (self._start(a) - self._start(b)) - gap
+            pressed = max(pressed, start) if gap < 0.0 else pressed
+            (low_a, high_a), (low_b, high_b) = self._travel(a), self._travel(b)
+            # The deepest that travels allow; what has no travel of its own stays where it begins.
+            nearest = max(nearest, (high_a - low_b if sign > 0 else high_b - low_a) - gap)
+        if pressed > 0.0:
             message = (
                 f"the gap of contact {quote(name)} is negative: its ends are pressed together "
             )
-            message += f"by {_millimetres(start)} from the beginning"
+            message += f"by {_millimetres(pressed)} from the beginning"
             help = "write a gap of 0 or more, or a RES or REF where the two are tied for good"
             yield Diagnostic("W327", message, place, None, help)
-        low_a, high_a = self._travel(a)
-        low_b, high_b = self._travel(b)
-        # The deepest that travels allow; what has no travel of its own stays where it begins.
-        nearest = (high_a - low_b if sign > 0 else high_b - low_a) - gap
-        has_travel = any(self._key(end) is not None for end in (a, b))
+        has_travel = any(self._key(end) is not None for end in but.fields["between"])
         if has_travel and nearest <= 0.0:
             message = (
                 f"contact {quote(name)} lies beyond the travel of its key: there it misses by "
@@ -117,7 +120,9 @@ class _Scene:
         is_contact = link.kind == "BUT"
         if is_contact and (link.fields["exponent"] != 1.0 or link.fields["contact"] == "magic"):
             return
-        inverse = sum(1.0 / self._mass(end) for end in link.fields["between"])
+        ends = link.fields["between"]
+        # Where one mass meets a range, all of these pull on it together.
+        inverse = sum(size(ends) / end.count / self._mass(end) for end in ends)
         if inverse == 0.0:
             return
         half = pi / sqrt(stiffness * inverse)  # of a period; as long as a touch lasts [s]

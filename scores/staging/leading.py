@@ -96,8 +96,8 @@ class Led:
         if kind == "BANK":
             timeline.retune(assembly.mats[where], pairs, n=self.cost)
             return
-        first, count = assembly.bodies.get(where) or (assembly.links[where], 1)
-        timeline.lead(first, pairs, n=count)
+        links = assembly.links_of(where)
+        timeline.lead(links.start, pairs, n=len(links))
 
 
 def _own(module: Module) -> dict[str, float]:

@@ -218,7 +218,8 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
         if output.is_movement:
             positions.append(_range(assembly, target))
         elif (target.part, target.module) in assembly.links:
-            forces.append((assembly.links[target.part, target.module], 1, 1.0))
+            links = assembly.links[target.part, target.module]
+            forces.append((links.start + int(target.first), target.count, 1.0))
         else:
             ground.append(_range(assembly, target))
     listening.outputs.append(".".join(filter(None, name)))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from ergon.instruments.model import Instrument, Module, Output, Target
 from ergon.instruments.module_kinds import HOLDERS, member_count
+from ergon.instruments.spread import singles
 from ergon.scores.reading.piece import Piece, Route
 
 MAX_POINTS = 256  # measured at once; a scene of 10,000 masses is not read line by line
@@ -24,9 +25,13 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A BUT: its striker `a` and what this strikes, `b`."""
+    """A BUT, or one point of a BUT over a range: its striker `a` and what this strikes, `b`.
+
+    `whole` is the name of the BUT as it is written.
+    """
 
     name: str
+    whole: str
     module: Module
     a: Point
     b: Point
@@ -37,6 +42,7 @@ class Rubbing:
     """An LNL with friction, in SI units: the ends of its elongation x_b - x_a."""
 
     name: str
+    whole: str
     module: Module
     a: Point
     b: Point
@@ -56,7 +62,7 @@ class Probed:
 def probed(piece: Piece) -> Probed:
     """The piece with an output for each end of a contact, each single mass and heard member."""
     contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
-    ends = (end for _, module in (*contacts, *rubbings) for end in module.fields["between"])
+    ends = (end for _, _, module in (*contacts, *rubbings) for end in module.fields["between"])
     targets = {_identity(target): target for target in (*ends, *_single(piece))}
     kept = list(targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
@@ -65,15 +71,15 @@ def probed(piece: Piece) -> Probed:
         for number, (identity, target) in enumerate(kept)
     }
     measured = []
-    for name, module in contacts:
+    for name, whole, module in contacts:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
-            measured.append(Contact(name, module, a, b))
+            measured.append(Contact(name, whole, module, a, b))
     rubbed = []
-    for name, module in rubbings:
+    for name, whole, module in rubbings:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
-            rubbed.append(Rubbing(name, module, a, b))
+            rubbed.append(Rubbing(name, whole, module, a, b))
     outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(kept)
@@ -96,17 +102,24 @@ def _point(target: Target, output: int, module: Module) -> Point:
     return Point(name, output, module.kind == "SOL")
 
 
-def _contacts(piece: Piece) -> Iterator[tuple[str, Module]]:
+def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for part, module in piece.modules():
         if module.kind == "BUT":
-            yield ".".join(filter(None, (part, module.name))), module
+            yield from _named(part, module)
 
 
-def _rubbings(piece: Piece) -> Iterator[tuple[str, Module]]:
+def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for instrument in piece.instruments.values():
         for module in instrument.modules if instrument.ca_rate is None else ():
             if module.kind == "LNL" and module.fields.get("damping"):
-                yield ".".join(filter(None, (instrument.name, module.name))), module
+                yield from _named(instrument.name, module)
+
+
+def _named(part: str, module: Module) -> Iterator[tuple[str, str, Module]]:
+    """Each single link of a link, by its name and that of the whole."""
+    whole = ".".join(filter(None, (part, module.name)))
+    for one in singles(module):
+        yield ".".join(filter(None, (part, one.name))), whole, one
 
 
 def _single(piece: Piece) -> Iterable[Target]:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.spread import singles
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import heard, targets_of
@@ -77,7 +78,7 @@ class _Web:
         add_network(piece, self.assembly)
         self._kinds: dict[tuple[str, str], str] = {}
         self._links: dict[int, list[tuple[int, Link]]] = {}
-        self._ends: dict[tuple[str, str], tuple[int, int]] = {}
+        self._ends: dict[tuple[str, str], set[int]] = {}
         modules = [*piece.modules()]
         for part, module in modules:
             self._kinds[part, module.name] = module.kind
@@ -89,14 +90,19 @@ class _Web:
         }
         for part, module in modules:
             if module.kind in LINKS:
-                a, b = (self._points(target)[0] for target in module.fields["between"])
-                self._ends[part, module.name] = a, b
-                name = ".".join(filter(None, (part, module.name)))
-                self._link(Link(name, module.place), a, b)
+                link = Link(".".join(filter(None, (part, module.name))), module.place)
+                pairs = dict.fromkeys(self._pair(one) for one in singles(module))
+                self._ends[part, module.name] = {end for pair in pairs for end in pair}
+                for pair in pairs:
+                    self._link(link, *pair)
         for coupling in piece.duet:
             a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
             name = f"the coupling of {coupling.a.part} and {coupling.b.part}"
             self._link(Link(name, coupling.place), a, b)
+
+    def _pair(self, link: Module) -> tuple[int, int]:
+        a, b = (self._points(target)[0] for target in link.fields["between"])
+        return a, b
 
     def _link(self, link: Link, a: int, b: int) -> None:
         self._links.setdefault(a, []).append((b, link))

@@ -357,7 +357,7 @@ def _automate(
 def _glide(piece: Piece, ready: Ready, going: Going) -> None:
     try:
         for glide in going.glides:
-            if (glide.part, glide.module) in ready.paths:
+            if glide.written in ready.paths:
                 continue  # automation leads it
             glide.put(ready.timeline, ready.scene.assembly)
     except _core.EngineError as error:

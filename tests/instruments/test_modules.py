@@ -25,7 +25,7 @@ instruments:
         ("x: {REF: {between: [m], K: 1}}", "{}", "E106", "is 1, but must be 2"),
         ("x: {REF: {between: [m, s], K: 1}}", "{}", "E304", "9 masses"),
         ("x: {REF: {between: [m, s.9], K: 1}}", "{}", "E304", "members 0 to 8"),
-        ("x: {REF: {between: [m, s.all], K: 1}}", "{}", "E304", "one MAT"),
+        ("x: {ENF: {to: s.all, from: 1N}}", "{}", "E304", "one MAT"),
         ("x: {REF: {between: [m, m.0], K: 1}}", "{}", "E304", "no members"),
         ("x: {REF: {between: [m, q], K: 1}}", "{}", "E301", "nothing is called 'q'"),
         ("x: {REF: {between: [m, n]}}", "{}", "E103", "K or Z"),

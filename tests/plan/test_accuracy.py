@@ -6,6 +6,8 @@ must hold of every scene: that a plan is no more than 1.5 dB worse than it says,
 
 from pathlib import Path
 
+import bristles
+import dry_scenes
 import numpy as np
 import pytest
 from accuracy import audit, random_scenes, reference, tables
@@ -48,6 +50,22 @@ def test_the_reference_is_the_matrix_exponential_where_a_scene_is_linear(name: s
     assert audit.error_db(stepped, exact, scene.rate) < SURE_DB
 
 
+FRICTION = {f"{kind}, {name}": scene for kind, scenes in
+            (("dry", dry_scenes.SCENES), ("bristles", bristles.SCENES))
+            for name, scene in scenes.items()}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FRICTION)
+def test_the_reference_of_friction_is_that_of_its_equations(name: str):
+    """Turns found by halving, and bends as states: against scipy's integrator, another turn finder
+    and equations that are written out for each scene."""
+    scene, n_frames = FRICTION[name], 1500
+    exact = scene.exact(n_frames)
+    found = read(scene.text)
+    stepped = reference.heard(found, *reference.integrate(found, n_frames, reference.TIGHT))
+    assert np.abs(stepped - exact).max() < 1e-6 * np.abs(exact).max()
+
+
 @pytest.mark.parametrize("name", ["hammer-9", "laws-13", "key-7"])
 def test_a_finer_tolerance_leaves_the_reference_as_it_is(name: str):
     scene = read(named(name))
@@ -84,7 +102,19 @@ def test_a_plan_of_a_named_scene_is_as_exact_as_it_says(name: str):
     honest(audit.look(name, named(name), (-40.0, -80.0), plain=False))
 
 
-@pytest.mark.parametrize("family", ["mesh", "hammer", "chain", "hard", "law"])
+@pytest.mark.parametrize(
+    "points",
+    [12, pytest.param(30, marks=pytest.mark.slow), pytest.param(60, marks=pytest.mark.slow)],
+)
+def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
+    found = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
+    honest(found)
+    (plan,) = found.plans
+    assert "modes" in plan.how
+    assert plan.real <= -60.0
+
+
+@pytest.mark.parametrize("family", ["mesh", "hammer", "chain", "hard", "law", "bristle"])
 def test_a_plan_of_a_random_scene_is_as_exact_as_it_says(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))
 

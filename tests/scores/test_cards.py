@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from docs.generators.cards import described, measured
+from docs.generators.cards import centroid, described, measured, play, score
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "instruments"
@@ -29,6 +29,23 @@ def test_every_instrument_of_a_family_has_a_card() -> None:
 
 def test_pictures_are_small() -> None:
     assert all((FOLDER / f"{name}.svg").stat().st_size < 40_000 for _, name in CARDS)
+
+
+def test_a_jawari_blooms_and_a_bare_string_does_not() -> None:
+    """The centre of its spectrum rises for 0.2 s after the stroke."""
+    family = "plucked"
+    said = {**FAMILIES[family]["cards"]["jawari"], "impulse": "0.1mNs 0.1mNs 0.1mNs"}
+    text = score(family, "jawari", said)
+    bare = "{like: jawari, modules: {bridge: {BUT: {gap: 9mm}}}}"
+    text = text.replace("  hard: {like: jawari}", f"  hard: {bare}")
+    sounds, rate = play(text, 0.4)
+    early, late = int(0.06 * rate), int(0.24 * rate)
+    shift = [
+        centroid(x[late : late + 4096], rate) / centroid(x[early : early + 4096], rate)
+        for x in sounds
+    ]
+    assert shift[1] > 1.5
+    assert shift[2] < 1.0
 
 
 @pytest.mark.parametrize(("family", "name"), CARDS, ids=[name for _, name in CARDS])

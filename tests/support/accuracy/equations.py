@@ -14,7 +14,10 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 _UNITS = {"k": 1e3, "m": 1e-3, "u": 1e-6, "": 1.0}
 _NUMBER = re.compile(r"^([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*)$", re.IGNORECASE)
-ELASTIC = {"linear": 1, "cubic": 2, "rope": 3, "detent": 4, "contact": 5}
+ELASTIC = {
+    **{"linear": 1, "cubic": 2, "rope": 3, "detent": 4, "contact": 5},
+    **{"bristle": 6, "dry": 7},
+}
 DAMPING = {"linear": 1, "cubic": 1, "rope": 2, "bow": 3, "coulomb": 4, "bow-hyperbolic": 5}
 # Constants of each law in the order of a link's numbers: elastic ones from 0, damping from 3.
 _OF_ELASTIC = {"cubic": ("k", "q"), "rope": ("k",), "detent": ("F", "w")}
@@ -80,7 +83,7 @@ class Equations:
 
     @property
     def is_linear(self) -> bool:
-        """Whether a matrix exponential solves it: no contact, no law, no gesture."""
+        """Whether a matrix exponential solves it: no contact, no law, no friction, no gesture."""
         return not self.paths and all(a <= 1 and b <= 1 for a, b in self.kinds)
 
     def point(
@@ -104,6 +107,17 @@ class Equations:
         """A mass by its name, as seen from a part."""
         inside = f"{part}.{name}"
         return self.names[inside if inside in self.names else name]
+
+    def pairs(self, ends: list[str], part: str) -> list[tuple[int, int]]:
+        """The masses that a link joins: one pair, or of `string.1..12` one for each member."""
+        rows = []
+        for end in ends:
+            head, _, low, high = re.fullmatch(r"(.*?)(\.([0-9]+)\.\.([0-9]+))?", end).groups()
+            members = range(int(low), int(high) + 1) if low else ()
+            rows.append([self.find(f"{head}.{i}", part) for i in members] or [self.find(end, part)])
+        n = max(map(len, rows))
+        a, b = (row * n if len(row) == 1 else row for row in rows)
+        return list(zip(a, b, strict=True))
 
 
 def read(text: str) -> Equations:
@@ -164,14 +178,21 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
     elif kind == "ENF":
         found.push[found.find(given["to"], own)] += number(given["from"])
     else:
-        a, b = (found.find(end, own) for end in given["between"])
+        if kind == "DRY" and "to" in given:
+            floor = found.point(f"{label}.floor", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+            pairs = [(floor, found.find(given["to"], own))]
+        else:
+            pairs = found.pairs(given["between"], own)
+        a, b = pairs[0]
+        assert len(pairs) == 1 or kind == "BUT", f"a {kind} over a range is not known here"
         if kind in ("RES", "FRO", "REF"):
             link = found.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
         elif kind == "BUT":
             sign = -1.0 if given.get("side") == "above" else 1.0
             clamp = float(given.get("clamp", False))
-            shape = of("K"), of("exponent", 1.0), of("gap"), of("Z"), sign, clamp
-            link = found.link(a, b, ELASTIC["contact"], 0, *shape)
+            for (a, b), gap in zip(pairs, gaps(given.get("gap", 0.0), len(pairs)), strict=True):
+                shape = of("K"), of("exponent", 1.0), gap, of("Z"), sign, clamp
+                link = found.link(a, b, ELASTIC["contact"], 0, *shape)
         elif kind == "LNL":
             law, damping = given.get("law"), given.get("damping")
             row = [0.0] * N_NUMBERS
@@ -182,9 +203,30 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
                 row[3 + i] = of(constant)
             laws = (ELASTIC[law] if law else 0), (DAMPING[damping] if damping else 0)
             link = found.link(a, b, *laws, *row)
+        elif kind == "BRISTLE" or "K" in given:
+            level, stiffness = ("Fc", "sigma0") if kind == "BRISTLE" else ("F", "K")
+            static = of("Fs" if kind == "BRISTLE" else "static", of(level))
+            speed = of("vs" if kind == "BRISTLE" else "speed", 0.001)
+            shape = of(stiffness), of("sigma1"), of("sigma2"), of(level), static, speed
+            link = found.link(a, b, ELASTIC["bristle"], 0, *shape)
+        elif kind == "DRY":
+            shape = of("F"), of("static", of("F")), 0.0, of("speed", 0.001)
+            link = found.link(a, b, ELASTIC["dry"], 0, *shape)
         else:
             raise ValueError(f"{kind} is not known here")
         found.links[label] = link
+
+
+def gaps(given: Any, n: int) -> list[float]:
+    """The gap at each of n points [m]: one for all, a list, or least + depth·(i/length)^power."""
+    if isinstance(given, list):
+        return [number(one) for one in given]
+    if not isinstance(given, dict):
+        return [number(given)] * n
+    assert "top" not in given, "a top is not known here"
+    i = np.arange(n) / number(given.get("length", max(n - 1, 1)))
+    shape = number(given["depth"]) * i ** number(given.get("power", 2.0))
+    return list(number(given.get("least", 0.0)) + shape)
 
 
 def plate_edges(shape: str, radius: int, *, fixed: bool) -> tuple[list[tuple[int, int]], int]:

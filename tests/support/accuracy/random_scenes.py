@@ -45,7 +45,8 @@ def text(family: str, seed: int) -> str:
     FAMILIES[family](dice, score, instrument["modules"], instrument["out"])
     for module in instrument["modules"].values():
         for fields in module.values():
-            fields |= {name: f"{fields[name]!r}{unit}" for name, unit in _UNITS if name in fields}
+            bare = [(n, u) for n, u in _UNITS if isinstance(fields.get(n), int | float)]
+            fields |= {name: f"{fields[name]!r}{unit}" for name, unit in bare}
     n_out = len(instrument["out"])
     route = [{"from": f"s.{name}", "to": [i + 1]} for i, name in enumerate(instrument["out"])]
     score["mix"] = {"channels": n_out, "route": route}
@@ -57,11 +58,11 @@ def _hear(out: Modules, *names: str) -> None:
         out[f"o{len(out)}"] = {"SOX": name}
 
 
-def _strike(dice: Dice, score: Modules, to: str, impulse: float) -> None:
-    at = f"{dice.between(0.001, 0.05):.6f}s"
+def _strike(dice: Dice, score: Modules, to: str, impulse: float, at: float | None = None) -> None:
+    when = f"{dice.between(0.001, 0.05) if at is None else at:.6f}s"
     score.setdefault("strikes", {})[f"k{len(score.get('strikes', {}))}"] = {
         "to": to,
-        "at": at,
+        "at": when,
         "impulse": impulse,
     }
 
@@ -188,6 +189,27 @@ def _hammer(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     _hear(out, target)
 
 
+def _bridge(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A string over a curved obstacle, which holds still or is a cell: contacts at many points."""
+    n = dice.whole(24, 72)
+    f, M = dice.by_ratio(40.0, min(400.0, 12000.0 / n)), dice.by_ratio(1e-3, 2e-2)
+    body = {"masses": n, "M": M, "f": f, "t60": dice.by_ratio(1.0, 8.0)}
+    modules["b"] = {"STRING": body}
+    modules["o"] = dice.one_of({"SOL": {}}, _cell(dice))
+    first, points = dice.whole(0, n // 3), dice.whole(2, n // 2)
+    swing = dice.by_ratio(1e-4, 2e-3)
+    speed = 2.0 * np.pi * f * swing
+    far = swing * (first + points) / n  # about how far the string swings where the obstacle ends
+    profile = {"depth": f"{far * dice.by_ratio(0.02, 0.5)!r}m", "power": dice.one_of(1.0, 2.0)}
+    if dice.whole(0, 1):
+        profile["least"] = f"{far * dice.between(0.0, 0.1)!r}m"
+    contact = _contact(dice, M / n, speed)
+    ends = ["o", f"b.{first}..{first + points - 1}"]
+    modules["c"] = {"BUT": {"between": ends, "gap": profile, **contact}}
+    _strike(dice, score, f"s.b.{dice.whole(n // 2, n - 1)}", M * speed)
+    _hear(out, f"b.{dice.whole(n // 2, n - 1)}")
+
+
 def _chain(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """Cells in a row that hit one another."""
     n = dice.whole(3, 6)
@@ -252,6 +274,77 @@ def _law(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     _hear(out, "m")
 
 
+def _rubbed(dice: Dice, modules: Modules) -> tuple[float, float, list[str]]:
+    """Something that friction may rub: its mass [kg], the force that it swings with [N], the ends.
+
+    A block on a belt, a cell that swings out on the ground, a point of a string, or two cells.
+    """
+    what = dice.whole(0, 3)
+    if what == 0:
+        modules["m"] = _cell(dice)
+        M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
+        speed = dice.by_ratio(0.01, 0.5)
+        modules["w"] = {"MAS": {"M": 1000.0, "V0": speed}}
+        return M, M * 2.0 * np.pi * f * speed, ["w", "m"]
+    if what == 1:
+        x = dice.between(0.3e-3, 3e-3)
+        modules["m"] = _cell(dice, X0=x)
+        M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
+        modules["w"] = {"SOL": {}}
+        return M, M * (2.0 * np.pi * f) ** 2 * x, ["w", "m"]
+    if what == 2:
+        modules["m"], n = _string(dice)
+        body = modules["m"]["STRING"]
+        m, speed, bow = body["M"] / n, dice.by_ratio(0.02, 0.5), f"m.{dice.whole(1, n - 2)}"
+        modules["w"] = {"MAS": {"M": 1000.0, "V0": speed}}
+        return m, 2.0 * body["M"] * body["f"] * speed, ["w", bow]
+    x = dice.between(0.3e-3, 3e-3)
+    modules["m"], modules["w"] = _cell(dice, X0=x), _cell(dice)
+    M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
+    return M, M * (2.0 * np.pi * f) ** 2 * x, ["w", "m"]
+
+
+def _dry(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Dry friction that holds and slides."""
+    m, force, ends = _rubbed(dice, modules)
+    F = float(force * dice.by_ratio(0.01, 2.0))
+    friction = {"F": F}
+    if dice.whole(0, 1):
+        friction |= {"static": F * dice.between(1.0, 2.0), "speed": dice.by_ratio(0.003, 0.1)}
+    is_ground = modules["w"] == {"SOL": {}}
+    modules["l"] = {"DRY": ({"to": ends[1]} if is_ground else {"between": ends}) | friction}
+    _strike_rubbed(dice, score, m, force, ends[1])
+    _hear(out, ends[1])
+
+
+def _bristle(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Friction with memory, that gives no energy; Dahl's in one of three."""
+    m, force, ends = _rubbed(dice, modules)
+    F = float(force * dice.by_ratio(0.01, 1.0))
+    # As a spring that swings with the mass at 200 Hz to 3 kHz.
+    sigma0 = float(m * (2.0 * np.pi * dice.by_ratio(200.0, 3000.0)) ** 2)
+    friction = {"sigma0": sigma0, "Fc": F}
+    if dice.whole(0, 2):
+        static = F * dice.between(1.0, 2.0)
+        damping = float(np.sqrt(sigma0 * m)) * dice.by_ratio(0.02, 1.0)
+        least = damping * (static - F) / F
+        friction |= {"Fs": static, "vs": dice.by_ratio(0.003, 0.1), "sigma1": damping}
+        friction["sigma2"] = least * dice.between(1.0, 2.0)
+    modules["l"] = {"BRISTLE": {"between": ends, **friction}}
+    _strike_rubbed(dice, score, m, force, ends[1])
+    _hear(out, ends[1])
+
+
+def _strike_rubbed(dice: Dice, score: Modules, m: float, force: float, to: str) -> None:
+    """On a hundredth of a second, which is a frame at every rate.
+
+    Between two frames a strike on what is joined to others is split evenly (docs/numerics.md).
+    """
+    if dice.whole(0, 1):
+        impulse = min(m * dice.between(0.05, 0.5), float(force) * 1e-3)
+        _strike(dice, score, f"s.{to}", impulse, dice.whole(1, 5) / 100)
+
+
 def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """A key led by a hand, joined to a body by a spring, or striking it."""
     M, K = dice.by_ratio(0.05, 0.5), dice.by_ratio(20.0, 200.0)
@@ -279,9 +372,12 @@ FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "body": _damped_body,
     "linear": _linear,
     "hammer": _hammer,
+    "bridge": _bridge,
     "chain": _chain,
     "bow": _bow,
     "hard": _hard,
     "law": _law,
+    "dry": _dry,
+    "bristle": _bristle,
     "key": _key,
 }

@@ -3,6 +3,9 @@
 The method is DOP853 (Dormand and Prince; Hairer, Norsett and Wanner) by the coefficients of
 `scipy.integrate.DOP853`, compiled, with no step across a frame or an event. Nothing of ergon's
 engine takes part.
+
+The bend of a BRISTLE is one more state. A DRY slides one way or holds: a step ends where that
+changes, by halving, so no step goes over a kink. One DRY at most may rub on a mass that moves.
 """
 
 from dataclasses import dataclass
@@ -12,7 +15,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.linalg import expm
 
-from accuracy.equations import REST, Equations
+from accuracy.equations import ELASTIC, REST, Equations
 
 _TABLEAU = (
     np.vstack([DOP853.A, DOP853.B]),
@@ -24,6 +27,9 @@ _STAGES = DOP853.n_stages
 TIGHT, LOOSE = 1e-12, 1e-10
 _SMALL = 1e-6  # of the largest: what moves less is not asked to be exact by its own size
 _FEWEST = 1e-7  # of a frame: the shortest step
+_BRISTLE, _DRY = ELASTIC["bristle"], ELASTIC["dry"]
+_STILL = 1e-13  # [m/s] of a slide that has stopped
+_HALVES = 60  # of a step in which a DRY turns
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,7 @@ def heard(scene: Equations, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         if kind == "SOX":
             columns.append(x[:, i])
             continue
+        assert kinds[i, 0] not in (_BRISTLE, _DRY), "the force of a friction is not heard here"
         a, b = ends[i]
         columns.append(_forces_on_second(*kinds[i], numbers[i], x[:, [a, b]], v[:, [a, b]]))
     return np.stack(columns, axis=1)
@@ -109,8 +116,17 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
         pieces[i, :, :6] = path.spline.c[:, which].T
         pieces[i, :, 6] = np.where(inside, breaks[which], np.nan)
     leads = np.array([(p.mass, p.image, p.tracked) for p in scene.paths], dtype=np.int64)
+    bends = np.array([kind[0] == _BRISTLE for kind in scene.kinds], dtype=bool)
+    rubbed = [
+        end
+        for pair, kind in zip(scene.ends, scene.kinds, strict=True)
+        for end in pair
+        if kind[0] == _DRY and np.isfinite(scene.mass[end])
+    ]
+    assert len(set(rubbed)) == len(rubbed), "two DRY rub on one mass"
+    assert not (rubbed and scene.paths), "a DRY beside a gesture is not known here"
     states = _march(
-        np.array([*scene.x0, *scene.v0]),
+        np.array([*scene.x0, *scene.v0, *[0.0] * int(bends.sum())]),
         when,
         blows,
         1.0 / np.array(scene.mass),
@@ -127,7 +143,7 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
     assert np.isfinite(states).all(), "the reference went beyond all bounds"
     kept = states[np.searchsorted(when, frames - 1e-13)]
     n = len(scene.mass)
-    return kept[:, :n], kept[:, n:]
+    return kept[:, :n], kept[:, n : 2 * n]
 
 
 @nb.njit(cache=True)
@@ -178,9 +194,19 @@ def _forces_on_second(elastic, damping, c, x, v):
 
 
 @nb.njit(cache=True)
-def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pieces):
-    """dy/dt; gestures that run hold their masses in y on the path."""
+def _level(c, w):
+    """What a DRY gives at a rate w of its ends [N]."""
+    return c[0] + (c[1] - c[0]) * np.exp(-((w / c[3]) ** 2))
+
+
+@nb.njit(cache=True)
+def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pieces, ways, needs):
+    """dy/dt; gestures that run hold their masses in y on the path.
+
+    `ways`: how each DRY slides, 0 where it holds; `needs`: the pull with which it would hold.
+    """
     n = len(inverse)
+    bend = 2 * n
     for g in range(len(leads)):
         p = pieces[g, at]
         if np.isnan(p[6]):
@@ -199,7 +225,25 @@ def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pi
     for k in range(len(ends)):
         a, b = ends[k]
         d, w = y[b] - y[a], y[n + b] - y[n + a]
-        f = _pull(kinds[k, 0], kinds[k, 1], numbers[k], d, w)
+        if kinds[k, 0] == _DRY:
+            continue  # it holds against all others
+        if kinds[k, 0] == _BRISTLE:  # sigma0, sigma1, sigma2, Fc, Fs, vs
+            c = numbers[k]
+            level = c[3] + (c[4] - c[3]) * np.exp(-((w / c[5]) ** 2))
+            dy[bend] = w - c[0] * abs(w) * y[bend] / level
+            f = c[0] * y[bend] + c[1] * dy[bend] + c[2] * w
+            bend += 1
+        else:
+            f = _pull(kinds[k, 0], kinds[k, 1], numbers[k], d, w)
+        dy[n + a] += f
+        dy[n + b] -= f
+    for k in range(len(ends)):
+        if kinds[k, 0] != _DRY:
+            continue
+        a, b = ends[k]
+        apart = dy[n + b] * inverse[b] - dy[n + a] * inverse[a]
+        needs[k] = apart / (inverse[a] + inverse[b])
+        f = ways[k] * _level(numbers[k], y[n + b] - y[n + a]) if ways[k] != 0.0 else needs[k]
         dy[n + a] += f
         dy[n + b] -= f
     for g in range(len(leads)):
@@ -224,6 +268,51 @@ def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pi
 
 
 @nb.njit(cache=True)
+def _has_turned(y, n, ends, kinds, numbers, ways, needs):
+    """Whether a DRY no longer goes as it did; `needs` are those of y."""
+    for k in range(len(ends)):
+        if kinds[k, 0] != _DRY:
+            continue
+        a, b = ends[k]
+        if ways[k] != 0.0:
+            margin = ways[k] * (y[n + b] - y[n + a])
+        else:
+            margin = _level(numbers[k], 0.0) - abs(needs[k])
+        if margin < 0.0:
+            return True
+    return False
+
+
+@nb.njit(cache=True)
+def _turn(y, inverse, ends, kinds, numbers, ways):
+    """Take the rest of a rate that has passed zero from both ends of each DRY."""
+    n = len(inverse)
+    for k in range(len(ends)):
+        a, b = ends[k]
+        w = y[n + b] - y[n + a]
+        if kinds[k, 0] == _DRY and ways[k] * w < 0.0:
+            impulse = w / (inverse[a] + inverse[b])
+            y[n + a] += impulse * inverse[a]
+            y[n + b] -= impulse * inverse[b]
+
+
+@nb.njit(cache=True)
+def _begin(y, n, ends, kinds, numbers, ways, needs):
+    """How each DRY goes from here: it slides as it does, or as it is pushed."""
+    for k in range(len(ends)):
+        if kinds[k, 0] != _DRY:
+            continue
+        a, b = ends[k]
+        w = y[n + b] - y[n + a]
+        if abs(w) > _STILL:
+            ways[k] = np.sign(w)
+        elif abs(needs[k]) <= _level(numbers[k], 0.0):
+            ways[k] = 0.0
+        else:
+            ways[k] = np.sign(needs[k])
+
+
+@nb.njit(cache=True)
 def _march(
     start,
     when,
@@ -245,18 +334,32 @@ def _march(
     y = start.copy()
     k = np.zeros((_STAGES + 1, size))
     new, largest = np.empty(size), np.abs(start)
+    ways, needs = np.zeros(len(ends)), np.zeros(len(ends))
+    has_dry = (kinds[:, 0] == _DRY).any()
     out = np.empty((len(when), size))
     h = when[1] - when[0]
     for at in range(len(when)):
         out[at] = y
+        blown = at == 0
         for i in range(n):
             y[n + i] += blows[at, i]
+            blown |= blows[at, i] != 0.0
         if at + 1 == len(when):
             break
         t, end = when[at], when[at + 1]
         shortest = _FEWEST * (end - t)
+        # Of a step in which a DRY turns: how long it may be, and how long it is at least.
+        most, least, halves = end - t, 0.0, 0
+        begins = has_dry and blown
         while t < end:
+            if begins:
+                _slopes(t, y, k[0], at, inverse, ground, push, ends, kinds, numbers, leads, pieces,
+                        ways, needs)  # fmt: skip
+                _begin(y, n, ends, kinds, numbers, ways, needs)
+                begins = False
             h = min(h, end - t)
+            if halves:  # the last of them takes the shortest step that turns
+                h = most if halves == _HALVES else 0.5 * (least + most)
             whole = h == end - t
             # The last stage is at the end of the step, where the weights of order 8 lead.
             for stage in range(_STAGES + 1):
@@ -266,13 +369,16 @@ def _march(
                         total += A[stage, j] * k[j, i]
                     new[i] = y[i] + h * total
                 _slopes(t + C[stage] * h, new, k[stage], at, inverse, ground, push, ends, kinds,
-                        numbers, leads, pieces)  # fmt: skip
+                        numbers, leads, pieces, ways, needs)  # fmt: skip
             top_x = max(largest[:n].max(), np.abs(new[:n]).max())
-            top_v = max(largest[n:].max(), np.abs(new[n:]).max())
+            top_v = max(largest[n : 2 * n].max(), np.abs(new[n : 2 * n]).max())
+            top_z = 0.0
+            for i in range(2 * n, size):
+                top_z = max(top_z, largest[i], abs(new[i]))
             five, three = 0.0, 0.0
             for i in range(size):
                 own = max(largest[i], abs(new[i]))
-                top = top_x if i < n else top_v
+                top = top_x if i < n else top_v if i < 2 * n else top_z
                 scale = tolerance * (own + _SMALL * top) + 1e-30
                 e5, e3 = 0.0, 0.0
                 for j in range(_STAGES + 1):
@@ -282,7 +388,18 @@ def _march(
                 three += (e3 / scale) ** 2
             # Not a number after a step that left all bounds: it is taken again, shorter.
             error = h * five / np.sqrt((five + 0.01 * three) * size + 1e-300)
-            if error < 1.0 or h <= shortest:
+            is_taken = error < 1.0 or h <= shortest or halves > 0
+            if is_taken and has_dry:
+                turned = _has_turned(new, n, ends, kinds, numbers, ways, needs)
+                if halves < _HALVES and (turned or halves):
+                    most, least = (h, least * (halves > 0)) if turned else (most, h)
+                    halves += 1
+                    continue
+                halves = 0
+                if turned:
+                    _turn(new, inverse, ends, kinds, numbers, ways)
+                    begins = True
+            if is_taken:
                 t = end if whole else t + h
                 for i in range(size):
                     y[i] = new[i]

@@ -1,0 +1,144 @@
+"""Links over a range of members: `between: [bridge, string.1..12]` is one contact of many points.
+
+Such a link is there once for each member. Its `gap` may be another at each: a list, or a profile.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.members import PATTERN
+from ergon.instruments.modal import Each
+from ergon.instruments.model import Module, Target
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import Either, ListOf
+from ergon.notation.text.errors import Collector, quote
+
+_MEMBERS = re.compile(rf"\.{PATTERN}$")
+
+MAX_SPREAD = 10_000  # points of one link
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """An obstacle whose top is `least` [m] away, at a point, and which falls by `depth` [m].
+
+    Points count from 0, as members do; the fall is reached `length` points from the top.
+    """
+
+    least: float
+    depth: float
+    top: float
+    length: float | None
+    power: float
+
+    def gaps(self, n: int) -> tuple[float, ...]:
+        """least + depth·(|i - top|/length)^power for each of n points i [m]."""
+        away = [abs(i - self.top) for i in range(n)]
+        length = self.length or max(away) or 1.0
+        return tuple(self.least + self.depth * _core.pow(one / length, self.power) for one in away)
+
+
+def _profile(values: Values) -> Profile:
+    names = ("least", "depth", "top", "length", "power")
+    return Profile(*(values[name] for name in names))
+
+
+PROFILE = Record(
+    "profile",
+    "how far an obstacle with a curved top is, from point to point",
+    (
+        Field("depth", k.POSITION, "how much farther it is at the far end", required=True),
+        Field("least", k.POSITION, "gap at its top", 0.0),
+        Field("top", k.NUMBER, "point at which it is nearest, counted from 0", 0.0),
+        Field(
+            "length", k.POSITIVE, "points from the top to that depth", shown="to the farthest end"
+        ),
+        Field("power", k.EXPONENT, "2: a parabola, 1: a slope", 2.0),
+    ),
+    _profile,
+)
+GAP = Either(k.POSITION, PROFILE, ListOf(k.POSITION, 1, MAX_SPREAD))
+
+
+def size(ends: Sequence[Target]) -> int:
+    """How many links lie between ends of which one or both are ranges."""
+    return max((end.count for end in ends), default=1)
+
+
+def singles(module: Module) -> Iterator[Module]:
+    """The links of which a link over a range is made, `bridge.0` and so on; itself if it is one."""
+    ends = module.fields["between"]
+    n, gap = size(ends), module.fields.get("gap")
+    if n == 1:
+        yield module
+        return
+    for i in range(n):
+        fields = {**module.fields, "between": tuple(_member(end, i) for end in ends)}
+        if isinstance(gap, tuple):
+            fields["gap"] = gap[i]
+        yield replace(module, name=f"{module.name}.{i}", fields=fields)
+
+
+def _member(end: Target, i: int) -> Target:
+    """The end of one of the links: a range goes from member to member, one module stays."""
+    if end.count == 1 or end.first == "centre":
+        return end
+    member = end.first + i
+    return replace(end, first=member, count=1, text=f"{_MEMBERS.sub('', end.text)}.{member}")
+
+
+def is_fitting(ends: Sequence[Target], who: str, collector: Collector) -> bool:
+    """Whether two ends make links: one MAT and a range, or two ranges of one size; reports."""
+    if len(ends) != 2:
+        return False
+    a, b = ends
+    place = b.place
+    if a.count != b.count and min(a.count, b.count) > 1:
+        message = f"{who}: {quote(a.text)} has {a.count:,} members and {quote(b.text)} {b.count:,}"
+        message += "; a link joins one module to each of a range, or two ranges of one length"
+        collector.error("E304", message, place)
+        return False
+    if size(ends) > MAX_SPREAD:
+        message = f"{who}: a link has at most {MAX_SPREAD:,} points, not {size(ends):,}"
+        collector.error("E105", message, place)
+        return False
+    if (shared := _shared(a, b)) is not None:
+        message = f"{who}: both ends are {shared}; a link joins two different points"
+        collector.error("E304", message, place)
+        return False
+    return True
+
+
+def _shared(a: Target, b: Target) -> str | None:
+    """A point that would be joined to itself."""
+    if (a.part, a.module) != (b.part, b.module):
+        return None
+    if "centre" in (a.first, b.first):
+        return b.text if a.first == b.first else None
+    n = size((a, b))
+    for one, other in ((_member(a, i), _member(b, i)) for i in range(n)):
+        if one.first == other.first:
+            return other.text
+    return None
+
+
+def gaps(module: Module, n: int, who: str, collector: Collector) -> Any:
+    """The gap of a contact of n points: one for all, or one for each; reports."""
+    gap = module.fields.get("gap")
+    if isinstance(gap, Profile):
+        gap = gap.gaps(n)
+    elif isinstance(gap, tuple) and len(gap) != n:
+        place = module.places.get("gap", module.place)
+        message = f"{who}: gap: the number of items is {len(gap)}, but must be {n}"
+        message += " (one for each point)" if n > 1 else ": it joins two single points"
+        collector.error("E106", message, place)
+        return 0.0
+    if not isinstance(gap, tuple):
+        return gap
+    return gap[0] if n == 1 else Each(gap)

@@ -1,0 +1,305 @@
+"""Links over a range of members: one contact of many points, as a bridge or a fret."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+from checked import check, codes, found
+from edited import opened, piece_of, value
+
+from ergon.api.simulate import never_closed, simulate
+from ergon.scores.edits import matter
+from ergon.scores.staging.gliding import glides, leaving, with_leaving
+from ergon.scores.staging.implausible import implausible
+from ergon.scores.staging.reach import ties
+from ergon.scores.staging.scene import build_scene
+from ergon.scores.staging.stage import stage
+
+SCORE = """\
+ergon: 1
+instruments:
+  s:
+    modules:
+      body: {STRING: {masses: 20, M: 2g, f: A2, t60: 2s}}
+      wall: %s
+%s
+    out: {x: {SOX: body.15}, f: {SOF: %s}}
+strikes: {a: {to: s.body.12, at: 0, impulse: 1mNs}}
+accuracy: {method: ca}
+render: {bits: float, tail: 0.2s}
+"""
+SOL = "{SOL: {}}"
+K = "K: 20kN/m, Z: 5mNs/m"
+
+
+def heard(lines: str, force: str, wall: str = SOL, method: str = "ca") -> np.ndarray:
+    """Outputs of the scene (n_frames, 2)."""
+    text = SCORE.replace("method: ca", f"method: {method}") % (wall, lines, force)
+    made = stage(check(text).piece, planned=True)
+    sound = np.empty((made.n_frames, made.simulation.n_out))
+    made.simulation.process(sound)
+    return sound
+
+
+GAPS = ("1um", "2um", "3um", "4um", "5um")
+LIST = f"[{', '.join(GAPS)}]"
+
+
+def by_hand(gaps: Iterable[str], first: int) -> str:
+    return "\n".join(
+        f"      c{i}: {{BUT: {{between: [wall, body.{first + i}], {K}, gap: {gap}}}}}"
+        for i, gap in enumerate(gaps)
+    )
+
+
+def over(first: int, last: int, gap: str) -> str:
+    return f"      c: {{BUT: {{between: [wall, body.{first}..{last}], {K}, gap: {gap}}}}}"
+
+
+def same(ours: np.ndarray, other: np.ndarray) -> bool:
+    """The same movement to the last bit; a force is summed up in another order."""
+    close = np.abs(ours[:, 1] - other[:, 1]).max() <= 1e-12 * np.abs(other[:, 1]).max()
+    return bool((ours[:, 0] == other[:, 0]).all() and close)
+
+
+def parabola(n: int, depth: float, *, least: float = 0.0, top: float = 0.0, length: float) -> list:
+    return [least + depth * (abs(i - top) / length) ** 2 for i in range(n)]
+
+
+CASES = {
+    "one for all": ("40um", [40e-6] * 5),
+    "a list": ("[10um, 20um, 5um, 0mm, 0.1mm]", [10e-6, 20e-6, 5e-6, 0.0, 1e-4]),
+    "a parabola": ("{depth: 80um}", parabola(5, 80e-6, length=4.0)),
+    "a short one": ("{depth: 20um, length: 2}", parabola(5, 20e-6, length=2.0)),
+    "from a top beyond": (
+        "{depth: 54um, top: -2, length: 3, least: 4um}",
+        parabola(5, 54e-6, least=4e-6, top=-2.0, length=3.0),
+    ),
+    "round its middle": ("{depth: 40um, top: 2}", parabola(5, 40e-6, top=2.0, length=2.0)),
+    "a slope": ("{depth: 40um, power: 1}", [i * 10e-6 for i in range(5)]),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_it_is_what_a_contact_for_each_member_is(name: str):
+    gap, gaps = CASES[name]
+    ours = heard(over(3, 7, gap), "{BUT: c}")
+    hand = heard(by_hand((f"{gap!r}m" for gap in gaps), 3), "[c0, c1, c2, c3, c4]")
+    assert np.abs(hand[:, 1]).max() > 1e-3  # they touch
+    assert np.abs(ours - hand).max(axis=0) == pytest.approx(0.0, abs=1e-12 * np.abs(hand).max())
+
+
+def test_the_same_gaps_are_the_same_samples():
+    ours = heard(over(3, 7, LIST), "{BUT: c}")
+    assert same(ours, heard(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]"))
+
+
+def test_its_force_is_the_sum_of_its_points():
+    line = over(3, 7, "{depth: 40um}")
+    whole, some = heard(line, "{BUT: c}")[:, 1], heard(line, "c.1..3")[:, 1]
+    points = [heard(line, f"c.{i}")[:, 1] for i in range(5)]
+    assert np.abs(whole - sum(points)).max() < 1e-12 * np.abs(whole).max()
+    assert np.abs(some - sum(points[1:4])).max() < 1e-12 * np.abs(whole).max()
+    assert all(np.abs(own).max() > 0.0 for own in points[:2])
+
+
+def test_an_obstacle_may_have_a_mass():
+    wall = "{CEL: {M: 1g, f: 200Hz, t60: 0.2s}}"
+    ours = heard(over(3, 7, LIST), "{BUT: c}", wall)
+    hand = heard(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]", wall)
+    assert same(ours, hand)
+    assert (ours[:, 0] != heard(over(3, 7, LIST), "{BUT: c}")[:, 0]).any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("FRO", "Z: 20mNs/m"),
+        ("REF", "K: 2kN/m, Z: 10mNs/m, rest: 0.01mm"),
+        ("LNL", "law: k*d + q*d**3, k: 100, q: 1e9"),
+        ("BRISTLE", "sigma0: 1kN/m, Fc: 1mN"),
+        ("DRY", "F: 1mN"),
+    ],
+)
+def test_every_link_goes_over_a_range(kind: str, fields: str):
+    ours = heard(f"      c: {{{kind}: {{between: [wall, body.3..5], {fields}}}}}", "c")
+    lines = [
+        f"      c{i}: {{{kind}: {{between: [wall, body.{i}], {fields}}}}}" for i in range(3, 6)
+    ]
+    hand = heard("\n".join(lines), "[c3, c4, c5]")
+    assert np.abs(hand[:, 1]).max() > 0.0
+    assert same(ours, hand)
+
+
+def test_two_ranges_join_member_by_member():
+    wall = "{STRING: {masses: 8, M: 4g, f: A3, t60: 1s}}"
+    ours = heard(
+        f"      c: {{BUT: {{between: [wall.2..4, body.6..8], {K}, gap: 10um}}}}", "c", wall
+    )
+    lines = [
+        f"      c{i}: {{BUT: {{between: [wall.{2 + i}, body.{6 + i}], {K}, gap: 10um}}}}"
+        for i in range(3)
+    ]
+    assert same(ours, heard("\n".join(lines), "[c0, c1, c2]", wall))
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "words"),
+    [
+        (over(3, 20, "0mm"), "E304", "members 0 to 19"),
+        (over(7, 3, "0mm"), "E304", "runs downwards"),
+        (over(3, 7, "[1um, 2um]"), "E106", "the number of items is 2, but must be 5"),
+        (over(3, 7, "{depth: 1um, length: 0}"), "E202", "length"),
+        (over(3, 7, "{depth: 1um, power: 0.5}"), "E202", "power"),
+        (over(3, 7, "{least: 1um}"), "E103", "depth"),
+        (over(3, 7, "{dept: 1um}"), "E101", "dept"),
+        (over(3, 7, "1g"), "E203", "gap"),
+        (
+            "      c: {BUT: {between: [wall, body.3], K: 1N/m, gap: [1um, 2um]}}",
+            "E106",
+            "two single points",
+        ),
+        ("      c: {BUT: {between: [wall, body], K: 1N/m}}", "E304", "20 masses"),
+        (
+            "      c: {BUT: {between: [body.1..3, body.5..8], K: 1N/m}}",
+            "E304",
+            "ranges of one length",
+        ),
+        (
+            "      c: {BUT: {between: [body.4, body.3..5], K: 1N/m}}",
+            "E304",
+            "both ends are body.4; a link joins two different points",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_where_it_is_written(line: str, code: str, words: str):
+    text = SCORE % (SOL, line, "c")
+    reports = [report for report in found(text) if report[0] == code]
+    assert len(reports) == 1, found(text)
+    assert reports[0][1] == 7  # its line
+    assert words in reports[0][2]
+
+
+def test_a_force_is_that_of_points_that_there_are():
+    reports = found(SCORE % (SOL, over(3, 7, "0mm"), "c.5"))
+    assert [report[0] for report in reports] == ["E304"]
+    assert "members 0 to 4" in reports[0][2]
+    single = SCORE % (SOL, over(3, 3, "0mm"), "c.0")
+    assert "no members" in found(single)[0][2]
+
+
+def warned(line: str, wall: str = SOL) -> list:
+    return implausible(check(SCORE % (wall, line, "c")).piece)
+
+
+def test_a_gap_below_zero_is_told_once_with_the_deepest():
+    (told,) = warned(over(3, 7, "[0mm, -1mm, -3mm, 1mm, 0mm]"))
+    assert told.code == "W327"
+    assert "'s.c' is negative" in told.message
+    assert "3 mm" in told.message
+    assert told.place.line == 7
+    assert [one.code for one in warned(over(3, 7, "{depth: -2mm}"))] == ["W327"]
+    assert warned(over(3, 7, "{depth: -2mm, least: 2mm}")) == []  # hollow, and never pressed
+
+
+def test_all_points_pull_on_an_obstacle_that_moves():
+    wall = "{MAS: {M: 0.1g}}"
+    line = over(0, 19, "0mm").replace("20kN/m", "100kN/m")
+    assert [one.code for one in warned(line, wall)] == ["W328"]
+    assert warned(line) == []  # a wall that holds still
+
+
+def test_a_contact_closes_where_one_of_its_points_does():
+    piece = check(SCORE % (SOL, over(3, 7, "[9mm, 9mm, 10um, 9mm, 9mm]"), "c")).piece
+    assert never_closed(piece, simulate(piece, "test")) == []
+    piece = check(SCORE % (SOL, over(3, 7, "[9mm, 8mm, 7mm, 6mm, 9mm]"), "c")).piece
+    done = simulate(piece, "test")
+    assert [one.contact.name for one in done.contacts] == [f"s.c.{i}" for i in range(5)]
+    (told,) = never_closed(piece, done)
+    assert told.code == "W320"
+    assert "contact 's.c' never closes" in told.message
+    assert "s.body.6" in told.message  # the nearest
+
+
+def test_its_stiffness_glides_as_one():
+    line = over(3, 7, LIST)
+    glide = "automation: [{at: 0, set: s.c.K, to: x4@0 line x1@100ms}]\n"
+    ours = check(SCORE % (SOL, line, "c") + glide).piece
+    hand = by_hand(GAPS, 3)
+    lines = "".join(f"  - {{at: 0, set: s.c{i}.K, to: x4@0 line x1@100ms}}\n" for i in range(5))
+    other = check(SCORE % (SOL, hand, "[c0, c1, c2, c3, c4]") + f"automation:\n{lines}").piece
+    sounds = []
+    for piece in (ours, other):
+        made = stage(piece, planned=True)
+        sounds.append(np.empty((made.n_frames, 2)))
+        made.simulation.process(sounds[-1])
+    assert same(*sounds)
+    assert (sounds[0] != heard(line, "c")).any()
+
+
+def test_a_transposed_contact_keeps_its_gaps():
+    text = SCORE % (SOL, over(3, 7, "{depth: 40um}"), "c")
+    text = text.replace("strikes:", "  t: {like: s, transpose: 7st}\nstrikes:")
+    piece = check(text).piece
+    gaps = [
+        next(m for m in piece.instruments[name].modules if m.name == "c").fields["gap"]
+        for name in ("s", "t")
+    ]
+    assert gaps[0] == gaps[1] == pytest.approx(parabola(5, 40e-6, length=4.0))
+
+
+def test_a_coupling_of_keys_is_one_contact():
+    text = """\
+    ergon: 1
+    keys: {a: {M: 1kg, K: 1N/m}, b: {M: 1kg, K: 1N/m}}
+    duet: [{couple: [a, b], BUT: {K: 1N/m, gap: %s}, at: 0}]
+    """
+    assert codes(text % "1mm") == []
+    assert codes(text % "[1mm, 2mm]") == ["E106"]
+    assert check(text % "{depth: 1mm, least: 2mm}").piece.duet[0].link.fields["gap"] == 2e-3
+
+
+def test_a_profile_is_multiplied_and_replaced_where_it_is_written(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(SCORE % (SOL, over(3, 7, "{depth: 16um}"), "c"))
+    texts, piece = opened(path)
+    after = piece_of(matter.set_value(texts, piece, "s.c.gap", "x2"))
+    assert value(after, "s.c.gap") == pytest.approx(parabola(5, 32e-6, length=4.0))
+    after = piece_of(matter.set_value(texts, piece, "s.c.gap", "0.1mm"))
+    assert value(after, "s.c.gap") == 1e-4
+
+
+def test_points_that_come_and_go_fade_one_by_one():
+    """A session lets links come from no force and let go: those of a range too."""
+    short, long = (check(SCORE % (SOL, over(3, last, "0mm"), "c")).piece for last in (5, 7))
+    coming = glides(short, long, (), 0.0, 0.1)
+    assert [(one.module, one.before, one.after) for one in coming] == [
+        ("c.3", (0.0,), (2e4,)),
+        ("c.4", (0.0,), (2e4,)),
+    ]
+    going = leaving(long, short, (), (), 0.0)
+    assert [one.glide.module for one in going] == ["c.3", "c.4"]
+    kept = with_leaving(short, going)
+    assert {one.glide.written for one in going} == {("s", "c")}
+    assert build_scene(kept, ()).network.n_lia == build_scene(long, ()).network.n_lia
+    # A new value of K is one glide of all points.
+    stiffer = check((SCORE % (SOL, over(3, 7, "0mm"), "c")).replace("20kN/m", "40kN/m")).piece
+    assert [one.module for one in glides(long, stiffer, (), 0.0, 0.1)] == ["c"]
+
+
+def test_what_a_hand_reaches_through_a_range_is_not_frozen():
+    text = """\
+    ergon: 1
+    keys: {k1: {M: 1kg, K: 1N/m}}
+    players: {ada: {key: k1, hand: live}}
+    instruments:
+      bars:
+        modules:
+          row: {BANK: {count: 6, M: 1g, f: 100Hz..600Hz, t60: 1s}}
+          c: {BUT: {between: [k1, row.2..4], K: 1kN/m, gap: 1mm}}
+        out: {low: {SOX: row.1}, high: {SOX: row.4}}
+    mix: {route: [{from: bars.%s, to: 1}]}
+    """
+    reached = [ties(check(text % name).piece, ["bars"], ["ada"]) for name in ("high", "low")]
+    assert "reaches it by bars.c" in str(reached[0][0])
+    assert reached[1] == []
