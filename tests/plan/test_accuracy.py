@@ -119,6 +119,15 @@ def test_a_plan_of_a_random_scene_is_as_exact_as_it_says(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))
 
 
+@pytest.mark.parametrize("scene", ["dry-76", "dry-84", "bristle-130"])
+def test_two_runs_that_stick_alike_are_not_believed(scene: str):
+    """In each, one step a frame and two agree far better than either is right."""
+    family, _, seed = scene.partition("-")
+    text = random_scenes.text(family, int(seed))
+    found = audit.look(scene, text, (-60.0, -80.0), plain=False)
+    assert all(plan.is_judged and not plan.is_silent_miss for plan in found.plans)
+
+
 def test_a_table_has_a_row_for_each_scene_and_budget():
     found = audit.look("plan-roundtrip", named("plan-roundtrip"))
     assert found.overspending(found.plans[2]) == pytest.approx(1.0)

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
-use crate::network::{Error, Network, Subset};
+use crate::network::{Error, LinkKind, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::linear::NoModes;
@@ -128,6 +128,12 @@ impl Assembled {
         } else {
             MethodChoice::AsBefore(methods)
         }
+    }
+
+    /// Whether something in it holds and lets go: two runs may agree by luck, both late to let go.
+    pub(in crate::plan) fn sticks(&self) -> bool {
+        let mut runs = self.island_plan.network.runs().iter();
+        runs.any(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_)))
     }
 
     /// Whether linear bodies of it go by their modes.

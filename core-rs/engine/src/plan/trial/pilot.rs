@@ -25,7 +25,7 @@ use crate::plan::trial::pilot_run::{PilotRun, is_worth, length, play};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::waveform_error::{Spans, difference, errors};
+use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference, errors};
 
 /// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
 const CONTACT: f64 = 4.0;
@@ -504,6 +504,8 @@ fn contacts(
     let mut known: Option<(f64, Option<Parting>)> = None;
     // The last run from which doubling gained something, and how often it has gained nothing since.
     let mut settled: Option<Contacts> = None;
+    // A run that may agree with the finer one by luck.
+    let mut unsure: Option<Contacts> = None;
     let mut idle = 0;
     loop {
         let finer = play(island_plan, 2 * contact_substeps, n_frames, allowance);
@@ -546,11 +548,21 @@ fn contacts(
         };
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let (own, left) = errors(change, last, order);
+        if let Some(found) = unsure.take()
+            && own + DOUBLING <= aim
+        {
+            return Ok(Contacts {
+                error: found.error.map(|error| error.max(own + DOUBLING)),
+                ..found
+            });
+        }
+        // Where something sticks two runs may agree by luck: three do not.
+        let is_sure = last.is_some() || !island.sticks();
         let is_idle = !island.may_collocate && last.is_some_and(|last| change > last - GAIN);
         idle = if is_idle { idle + 1 } else { 0 };
         // Once a step is another method: it tells nothing of how fast the error falls.
         last = Some(change).filter(|_| contact_substeps > 1);
-        if own <= aim {
+        if own <= aim && is_sure {
             let parting = told(false);
             return Ok(Contacts {
                 contact_substeps,
@@ -561,7 +573,7 @@ fn contacts(
             });
         }
         contact_substeps *= 2;
-        if left <= aim || 2 * contact_substeps > Budget::STEPS_MAX {
+        if (left <= aim && is_sure) || 2 * contact_substeps > Budget::STEPS_MAX {
             return Ok(Contacts {
                 contact_substeps,
                 error: Some(left),
@@ -581,14 +593,17 @@ fn contacts(
             });
         }
         known = Some((left, told(true)));
-        if idle == 0 {
-            settled = Some(Contacts {
-                contact_substeps: contact_substeps / 2,
-                error: Some(own),
-                parting: told(false),
-                run,
-                is_idle: false,
-            });
+        let found = Contacts {
+            contact_substeps: contact_substeps / 2,
+            error: Some(own),
+            parting: told(false),
+            run,
+            is_idle: false,
+        };
+        if own <= aim {
+            unsure = Some(found);
+        } else if idle == 0 {
+            settled = Some(found);
         }
         run = finer;
     }

@@ -1,7 +1,7 @@
 //! The search for an island that is exact enough: other methods for its meshes, then more steps a frame for all of it.
 //! How finely contacts are computed is found before, by the `pilot`.
 
-use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
+use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, Spans, difference, errors};
 use std::cell::OnceCell;
 
 use crate::integrate::MeshMethod;
@@ -121,7 +121,16 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             self.allowance,
         )?;
         let change = difference(&run.sound, &fine.sound, self.spans);
-        let (error, _) = errors(change, last, ORDERS.1);
+        let (mut error, _) = errors(change, last, ORDERS.1);
+        if last.is_none()
+            && island.sticks()
+            && let Some(finest) = self.finer(finer)
+        {
+            let substeps = self.contact_substeps(4 * oversampling);
+            let finest = play(&finest.island_plan, substeps, self.n_frames, self.allowance)?;
+            let next = difference(&fine.sound, &finest.sound, self.spans);
+            error = error.max(errors(next, Some(change), ORDERS.1).0 + DOUBLING);
+        }
         let contact_substeps = self.contact_substeps(oversampling);
         let first = || Stretches::of(&run.sound, self.spans);
         let parting = if run.is_lost {

@@ -7,7 +7,7 @@ use crate::plan::trial::pilot_run::AFTER;
 /// Errors fall with the square of the step at best, with its first power at least.
 pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
 /// By so much an error of order 1 falls with a doubling [dB].
-const DOUBLING: f64 = 6.02;
+pub(in crate::plan) const DOUBLING: f64 = 6.02;
 
 /// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
 /// by the order `most` is luck, for it matters where between two instants a contact closes.
