@@ -25,7 +25,7 @@ demo: $(VENV)/built
 test: test-rust test-python
 
 test-rust:
-	PROPTEST_RNG_SEED=1 cargo test --locked --quiet
+	MAKEFLAGS= PROPTEST_RNG_SEED=1 cargo test --locked --quiet
 
 test-python: $(VENV)/dev
 	CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile --no-loadscope-reorder

@@ -18,6 +18,10 @@ def dense(body: Body, forced: list[int], heard: list[int], f: np.ndarray) -> np.
     return np.array(found)
 
 
+# Of the dense solution, at resonances: its last digits are those of the machine's own kernels.
+ALIKE = 1e-8
+
+
 def largest(found: np.ndarray, wanted: np.ndarray) -> float:
     assert found.shape == wanted.shape
     return float((np.abs(found - wanted) / np.abs(wanted)).max())
@@ -34,7 +38,7 @@ def test_random_networks_against_dense_solutions(seed: int, damping: float):
     mats = [[body.mats[i] for i in point] for point in points]
     found = body.network.admittance(["b"], [body.mats[forced]], mats, f)
     for row, point in zip(found, points, strict=True):
-        assert largest(row, dense(body, [forced], point, f)) < 1e-9
+        assert largest(row, dense(body, [forced], point, f)) < ALIKE
     # Force and velocity may be exchanged (reciprocity).
     back = body.network.admittance(["b"], mats[1], [mats[0]], f)
     assert largest(back[0], found[1]) < 1e-9

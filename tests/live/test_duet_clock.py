@@ -91,8 +91,9 @@ def _stood_in(both: _core.Recording) -> None:
     assert stood[0] > 0
     back = int(ticks[stood[-1] + 1]) * TICK
     assert back % BAR < TICK, "a hand that comes back waits for a bar"
-    # Stand-in and hand move less than half of this in a tick, and so does the change of hands.
-    changes = x[stood[0] - 1 : stood[-1] + 1000, 1]
+    # The stand-in moves less than half of this in a tick, and so does each change of hands. How far
+    # a device moves between two ticks is a matter of the clock, and of a busy machine.
+    changes = x[stood[0] - 1 : stood[-1] + 2, 1]
     assert np.abs(np.diff(changes)).max() < 1e-4
 
 
