@@ -12,6 +12,7 @@ from ergon.common.report import Report
 from ergon.exchange.wave_header import ORIGINATOR, Bits
 
 from .errors import OptionError
+from .gain import asked_gain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -83,7 +84,8 @@ def fold_file(
         info = sound.read_info(path)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
-    gain, inputs = _gain(options.gain), (path, *([Path(options.head)] if options.head else []))
+    gain = 1.0 if options.gain is None else asked_gain(options.gain)
+    inputs = (path, *([Path(options.head)] if options.head else []))
     if target != "-":
         check_target(Path(target), force=options.force, inputs=inputs)
     held = _source(path, info, options, report)
@@ -144,16 +146,6 @@ def _whole(
     yield np.zeros((tail, info.format.n_channels))
 
 
-def _gain(asked: str | None) -> float:
-    from ergon.notation.tables.quantities import gain
-    from ergon.notation.text.errors import TextError
-
-    try:
-        return 1.0 if asked is None else gain(asked)
-    except TextError as error:
-        raise OptionError("gain", error.message) from None
-
-
 def _order(word: str, option: str) -> int | None:
     """The order of `ambix5`; None for another word. Raises OptionError."""
     from ergon.space.ambisonics import MOST
@@ -169,6 +161,7 @@ def _order(word: str, option: str) -> int | None:
 
 def _named(word: str, option: str, report: Report) -> Field:
     """Ambisonics by its order, or loudspeakers of a layout."""
+    from ergon.space.ambisonics import MOST
     from ergon.space.ways import Field
 
     from .layouts import NoLayoutError, read_layout
@@ -179,7 +172,7 @@ def _named(word: str, option: str, report: Report) -> Field:
     try:
         return Field(read_layout(word, report).speakers)
     except NoLayoutError as error:
-        raise OptionError(option, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}7") from None
+        raise OptionError(option, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{MOST}") from None
 
 
 def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) -> Field:

@@ -17,6 +17,17 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
+def asked_gain(asked: str) -> float:
+    """The ratio of a level such as "-6dB". Raises OptionError."""
+    from ergon.notation.tables.quantities import gain
+    from ergon.notation.text.errors import TextError
+
+    try:
+        return gain(asked)
+    except TextError as error:
+        raise OptionError("gain", error.message) from None
+
+
 def gain_of(
     piece: Piece,
     staged: Callable[[], Stage],
@@ -29,14 +40,9 @@ def gain_of(
     `staged` gives its stage, where a preflight needs one. Raises OptionError.
     """
     from ergon.live.preflight import length, level
-    from ergon.notation.tables.quantities import gain as ratio
-    from ergon.notation.text.errors import TextError
 
     if asked is not None:
-        try:
-            return ratio(asked)
-        except TextError as error:
-            raise OptionError("gain", error.message) from None
+        return asked_gain(asked)
     master = piece.mix.master
     if master is None or master.normalise is None:
         return 1.0

@@ -63,8 +63,8 @@ def chunks_of(field: Field, title: str) -> bytes:
 
 def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> bytes:
     """The same of a score's layout, where there is one and the file has its channels."""
-    from ergon.space.ways import Field
-
     if layout is None or len(layout.speakers) != n_channels:
         return b""
+    from ergon.space.ways import Field
+
     return chunks_of(Field(layout.speakers), title)

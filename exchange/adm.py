@@ -16,9 +16,9 @@ from xml.sax.saxutils import quoteattr
 from .xml_text import XmlError, parsed
 
 if TYPE_CHECKING:
-    from .wave_header import WaveInfo
+    from ergon.space.directions import Angles
 
-Angles = tuple[float, float, float]  # azimuth, elevation [degrees], distance [m]
+    from .wave_header import WaveInfo
 
 _UID = struct.Struct("<H12s14s11sx")
 _FIRST = 0x1001  # of what is defined in the file itself

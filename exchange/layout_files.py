@@ -15,11 +15,9 @@ import yaml
 
 from ergon.common.errors import ErgonError
 from ergon.common.terminal import printable
-from ergon.space.directions import angles, point
+from ergon.space.directions import Angles, angles, point, unit_vectors
 
 from .xml_text import XmlError, parsed
-
-Angles = tuple[float, float, float]  # azimuth, elevation [degrees], distance [m]
 
 MOST = 4 << 20  # bytes of a file
 MOST_SPEAKERS = 1024
@@ -47,7 +45,6 @@ class Form:
 
 def _write_iem(speakers: Sequence[Angles], title: str) -> str:
     """With the imaginary loudspeakers that close its hull, which are not heard."""
-    from ergon.space.directions import unit_vectors
     from ergon.space.panning import imaginary
 
     rows = [

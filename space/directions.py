@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Point = tuple[float, float, float]  # (x, y, z) [m]
+Angles = tuple[float, float, float]  # azimuth, elevation [degrees], distance [m]
 _GOLDEN_ANGLE = pi * (3.0 - sqrt(5.0))
 _EXACT = {-270.0: (1.0, 0.0), -180.0: (0.0, -1.0), -90.0: (-1.0, 0.0), 0.0: (0.0, 1.0)} | {
     90.0: (1.0, 0.0),
@@ -40,7 +41,7 @@ def point(azimuth: float, elevation: float, distance: float) -> Point:
     return (0.0 - distance * level * left, distance * level * front, distance * up)
 
 
-def angles(place: Point) -> tuple[float, float, float]:
+def angles(place: Point) -> Angles:
     """Azimuth and elevation [degrees] and distance [m] of a point; (0, 0, 0) of the middle."""
     x, y, z = place
     level = sqrt(x * x + y * y)

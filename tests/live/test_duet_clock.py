@@ -91,10 +91,12 @@ def _stood_in(both: _core.Recording) -> None:
     assert stood[0] > 0
     back = int(ticks[stood[-1] + 1]) * TICK
     assert back % BAR < TICK, "a hand that comes back waits for a bar"
-    # The stand-in moves less than half of this in a tick, and so does each change of hands. How far
-    # a device moves between two ticks is a matter of the clock, and of a busy machine.
-    changes = x[stood[0] - 1 : stood[-1] + 2, 1]
-    assert np.abs(np.diff(changes)).max() < 1e-4
+    # Stand-in and hand move less than half of this in a tick, and so does the change of hands.
+    changes = np.abs(np.diff(x[stood[0] - 1 : stood[-1] + 1000, 1]))
+    n_stood = len(stood) + 1
+    assert changes[:n_stood].max() < 1e-4
+    # Where a busy machine stalls, a device moves farther from one tick to the next.
+    assert np.quantile(changes[n_stood:], 0.99) < 1e-4
 
 
 def test_a_host_that_is_killed_lets_go_and_leaves_its_recording(score: Path, tmp_path: Path):
