@@ -7,7 +7,7 @@ import pytest
 from rust_imports import Graph, branches, circles, imports
 
 ROOT = Path(__file__).parents[2]
-CRATES = ["engine", "live"]
+CRATES = ["engine", "view", "live"]
 
 
 def layers(crate: str) -> dict[str, set[str]]:

@@ -1,0 +1,118 @@
+//! `.motion`: chunks of a kind, an instant and a payload, each closed by its CRC-32.
+//!
+//! A file is the eight bytes [`MAGIC`], then chunks. A chunk is `u16 kind, u16 version, u32 length, f64 seconds`, then the
+//! payload, then the CRC-32 of all of these; numbers are little-endian. A file that ends within a chunk holds the chunks before.
+
+use thiserror::Error;
+
+/// The first bytes of every file.
+pub const MAGIC: [u8; 8] = *b"ERGM\x01\0\0\0";
+
+const HEAD: usize = 16;
+const CRC: usize = 4;
+
+/// Most bytes of a payload: a frame of 10⁶ points in f64 is an eighth of it.
+pub const MOST: usize = 64 << 20;
+
+/// One chunk, as it is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chunk<'a> {
+    /// What the payload is.
+    pub kind: u16,
+    /// The version of this kind's payload.
+    pub version: u16,
+    /// The instant at which it is heard \[s\].
+    pub seconds: f64,
+    /// As the kind says.
+    pub payload: &'a [u8],
+}
+
+/// Why bytes are no chunk.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum ChunkError {
+    /// The bytes end before the chunk does: more may follow.
+    #[error("the bytes end within a chunk")]
+    Cut,
+    /// A length above [`MOST`].
+    #[error("a payload has {0} bytes; {MOST} is the most")]
+    Long(usize),
+    /// The check sum is another.
+    #[error("the CRC-32 of a chunk is wrong")]
+    Crc,
+}
+
+/// Appends one chunk.
+///
+/// # Panics
+///
+/// Where the payload is longer than [`MOST`].
+pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
+    assert!(
+        chunk.payload.len() <= MOST,
+        "a payload of {} bytes",
+        chunk.payload.len()
+    );
+    let begin = out.len();
+    out.extend_from_slice(&chunk.kind.to_le_bytes());
+    out.extend_from_slice(&chunk.version.to_le_bytes());
+    out.extend_from_slice(&(chunk.payload.len() as u32).to_le_bytes());
+    out.extend_from_slice(&chunk.seconds.to_le_bytes());
+    out.extend_from_slice(chunk.payload);
+    let crc = crc32fast::hash(&out[begin..]);
+    out.extend_from_slice(&crc.to_le_bytes());
+}
+
+/// The chunk at the beginning of `bytes`, and how many bytes it takes.
+///
+/// # Errors
+///
+/// [`ChunkError`] where no whole chunk stands there.
+pub fn read(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
+    let head = bytes.get(..HEAD).ok_or(ChunkError::Cut)?;
+    let number = |at: usize| u16::from_le_bytes([head[at], head[at + 1]]);
+    let length = u32::from_le_bytes([head[4], head[5], head[6], head[7]]) as usize;
+    if length > MOST {
+        return Err(ChunkError::Long(length));
+    }
+    let end = HEAD + length;
+    let crc = bytes.get(end..end + CRC).ok_or(ChunkError::Cut)?;
+    if crc32fast::hash(&bytes[..end]).to_le_bytes() != crc {
+        return Err(ChunkError::Crc);
+    }
+    let seconds = f64::from_le_bytes(head[8..].try_into().expect("eight bytes"));
+    Ok((
+        Chunk {
+            kind: number(0),
+            version: number(2),
+            seconds,
+            payload: &bytes[HEAD..end],
+        },
+        end + CRC,
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_and_what_is_damaged_is_refused(
+            kind: u16, version: u16, seconds: f64, payload: Vec<u8>, at: prop::sample::Index, bit in 0..8u32,
+        ) {
+            let chunk = Chunk { kind, version, seconds, payload: &payload };
+            let mut bytes = Vec::new();
+            write(&mut bytes, &chunk);
+            let (found, n) = read(&bytes).expect("a chunk");
+            prop_assert_eq!(n, bytes.len());
+            prop_assert_eq!((found.kind, found.version, found.payload), (kind, version, &payload[..]));
+            prop_assert_eq!(found.seconds.to_bits(), seconds.to_bits());
+            let i = at.index(bytes.len());
+            prop_assert_eq!(read(&bytes[..i]), Err(ChunkError::Cut));
+            bytes[i] ^= 1 << bit;
+            prop_assert!(read(&bytes).is_err());
+        }
+    }
+}
