@@ -130,8 +130,8 @@ def admittance(
     ends = [point(piece, "heard", name) for name in names]
     parts = tuple(dict.fromkeys(end.part for end in (at, *ends)))
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
-        scene = prepare(piece).scene
-        network = scene.network
+        built = prepare(piece).built
+        network = built.network
         each = [network.elements([part]) for part in parts]
         if len({one.ca_rate for one in each}) > 1:
             reason = "lies in a part whose `units` or rate differ from those of the force's part"
@@ -139,7 +139,7 @@ def admittance(
         if options.peaks and options.frequencies is None:
             axis = _with_peaks(network, parts, axis)
         mats = [
-            _masses("heard" if number else "forced", end, scene.assembly.members(end), each)
+            _masses("heard" if number else "forced", end, built.assembly.members(end), each)
             for number, end in enumerate((at, *ends))
         ]
         values = network.admittance(list(parts), mats[0], mats[1:], axis)  # type: ignore[arg-type]

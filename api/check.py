@@ -68,15 +68,15 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     try:
         staged = stage_as_checked(loaded.piece, report)
         found = [*unused(loaded.piece), *implausible(loaded.piece), *staged.diagnostics]
-        found += stops_low(highest_modes(loaded.piece, staged.scene))
-        found += passes_limit(loaded.piece, staged.scene, staged.paths)
+        found += stops_low(highest_modes(loaded.piece, staged.built))
+        found += passes_limit(loaded.piece, staged.built, staged.paths)
     except StageError as error:
         found = list(error.diagnostics)
         if loaded.piece.automation and any(one.code == "E309" for one in found):
             # Where the network itself is refused there is nothing to look at.
             with contextlib.suppress(_core.EngineError):
                 ready = prepare(loaded.piece)
-                found += passes_limit(loaded.piece, ready.scene, ready.paths)
+                found += passes_limit(loaded.piece, ready.built, ready.paths)
     scores.show(report, loaded, found)
     return staged, found
 

@@ -172,7 +172,7 @@ def _frozen(
     parts that the version plays from there. Raises OptionError."""
     from ergon.exchange.frozen import NotFrozenError
     from ergon.repl.session.frozen_parts import held, of_frozen
-    from ergon.scores.staging.scene import build_scene
+    from ergon.scores.staging.built_network import build_network
 
     piece, option = version.piece, "frozen" if folder is None else "resume"
     if folder is None and options.frozen is None:
@@ -182,7 +182,7 @@ def _frozen(
             path = Path(options.frozen or "")
             frozen = freeze.read(piece, path, None, report)
             freeze.are_free(piece, frozen, real)
-            listening = build_scene(piece, frozenset(frozen.parts)).listening
+            listening = build_network(piece, frozenset(frozen.parts)).listening
             folder = of_frozen(path, frozen, piece, listening)
         parts = held(folder, version, real)
     except NotFrozenError as error:

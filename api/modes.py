@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.instruments.model import Target
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.scene import Scene
+    from ergon.scores.staging.built_network import BuiltNetwork
 
 COUNT = 20  # modes of each part, where nothing says how many
 
@@ -113,26 +113,26 @@ def modes(
     piece = scores.piece_of(loaded)
     names = named(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
-        scene = prepare(piece).scene
-        return tuple(modes_of(piece, scene, name, asked, loaded.inputs) for name in names)
+        built = prepare(piece).built
+        return tuple(modes_of(piece, built, name, asked, loaded.inputs) for name in names)
 
 
 def modes_of(
     piece: Piece,
-    scene: Scene,
+    built: BuiltNetwork,
     name: str,
     asked: Mapping[str, float | int],
     inputs: Sequence[Path],
 ) -> PartModes:
-    """Modes of a part of a scene, in the range `asked` of the engine. Raises OptionError."""
+    """Modes of a part of a network, in the range `asked` of the engine. Raises OptionError."""
     import numpy as np
 
-    network = scene.network
+    network = built.network
     found = _asked(network, name, asked)
     decay = -found.poles.real
     with np.errstate(divide="ignore"):
         t60 = np.where(decay > 0, LN_1000 / np.where(decay > 0, decay, 1.0), np.inf)
-    slots = points_of(piece, scene, name, found.mats)
+    slots = points_of(piece, built, name, found.mats)
     points = {label: found.shapes[:, own].sum(axis=1) for label, own in slots.items()}
     places = [network.position_of(mat) for mat in found.mats]
     return PartModes(
@@ -162,17 +162,17 @@ def _asked(network: _core.Network, name: str, asked: Mapping[str, float | int]) 
 
 
 def points_of(
-    piece: Piece, scene: Scene, name: str, mats: Sequence[int]
+    piece: Piece, built: BuiltNetwork, name: str, mats: Sequence[int]
 ) -> Mapping[str, Sequence[int]]:
     """Where a part is struck, touched or heard: of each point its slots among the masses `mats`."""
     slots = {mat: slot for slot, mat in enumerate(mats)}
     points = {}
     for text, targets in _points(piece, name):
-        all_mats = [mat for target in targets for mat in scene.assembly.members(target)]
+        all_mats = [mat for target in targets for mat in built.assembly.members(target)]
         own = [slots[mat] for mat in all_mats if mat in slots]
         if own:
             is_one = len(all_mats) == 1
-            label = text or (scene.network.name_of(all_mats[0]) if is_one else targets[0].text)
+            label = text or (built.network.name_of(all_mats[0]) if is_one else targets[0].text)
             points[label] = own
     return points
 

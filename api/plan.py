@@ -80,5 +80,5 @@ def plan(
         made.choices(),
         (*loaded.inputs, *options.files),
         budget,
-        {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.scene)},
+        {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.built)},
     )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.instruments.model import Module
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.scene import Scene
+    from ergon.scores.staging.built_network import BuiltNetwork
 
 TO = 5000.0  # [Hz]
 _STATIC = 1e-5  # of the lowest mode: masses answer there as springs do, to the square of this
@@ -116,21 +116,23 @@ def stats(
     piece = scores.piece_of(loaded)
     names = named(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
-        scene = prepare(piece).scene
-        return tuple(_stats(piece, scene, name, to, loaded.inputs) for name in names)
+        built = prepare(piece).built
+        return tuple(_stats(piece, built, name, to, loaded.inputs) for name in names)
 
 
-def _stats(piece: Piece, scene: Scene, name: str, to: float, inputs: Sequence[Path]) -> PartStats:
+def _stats(
+    piece: Piece, built: BuiltNetwork, name: str, to: float, inputs: Sequence[Path]
+) -> PartStats:
     import numpy as np
 
-    own = scene.network.elements([name])
-    modes = modes_of(piece, scene, name, {"to": to}, inputs)
+    own = built.network.elements([name])
+    modes = modes_of(piece, built, name, {"to": to}, inputs)
     n_free = int(is_free(modes.shapes, own).sum())
     swinging = modes.frequencies[n_free:]
     middles, counts = _bands(swinging[swinging > 0])
     guarantee, oversampling = _certificate(piece, name)
     mats = own.mats
-    points = points_of(piece, scene, name, mats)
+    points = points_of(piece, built, name, mats)
     return PartStats(
         name,
         len(mats),
@@ -142,11 +144,11 @@ def _stats(piece: Piece, scene: Scene, name: str, to: float, inputs: Sequence[Pa
         n_free,
         middles,
         counts,
-        _highest(scene.network, name, own),
+        _highest(built.network, name, own),
         guarantee,
         oversampling,
         tuple(
-            _point(scene.network, name, own, modes, label, np.array(slots))
+            _point(built.network, name, own, modes, label, np.array(slots))
             for label, slots in points.items()
         ),
         tuple(inputs),

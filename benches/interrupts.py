@@ -73,7 +73,7 @@ COMMANDS = {
         "_rehearsed",
     ),
     "check --simulate": (_THROWN, "check --simulate score.yaml", "swings"),
-    "check, a large plate": (_LARGE, "check score.yaml", "add_network"),
+    "check, a large plate": (_LARGE, "check score.yaml", "add_parts"),
     "plan": (_THROWN, "plan score.yaml", "plan"),
     "render, its plan": (_THROWN, "render score.yaml -o out.wav", "plan"),
     "render": (_LONG, "render score.yaml -o out.wav --method ca", "frames_of"),

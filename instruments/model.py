@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
 
 
@@ -50,6 +51,26 @@ class Placing:
     across: float
     at: tuple[float, float]
     height: float | None
+
+
+class Places(Mapping[str, Place]):
+    """Where fields are written: worked out when it is asked, for of most nobody asks."""
+
+    def __init__(self, nodes: Mapping[str, Node]) -> None:
+        """Of the nodes of the fields."""
+        self._nodes = nodes
+
+    def __getitem__(self, field: str) -> Place:
+        """Where a field is written."""
+        return self._nodes[field].place
+
+    def __iter__(self) -> Iterator[str]:
+        """The fields that are written."""
+        return iter(self._nodes)
+
+    def __len__(self) -> int:
+        """How many fields are written."""
+        return len(self._nodes)
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,7 +38,7 @@ class Part:
 
 
 @dataclass(slots=True)
-class Scene:
+class PartNames:
     """All parts of a piece, by name."""
 
     collector: Collector

@@ -8,7 +8,7 @@ from typing import Any
 
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
-from ergon.instruments.model import Instrument, Module, Output, Placing
+from ergon.instruments.model import Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
@@ -291,8 +291,7 @@ def module(name: str, kind: str, values: Values) -> Module:
         fields["stretching"] = wire.of(fields["masses"], fields["ends"])
     for check in _CHECKS.get(kind, ()):
         check(kind, values)
-    places = {field: node.place for field, node in values.nodes.items()}
-    return Module(name, kind, fields, values.place, places)
+    return Module(name, kind, fields, values.place, Places(values.nodes))
 
 
 def _needs(*names: str) -> Any:

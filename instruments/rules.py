@@ -11,7 +11,7 @@ from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
 from ergon.instruments.module_kinds import GENERATORS, LINKS, Start, member_count
-from ergon.instruments.names import Part, Scene
+from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -20,7 +20,7 @@ from ergon.notation.text.values import Place
 
 def modules(
     part: Part,
-    scene: Scene,
+    part_names: PartNames,
     laws: Mapping[str, LawText],
     takes: Mapping[str, Any],
     bodies: Mapping[str, Values],
@@ -32,15 +32,15 @@ def modules(
         who = f"{module.kind} {quote('.'.join(filter(None, (part.name, module.name))))}"
         fields = dict(module.fields)
         if module.kind in LINKS:
-            ends = fields["between"] = _ends(module, part, scene, who)
+            ends = fields["between"] = _ends(module, part, part_names, who)
             if "gap" in fields:
-                fields["gap"] = spread.gaps(module, spread.size(ends), who, scene.collector)
+                fields["gap"] = spread.gaps(module, spread.size(ends), who, part_names.collector)
         elif module.kind in ("ENX", "ENF"):
-            _drive(module, part, scene, takes, fields, driven, who)
+            _drive(module, part, part_names, takes, fields, driven, who)
         elif module.kind in GENERATORS:
-            _starts(module, who, scene.collector)
+            _starts(module, who, part_names.collector)
         resolved = replace(module, fields=fields)
-        result.append(lawful(resolved, laws, bodies.get(module.name), who, scene.collector))
+        result.append(lawful(resolved, laws, bodies.get(module.name), who, part_names.collector))
     return tuple(result)
 
 
@@ -59,12 +59,12 @@ def lawful(
     return resolved(module, laws, who, _locator(module, body), collector)
 
 
-def _ends(module: Module, part: Part, scene: Scene, who: str) -> tuple[Target, ...]:
+def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[Target, ...]:
     """An <L> point joins exactly one <M> point, and a link joins two different ones."""
     names = module.fields["between"] or ()
-    found = (scene.target(name, "mats", who, part) for name in names)
+    found = (part_names.target(name, "mats", who, part) for name in names)
     ends = tuple(end for end in found if end is not None)
-    spread.is_fitting(ends, who, scene.collector)
+    spread.is_fitting(ends, who, part_names.collector)
     return ends
 
 
@@ -89,14 +89,14 @@ def _point(target: Target) -> tuple[str, str, object]:
 def _drive(
     module: Module,
     part: Part,
-    scene: Scene,
+    part_names: PartNames,
     takes: Mapping[str, Any],
     fields: dict[str, Any],
     driven: dict[tuple[str, str, object], str],
     who: str,
 ) -> None:
     """Only forces add: two imposed positions at one point contradict each other."""
-    target = scene.target(fields["to"], "mat", who, part)
+    target = part_names.target(fields["to"], "mat", who, part)
     fields["to"] = target
     source = fields["from"]
     if isinstance(source, Name) and source not in takes:
@@ -105,7 +105,7 @@ def _drive(
             fields["from"] = Name(full, source.place)
         else:
             message = f"{who}: {quote(source)} is neither a take nor a number"
-            scene.collector.error(
+            part_names.collector.error(
                 "E301", message, source.place, word=str(source), names=tuple(takes)
             )
     if target is None or module.kind != "ENX":
@@ -115,13 +115,13 @@ def _drive(
         message = (
             f"{who}: {first} already imposes the position of {target.text}; only forces add up"
         )
-        scene.collector.error("E304", message, module.place)
+        part_names.collector.error("E304", message, module.place)
 
 
 def outputs(
     part: Part,
     written: tuple[Output, ...],
-    scene: Scene,
+    part_names: PartNames,
     layout: Callable[[str, Place], Layout | None],
 ) -> tuple[Output, ...]:
     """Outputs with names replaced by what they reach."""
@@ -131,33 +131,35 @@ def outputs(
         who = f"{output.kind} of {quote(called)}"
         family = "mats" if output.is_movement else "links"
         names: tuple[Any, ...] = output.targets
-        each = (one for name in names for one in _each(name, part, scene))
-        found = (_output_target(name, family, who, part, scene) for name in each)
+        each = (one for name in names for one in _each(name, part, part_names))
+        found = (_output_target(name, family, who, part, part_names) for name in each)
         targets = tuple(target for target in found if target is not None)
         room = None
         if isinstance(output.nearest, str):
             room = layout(output.nearest, output.place)
             if not any(module.kind == "BANK" for module in part.modules.values()):
                 message = f"{who}: `nearest` needs the members of a BANK"
-                scene.collector.error("E304", message, output.place)
+                part_names.collector.error("E304", message, output.place)
         result.append(replace(output, targets=targets, nearest=room))
     return tuple(result)
 
 
-def _each(name: Name, part: Part, scene: Scene) -> list[Name]:
+def _each(name: Name, part: Part, part_names: PartNames) -> list[Name]:
     """A name, or of another instrument with notes the names of all of them."""
     is_own = name.partition(".")[0] in (*part.modules, *part.selves)
-    return [name] if is_own else scene.members(name, part.prefix)
+    return [name] if is_own else part_names.members(name, part.prefix)
 
 
-def _output_target(name: Name, family: Any, who: str, part: Part, scene: Scene) -> Target | None:
+def _output_target(
+    name: Name, family: Any, who: str, part: Part, part_names: PartNames
+) -> Target | None:
     """SOF also hears the ground's spring of a CEL or of a bank's members."""
     if family == "links":
         head = name.split(".")[0] if name not in part.modules else name
         module = part.modules.get(str(head)) or part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):
-            return scene.target(name, "mats", who, part)
-    return scene.target(name, family, who, part)
+            return part_names.target(name, "mats", who, part)
+    return part_names.target(name, family, who, part)
 
 
 def _locator(module: Module, body: Values | None) -> Callable[[str, int, int], Place]:

@@ -55,7 +55,7 @@ class Score:
 
     def hear(self, frames: Floats) -> Floats:
         """Through the piece's own routes."""
-        listening = prepare(self.piece).scene.listening
+        listening = prepare(self.piece).built.listening
         mixed = np.zeros((len(frames), listening.n_channels))
         mixer = listening.mixer(self.rate, frames.shape[1], highpass=HIGHPASS)
         mixer.process(np.ascontiguousarray(frames), mixed)

@@ -50,7 +50,7 @@ def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
 
 def _applied(stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[float]]) -> Values:
     """Numbers of modules as the engine takes them; a BANK that is led is reached by no hand."""
-    assembly = stage.scene.assembly
+    assembly = stage.built.assembly
     ties, factors = [], []
     for where, own in zip(modules, numbers, strict=True):
         if len(own) == 3:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.live.automated import MAX_SETS, RATIO, SHORT, Values, felt, value_sets
+from ergon.scores.staging.built_network import OVER, acting
 from ergon.scores.staging.gliding import Glide
-from ergon.scores.staging.scene import OVER, acting
 
 if TYPE_CHECKING:
     import numpy as np
@@ -244,7 +244,7 @@ def _moments(
     """Stretches of a piece: first frame, values at the beginning, and values at the end."""
     couplings = [
         (link, _end(stage, until))
-        for link, (_, until) in zip(stage.scene.couplings, acting(stage.piece), strict=True)
+        for link, (_, until) in zip(stage.built.couplings, acting(stage.piece), strict=True)
     ]
     moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start]
     frames = {start, *(_on_grid(stage, glide.stop) for glide in moving)}
@@ -308,12 +308,12 @@ def _numbers(
             (k, z, m), (to_k, to_z, to_m) = glide.before, glide.after
             mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * share)
             k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
-            ties.append((stage.scene.assembly.mats[where], k, z, mass))
+            ties.append((stage.built.assembly.mats[where], k, z, mass))
         elif len(glide.before) == 2:
             most = max(of + (1.0 - of) * share for of in glide.body_factors)
-            factors += [(link, most) for link in stage.scene.assembly.bodies[where]]
+            factors += [(link, most) for link in stage.built.assembly.bodies[where]]
         else:
             ratio, to = glide.factors
             factor = ratio + (to - ratio) * share
-            factors += [(link, factor) for link in stage.scene.assembly.links[where]]
+            factors += [(link, factor) for link in stage.built.assembly.links[where]]
     return tuple(ties), tuple(factors)

@@ -68,9 +68,9 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
         reports = [*loaded.diagnostics, *unused(loaded.piece), *implausible(loaded.piece)]
         reports += played.diagnostics
         if entry.code == "W331":
-            return [*reports, *stops_low(highest_modes(loaded.piece, played.scene))], loaded
+            return [*reports, *stops_low(highest_modes(loaded.piece, played.built))], loaded
         if entry.code == "W332":
-            return [*reports, *passes_limit(loaded.piece, played.scene, played.paths)], loaded
+            return [*reports, *passes_limit(loaded.piece, played.built, played.paths)], loaded
         if entry.code in ("W320", "W323"):
             done = simulate(loaded.piece, NAME)
             return [*reports, *never_closed(loaded.piece, done), *never_stuck(done)], loaded

@@ -128,6 +128,8 @@ class Record(Shape):
             entries: dict[str, tuple[Scalar, Node]] = {}
         elif isinstance(node, document.Mapping):
             entries = node.entries
+            for line in node.lines.values():
+                line.node.document.let, line.node.document.lets = node.document.let, None
         else:
             names = ", ".join([*self.by_name, *self.kinds][:12])
             return wrong_shape(self, node, name, context, f"a group of fields is written: {names}")

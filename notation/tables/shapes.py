@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from ergon.notation.tables import expressions
 from ergon.notation.text import document
-from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.document import Line, Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.spelling import nearest
@@ -415,8 +415,26 @@ class NamesOf(Shape):
                 help = "put a space after ':'" if ":" in word else None
                 context.error("E110", message, key.place, help=help)
                 continue
-            result[word] = self.item.read(child, "", context.inside(self.noun, word, key.place))
+            inner = context.inside(self.noun, word, key.place)
+            line = node.lines.get(word)
+            result[word] = (
+                self.item.read(child, "", inner)
+                if line is None
+                else self._read_once(line, child, inner, node.document)
+            )
         return result
+
+    def _read_once(self, line: Line, node: Node, context: Context, own: document.Document) -> Any:
+        """The value of an entry in a line of its own: read once, unless there was a report."""
+        key = id(self.item), context.owner, own.let
+        if key in line.values:
+            return line.values[key]
+        told = context.collector.told
+        node.document.let, node.document.lets = own.let, own.lets
+        value = self.item.read(node, "", context)
+        if context.collector.told == told:
+            line.values[key] = value
+        return value
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

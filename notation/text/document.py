@@ -36,8 +36,11 @@ class Node:
     @property
     def place(self) -> Place:
         """Where the node begins; its length ends with its first line."""
-        line_end = self.document.line_end(self.start)
-        return self.document.place(self.start, max(1, min(self.end, line_end) - self.start))
+        own = self.document
+        row = own.row(self.start)
+        first, last = own.line_span(row)
+        length = max(1, min(self.end, last) - self.start)
+        return Place(own.file, own.first_row + row + 1, self.start - first + 1, length)
 
 
 @dataclass(eq=False, slots=True)
@@ -109,7 +112,10 @@ class Scalar(Node):
 
 @dataclass(eq=False, slots=True)
 class Line:
-    """An item that stands in a line of its own, and what it was read as: it is read once."""
+    """An item or entry in a line of its own, and what it was read as: it is read once.
+
+    `node` is the item, or a mapping of the entry alone.
+    """
 
     node: Node
     size: int
@@ -136,9 +142,15 @@ class Sequence(Node):
 
 @dataclass(eq=False, slots=True)
 class Mapping(Node):
-    """Names and what they stand for, in the order written; a name written twice counts once."""
+    """Names and what they stand for, in the order written; a name written twice counts once.
+
+    Of entries that were composed line by line, `lines` says which, and `bases` where the lines
+    begin: the places of such an entry count from there.
+    """
 
     entries: dict[str, tuple[Scalar, Node]]
+    lines: dict[str, Line] = field(default_factory=dict)
+    bases: dict[str, int] = field(default_factory=dict)
 
     def get(self, name: str) -> Node | None:
         """The node under a name."""

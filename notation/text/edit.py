@@ -15,7 +15,7 @@ from typing import Any
 from ergon.notation.text import document
 from ergon.notation.text.document import Document, Node, Scalar, compose
 from ergon.notation.text.errors import Collector, quote
-from ergon.notation.text.spans import Layout, Span, Splice, layout
+from ergon.notation.text.spans import Layout, Span, Splice, layout, spliced
 from ergon.notation.text.splices import Changes, named
 from ergon.notation.text.splices import EditError as EditError
 from ergon.notation.text.splices import Path as Path
@@ -252,7 +252,7 @@ class _Edit:
 
     def checked(self, splices: list[Splice], expected: Tree) -> str:
         """The new text, which says what is wanted and nothing else."""
-        text = self.layout.spliced(splices)
+        text = spliced(self.layout.text, splices)
         reread = read(text, self.document.file)
         if tree(reread.root) != expected:
             raise EditError(
@@ -262,7 +262,7 @@ class _Edit:
 
     def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
         """The new text, in which the table has these lines."""
-        text = self.layout.spliced(splices)
+        text = spliced(self.layout.text, splices)
         node = read(text, self.document.file).root
         for name in path:
             node = _child(node, name)

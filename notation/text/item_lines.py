@@ -1,4 +1,4 @@
-"""Lists of many items in braces: an item that is known is not composed again."""
+"""Lists and mappings of many values in braces: one that is known is not composed again."""
 
 from __future__ import annotations
 
@@ -14,25 +14,33 @@ from ergon.notation.text.errors import Collector
 
 # An item in braces, without quotes or remarks.
 _ITEM = r"\{(?:[^][{}\"'#\n]|\[[^][{}\"'#\n]*\])*\}"
-# Lines of one indentation, each an item; or items in one line. Of fewer nothing is gained.
+# Lines of one indentation, each an item or an entry; or items in one line. Of fewer nothing is
+# gained.
 _RUN = re.compile(
     r"^( *)- \{[^\n]*\}\n(?:\1- \{[^\n]*\}\n){7,}"
+    r"|^( +)[A-Za-z][\w-]*: \{[^\n]*\}\n(?:\2[A-Za-z][\w-]*: \{[^\n]*\}\n){7,}"
     rf"|(?:(?<=\[)|(?<=, ))(?:{_ITEM}, ){{7,}}+{_ITEM}",
     re.MULTILINE,
 )
-_NAME = "lines"  # of the one that stands for them
+_NAME = "lines"  # of the one that stands for them, with a number where it is a mapping's
 
 
 class _Run(NamedTuple):
-    """Where items begin and end in a text, and where one stands for them in a shorter one."""
+    """Where values begin and end in a text, and where one stands for them in a shorter one."""
 
     first: int
     end: int
     short_first: int
-    item: int  # after its dash
+    item: int  # after its dash, or at its name
     short_end: int
     words: list[str]  # lines, or what is between braces
     gap: int  # between two of them
+    name: str  # of what stands for them
+
+    @property
+    def is_mapping(self) -> bool:
+        """Whether each is an entry with a name."""
+        return self.name != _NAME
 
     def whole(self, index: int) -> int:
         """The place in the text of one in the shorter text, at this run or below it."""
@@ -40,15 +48,20 @@ class _Run(NamedTuple):
             return self.first + index - self.short_first
         return self.end + index - self.short_end
 
+    def bases(self) -> Iterator[int]:
+        """Where each begins in the text."""
+        return accumulate((len(word) + self.gap for word in self.words[:-1]), initial=self.first)
+
 
 def by_lines(
     text: str, file: str, folder: Path, row: int, known: Mapping[str, Line]
 ) -> tuple[Document, dict[str, Line]] | None:
-    """The nodes of a text, and the lines of its lists; those that are `known` are not composed.
+    """The nodes of a text, and the lines of its lists and mappings; those that are `known` are not
+    composed.
 
     `row` is the first line of the text in its file; an item keeps the line at which it was
-    composed. None where there is no such list, or where its items cannot be read alone (an alias,
-    a text of several lines, a mistake).
+    composed, an entry is composed again at another. None where there are no such lines, or where
+    they cannot be read alone (an alias, a text of several lines, a mistake).
     """
     short, runs = _shortened(text)
     collector = Collector()
@@ -59,53 +72,64 @@ def by_lines(
     own.forget_lines()
     lines: dict[str, Line] = {}
     for run in runs:
+        first = row + own.row(run.first)
         for number, word in enumerate(run.words):
-            if word not in lines and word not in known:
-                here = own.row(run.first) + (0 if run.gap else number)
-                line = _line(f"{{{word}}}" if run.gap else word, file, row + here)
+            here = first if run.gap else first + number
+            line = lines.get(word) or known.get(word)
+            if line is None or (run.is_mapping and line.node.document.first_row != here):
+                line = _line(f"{{{word}}}" if run.gap else word, file, here, run.is_mapping)
                 if line is None:
                     return None
                 line.node.document.folder = folder
-                lines[word] = line
-        lines |= {word: known[word] for word in run.words if word in known}
+            lines[word] = line
     return (own, lines) if _filled(own, runs, lines) else None
 
 
 def _shortened(text: str) -> tuple[str, list[_Run]]:
-    """The text with one item in place of each run of them, and the runs."""
-    short, runs, done = "", [], 0
+    """The text with one value in place of each run of them, and the runs."""
+    short, done = "", 0
+    runs: list[_Run] = []
     for match in _RUN.finditer(text):
         short += text[done : match.start()]
-        first, done, indent = len(short), match.end(), match[1]
-        short += _NAME if indent is None else f"{indent}- {_NAME}\n"
-        if indent is None:
-            words, item, gap = match.group()[1:-1].split("}, {"), first, len("}, {")
+        first, done, name, gap = len(short), match.end(), _NAME, 0
+        words = match.group().splitlines(keepends=True)
+        if match[1] is not None:
+            item = first + len(match[1]) + 2
+            short += f"{match[1]}- {name}\n"
+        elif match[2] is not None:
+            item, name = first + len(match[2]), f"{_NAME}{len(runs)}"
+            short += f"{match[2]}{name}: {{}}\n"
         else:
-            words, item, gap = match.group().splitlines(keepends=True), first + len(indent) + 2, 0
-        runs.append(_Run(match.start(), done, first, item, len(short), words, gap))
+            words, item, gap = match.group()[1:-1].split("}, {"), first, len("}, {")
+            short += name
+        runs.append(_Run(match.start(), done, first, item, len(short), words, gap, name))
     return short + text[done:], runs
 
 
-def _line(text: str, file: str, row: int) -> Line | None:
+def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
     collector = Collector()
     own = compose(text, file, collector, row)
     if collector.told:
         return None
     if isinstance(own.root, Sequence):
         return Line(own.root.items[0], own.size - 1) if len(own.root.items) == 1 else None
-    return Line(own.root, own.size) if isinstance(own.root, document.Mapping) else None
+    if not isinstance(own.root, document.Mapping):
+        return None
+    return Line(own.root, own.size - is_mapping)
 
 
 def _filled(own: Document, runs: list[_Run], lines: Mapping[str, Line]) -> bool:
     """Put the lines in their places, and all other nodes where they are in the text.
 
-    False where what looks like a list is none.
+    False where what looks like a list or mapping is none.
     """
     assert own.root is not None
     by_item, nodes = {run.item: run for run in runs}, list(_nodes(own.root))
     places = {id(node): (_whole(node.start, runs), _whole(node.end, runs)) for node in nodes}
     n_found = 0
     for node in nodes:
+        if isinstance(node, document.Mapping):
+            n_found += _fill_entries(node, by_item, lines)
         if not isinstance(node, Sequence):
             continue
         found = [
@@ -116,7 +140,8 @@ def _filled(own: Document, runs: list[_Run], lines: Mapping[str, Line]) -> bool:
             n_found += _fill(node, found, lines)
     for node in nodes:
         node.start, node.end = places[id(node)]
-    own.size += sum([lines[word].size for run in runs for word in run.words]) - len(runs)
+    own.size += sum([lines[word].size for run in runs for word in run.words])
+    own.size -= sum(1 + run.is_mapping for run in runs)
     return n_found == len(runs)
 
 
@@ -150,8 +175,7 @@ def _fill(
             own = [lines[word] for word in run.words]
             known += own
             items += [line.node for line in own]
-            lengths = [len(word) + run.gap for word in run.words[:-1]]
-            bases += accumulate(lengths, initial=run.first)
+            bases += run.bases()
             n_found += 1
         else:
             items.append(item)
@@ -159,3 +183,34 @@ def _fill(
             bases.append(0)
     sequence.items, sequence.lines, sequence.bases = items, known, bases
     return n_found
+
+
+def _fill_entries(
+    mapping: document.Mapping, by_item: Mapping[int, _Run], lines: Mapping[str, Line]
+) -> int:
+    """The entries of runs in a mapping, in the place of what stands for them.
+
+    None are found where a name is written twice.
+    """
+    found = [
+        run
+        for name, (key, _) in mapping.entries.items()
+        if (run := by_item.get(key.start)) is not None and run.name == name
+    ]
+    if not found:
+        return 0
+    begun, n_names = mapping.entries, len(mapping.entries)
+    mapping.entries = {}
+    for name, entry in begun.items():
+        run = by_item.get(entry[0].start)
+        if run is None or run.name != name:
+            mapping.entries[name] = entry
+            continue
+        n_names += len(run.words) - 1
+        for word, base in zip(run.words, run.bases(), strict=True):
+            node = lines[word].node
+            assert isinstance(node, document.Mapping)
+            mapping.entries |= node.entries
+            own = next(iter(node.entries))
+            mapping.lines[own], mapping.bases[own] = lines[word], base
+    return len(found) if len(mapping.entries) == n_names else 0

@@ -7,6 +7,7 @@ and nothing ends later than its last character.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Literal, NamedTuple
@@ -131,14 +132,15 @@ class Layout:
         """Whether a line holds nothing; there is none below the last."""
         return not self.text[self.line_start(index) : self.line_end(index)].strip()
 
-    def spliced(self, splices: list[Splice]) -> str:
-        """The text with all replacements made."""
-        pieces: list[str] = []
-        at = 0
-        for splice in sorted(splices, key=lambda splice: splice.start):
-            pieces += (self.text[at : splice.start], splice.text)
-            at = max(at, splice.end)  # two that are taken away may share a comma or a break
-        return "".join((*pieces, self.text[at:]))
+
+def spliced(text: str, splices: Iterable[Splice]) -> str:
+    """A text with all replacements made."""
+    pieces: list[str] = []
+    at = 0
+    for splice in sorted(splices, key=lambda splice: splice.start):
+        pieces += (text[at : splice.start], splice.text)
+        at = max(at, splice.end)  # two that are taken away may share a comma or a break
+    return "".join((*pieces, text[at:]))
 
 
 @lru_cache(maxsize=8)  # what was checked is what the next edit begins with

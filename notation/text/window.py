@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.spans import Splice
 from ergon.notation.text.splices import Path
 
 _NAME_ALONE = re.compile(r":[ \t]*(?:#.*)?")
@@ -20,7 +21,7 @@ class Window:
     """The items of a list from number `first` on, below the names that lead to the list.
 
     `text` is a YAML text of its own: `head` characters of names, then the characters from `start`
-    to `stop` of the whole.
+    to `stop` of the whole, then `tail`, which closes braces of the head.
     """
 
     text: str
@@ -28,12 +29,13 @@ class Window:
     start: int
     stop: int
     first: int
+    tail: str = ""
 
-    def put_back(self, whole: str, edited: str) -> str | None:
-        """The whole text with this window edited; None where the edit has changed the names."""
-        if edited[: self.head] != self.text[: self.head]:
+    def put_back(self, edited: str) -> Splice | None:
+        """What takes the window's place; None where the edit has changed the names."""
+        if edited[: self.head] != self.text[: self.head] or not edited.endswith(self.tail):
             return None
-        return whole[: self.start] + edited[self.head :] + whole[self.stop :]
+        return Splice(self.start, self.stop, edited[self.head : len(edited) - len(self.tail)])
 
 
 def last_items(
@@ -46,28 +48,32 @@ def last_items(
     """
     if _ALIAS.search(text) or text.count("\r") != text.count("\r\n"):
         return None
-    heads = [_head(text, name, value)]
-    node = value
+    head, tail, node = _head(text, name, value), "", value
     for word in path:
-        entry = node.entries.get(str(word)) if isinstance(node, document.Mapping) else None
-        if entry is None:
+        entry = _entry(node, word)
+        if entry is None or head is None or entry[2]:
             return None
-        heads.append(_head(text, *entry))
-        node = entry[1]
-    if None in heads or not isinstance(node, document.Sequence):
+        name, below, _ = entry
+        if text[node.start] == "{":
+            own, tail = _head_within(text, name, below), "}" + tail
+        else:
+            own = _head(text, name, below)
+        head, node = None if own is None else head + own, below
+    if head is None or not isinstance(node, document.Sequence):
         return None
-    first = len(node.items) - 1 if first is None else first
-    if not 1 <= first < len(node.items):
+    first = len(node.items) - 1 if first is None else max(first, 0)
+    if not 0 <= first < len(node.items):
         return None
     (start, _), stop = node.span(first), node.end
-    if text[node.start] != "[":
+    if text[node.start] == "[":
+        start = start if first else node.start + 1
+    else:
         line = text.rfind("\n", 0, start) + 1
         _, end = node.span(-1)
         if not _DASH.fullmatch(text, line, start) or text[end - 1] != "}":
             return None
         start, stop = line, _line_end(text, end)
-    head = "".join(one for one in heads if one is not None)
-    return Window(head + text[start:stop], len(head), start, stop, first)
+    return Window(head + text[start:stop] + tail, len(head), start, stop, first, tail)
 
 
 def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
@@ -79,14 +85,15 @@ def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
         return None
     head, node = _head(text, name, value), value
     for word in path[:-1]:
-        entry = node.entries.get(str(word)) if isinstance(node, document.Mapping) else None
+        entry = _entry(node, word)
         if entry is None or head is None:
             return None
-        name, node = entry
-        line = text.rfind("\n", 0, name.start) + 1
-        stop = _line_end(text, name.end)
-        if isinstance(node, document.Mapping) and text[node.start] == "{":
-            if text[line : name.start].strip() or node.end > stop:
+        name, node, base = entry
+        begin, end = base + name.start, base + node.end
+        line = text.rfind("\n", 0, begin) + 1
+        stop = _line_end(text, base + name.end)
+        if isinstance(node, document.Mapping) and text[base + node.start] == "{":
+            if text[line:begin].strip() or end > stop:
                 return None
             return Window(head + text[line:stop], len(head), line, stop, 0)
         own = _head(text, name, node)
@@ -94,16 +101,29 @@ def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
     return None
 
 
+def _entry(node: Node, word: str | int) -> tuple[Scalar, Node, int] | None:
+    """The name and value of a mapping's entry, and where their places count from."""
+    if not isinstance(node, document.Mapping) or str(word) not in node.entries:
+        return None
+    return *node.entries[str(word)], node.bases.get(str(word), 0)
+
+
 def _head(text: str, name: Scalar, value: Node) -> str | None:
-    """The line of a name, up to the bracket that begins a list; None where more stands in it."""
+    """The line of a name, up to a bracket that begins its value; None where more stands in it."""
     begin = text.rfind("\n", 0, name.start) + 1
     if text[begin : name.start].strip():
         return None
-    if isinstance(value, document.Sequence) and text[value.start] == "[":
+    if text[value.start : value.start + 1] in ("[", "{"):
         head = text[begin : value.start + 1]
         return None if "\n" in head else head
     end = _line_end(text, name.end)
     return text[begin:end] if _NAME_ALONE.fullmatch(text[name.end : end].rstrip()) else None
+
+
+def _head_within(text: str, name: Scalar, value: Node) -> str | None:
+    """A name within braces, up to the bracket that begins its value; None where none does."""
+    head = text[name.start : value.start + 1]
+    return None if head[-1] not in "[{" or "\n" in head else head
 
 
 def _line_end(text: str, index: int) -> int:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import shutil
-from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tupl
         if play.player != player:
             continue
         beats = [piece.tempo_map.resolve(play.at)] if found is None else found
-        first = bisect_left(beats, starts[0] - SAME)
-        last = bisect_left(beats, starts[-1] - SAME)
+        first = n_before(beats, starts[0] - SAME)
+        last = n_before(beats, starts[-1] - SAME)
         for place in range(first, last):
             what = beats.course.played(place) if isinstance(beats, Steps) else play.what
             if what is not None:  # a rest, or what chance leaves out

@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from ergon.instruments.names import Part, Scene
+from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector
 from ergon.repl.language.commands import MapControl, MapNotes
@@ -97,7 +97,7 @@ def _target(piece: Piece, text: str) -> Target:
         name: Part(name, {module.name: module for module in own.modules})
         for name, own in piece.instruments.items()
     }
-    found = Scene(collector, parts).target(Name(text, piece.place), "mats", "map")
+    found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
     if found is None:
         raise NotTakenError(collector.finish()[0].message)
     return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
@@ -13,8 +12,9 @@ from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
-from ergon.scores.edits.texts import SECTIONS, Texts
+from ergon.scores.edits.texts import SECTIONS, ListEdit, Texts
 from ergon.scores.pattern import words
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Play
 
@@ -77,7 +77,7 @@ class Line:
 
     def count_before(self, at: float) -> int:
         """How many of its beginnings, or places of its pattern, lie before a beat."""
-        return bisect_left(self.starts or (), at - SAME)
+        return n_before(self.starts or (), at - SAME)
 
     def part(self, first: int, last: int, at: Callable[[float], str]) -> Entry:
         """The entry of its beginnings from number `first` up to `last`, its beats as `at` says."""
@@ -147,64 +147,75 @@ def _lines(texts: Texts, piece: Piece, player: str, numbers: Iterable[int]) -> I
             yield Line(place, entry, play, begin, starts, row)
 
 
-def change(
-    texts: Texts,
-    player: str,
-    until: str = "",
-    closed: Sequence[Line] = (),
-    dropped: Sequence[Line] = (),
-    new: Sequence[Entry] = (),
-) -> Texts:
-    """End some entries of a player at a position, remove others, and add new ones.
+@dataclass(frozen=True, slots=True)
+class PartEdit:
+    """Some entries of a player that end at a position, some that go, and new ones."""
 
-    New ones are written as the others of the part are. Raises EditError.
+    player: str
+    until: str = ""
+    closed: Sequence[Line] = ()
+    dropped: Sequence[Line] = ()
+    new: Sequence[Entry] = ()
+
+    def of_list(self) -> ListEdit:
+        """The edit of a part that is a list."""
+        path = ("parts", self.player)
+
+        def changed(own: document.Document, lacks: int) -> str:
+            for line in self.closed:
+                item = (*path, line.number - lacks)
+                try:
+                    text = edit.put(own, (*item, "until"), self.until)
+                except EditError:  # an alias cannot be edited: write the entry out
+                    text = edit.put(own, item, line.entry.with_fields(until=self.until).flow())
+                own = edit.read(text, own.file)
+            # New entries first: a list that never becomes empty keeps its style.
+            if self.new:
+                flows = [entry.flow() for entry in self.new]
+                own = edit.read(edit.extend(own, path, flows, SECTIONS), own.file)
+            if self.dropped:
+                return edit.remove(own, *((*path, line.number - lacks) for line in self.dropped))
+            return own.text
+
+        numbers = [line.number for line in self.closed]
+        numbers += [line.number - 1 for line in self.dropped]  # an item that stays keeps the list
+        return ListEdit(path, min(numbers, default=None), changed)
+
+    def of_table(self, table: str) -> Callable[[document.Document], str]:
+        """The same change of a part that is a table."""
+        path = ("parts", self.player)
+        rows: dict[int, str | None] = {
+            line.number: _closed(line, self.until) for line in self.closed
+        }
+        rows |= dict.fromkeys(line.number for line in self.dropped)
+
+        def changed(own: document.Document) -> str:
+            text = own.text
+            for entry in self.new:
+                text = edit.add_row(edit.read(text, own.file), path, _aligned(entry, table))
+            return edit.put_rows(edit.read(text, own.file), path, rows) if rows else text
+
+        return changed
+
+
+def change(texts: Texts, *edits: PartEdit) -> Texts:
+    """Change parts, each of another player.
+
+    New entries are written as the others of the part are. Raises EditError.
     """
-    if not (closed or dropped or new):
-        return texts
-    path, node = ("parts", player), _part(texts, player)
-    if isinstance(node, Scalar) and not node.is_empty:
-        return texts.edited("parts", _of_table(path, node.text, until, closed, dropped, new))
-
-    def changed(own: document.Document, lacks: int) -> str:
-        for line in closed:
-            item = (*path, line.number - lacks)
-            try:
-                text = edit.put(own, (*item, "until"), until)
-            except EditError:  # an alias cannot be edited: write the entry out
-                text = edit.put(own, item, line.entry.with_fields(until=until).flow())
-            own = edit.read(text, own.file)
-        # New entries first: a list that never becomes empty keeps its style.
-        if new:
-            flows = [entry.flow() for entry in new]
-            own = edit.read(edit.extend(own, path, flows, SECTIONS), own.file)
-        if dropped:
-            return edit.remove(own, *((*path, line.number - lacks) for line in dropped))
-        return own.text
-
-    numbers = [line.number for line in closed]
-    numbers += [line.number - 1 for line in dropped]  # an item that stays keeps the list
-    return texts.edited_list(path, min(numbers, default=None), changed)
-
-
-def _of_table(
-    path: edit.Path,
-    table: str,
-    until: str,
-    closed: Sequence[Line],
-    dropped: Sequence[Line],
-    new: Sequence[Entry],
-) -> Callable[[document.Document], str]:
-    """The same change of a part that is a table."""
-    rows: dict[int, str | None] = {line.number: _closed(line, until) for line in closed}
-    rows |= dict.fromkeys(line.number for line in dropped)
-
-    def changed(own: document.Document) -> str:
-        text = own.text
-        for entry in new:
-            text = edit.add_row(edit.read(text, own.file), path, _aligned(entry, table))
-        return edit.put_rows(edit.read(text, own.file), path, rows) if rows else text
-
-    return changed
+    lists: list[ListEdit] = []
+    tables: list[Callable[[document.Document], str]] = []
+    for one in edits:
+        if one.closed or one.dropped or one.new:
+            node = _part(texts, one.player)
+            if isinstance(node, Scalar) and not node.is_empty:
+                tables.append(one.of_table(node.text))
+            else:
+                lists.append(one.of_list())
+    texts = texts.edited_lists(lists) if lists else texts
+    for table in tables:
+        texts = texts.edited("parts", table)
+    return texts
 
 
 def _part(texts: Texts, player: str) -> Node | None:

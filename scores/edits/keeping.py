@@ -8,7 +8,6 @@ back as a scene.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
@@ -21,6 +20,7 @@ from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.scenes import END
 from ergon.scores.edits.strikes import only
 from ergon.scores.edits.texts import Texts
+from ergon.scores.pattern.search import n_before
 from ergon.scores.reading import leads
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
@@ -43,11 +43,13 @@ def keep(
     window = _Window(piece, start, stop, value_on)
     kept = texts.put(("title",), edit.quoted(name))
     found = False
+    changes = []
     for player in piece.players:
         lines = entries.lines(texts, piece, player)
         chosen = [entry for line in lines if (entry := window.of(line)) is not None]
         found = found or bool(chosen)
-        kept = entries.change(kept, player, dropped=lines, new=chosen)
+        changes.append(entries.PartEdit(player, dropped=lines, new=chosen))
+    kept = entries.change(kept, *changes)
     for strikes in piece.strikes:
         kept, is_in = window.strikes(kept, strikes)
         found = found or is_in
@@ -115,7 +117,7 @@ class _Window:
         said: dict[str, str | None] = {"for": None, "until": None}
         if strikes.pattern is not None:
             places = strikes.steps(self.piece)
-            since, until = (bisect_left(places, at - SAME) for at in (self.start, self.stop))
+            since, until = (n_before(places, at - SAME) for at in (self.start, self.stop))
             if since == until:
                 return texts.remove(path), False
             said |= places.part(since, until, self.at)
@@ -173,7 +175,7 @@ class _Window:
             if end < math.inf:
                 said["until"] = self.at(min(end, self.stop))
             if begin < self.start - SAME and places is not None:
-                first = bisect_left(places, self.start - SAME)
+                first = n_before(places, self.start - SAME)
                 if first == len(places):
                     texts = dropped(texts, "automation", number)
                     continue

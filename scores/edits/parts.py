@@ -11,7 +11,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
 from ergon.scores.edits import automation, entries, strikes
-from ergon.scores.edits.entries import Entry
+from ergon.scores.edits.entries import Entry, PartEdit
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import Middle, apply
@@ -29,7 +29,7 @@ def play(texts: Texts, piece: Piece, player: str, at: float, entry: Entry) -> Te
     entry = entry.at(written(piece, at))
     if {"every", "euclid"} & set(entry.fields) and not {"times", "until"} & set(entry.fields):
         entry = entry.with_fields(until=end(piece, at))
-    return ended(texts, piece, _known(piece, player), at, [entry])
+    return entries.change(texts, ending(texts, piece, _known(piece, player), at, [entry]))
 
 
 def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequence[str]) -> Texts:
@@ -56,7 +56,7 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequenc
             more = more.with_fields(at=written(piece, at), every=None, times=None, until=None)
         new.append(more)
     new += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
-    return entries.change(texts, player, written(piece, at), closed, begins, new)
+    return entries.change(texts, PartEdit(player, written(piece, at), closed, begins, new))
 
 
 def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) -> entries.Entry:
@@ -79,17 +79,18 @@ def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
         for one in own:
             texts = strikes.end(texts, piece, one, at)
         return texts
-    for name in piece.players if player is None else (_known(piece, player),):
-        texts = ended(texts, piece, name, at)
-    return texts
+    names = piece.players if player is None else (_known(piece, player),)
+    return entries.change(texts, *(ending(texts, piece, name, at) for name in names))
 
 
-def ended(texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()) -> Texts:
-    """The part of a player ended at a beat, and new entries in its place."""
+def ending(
+    texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()
+) -> PartEdit:
+    """What ends the part of a player at a beat, and puts new entries in its place."""
     lines = entries.lines(texts, piece, player, at)
     closed = [line for line in lines if line.is_open(at, piece)]
     later = [line for line in lines if line.begin >= at - SAME]
-    return entries.change(texts, player, written(piece, at), closed, later, new)
+    return PartEdit(player, written(piece, at), closed, later, new)
 
 
 def hush(texts: Texts, piece: Piece, at: float) -> Texts:
@@ -108,7 +109,7 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
                 continue
             # An entry that begins later is left to play once.
             until = written(piece, max(at, line.begin + 1.0))
-            texts = entries.change(texts, name, until, [line])
+            texts = entries.change(texts, PartEdit(name, until, [line]))
     for one in piece.strikes:
         if one.until is not None and END.fullmatch(one.until.text) is not None:
             until = written(piece, max(at, piece.tempo_map.resolve(one.at) + 1.0))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -22,6 +21,7 @@ from ergon.scores.edits.names import free_name
 from ergon.scores.edits.positions import end, written
 from ergon.scores.edits.strikes import row
 from ergon.scores.edits.texts import Texts
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading import leads
@@ -65,6 +65,7 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
         texts = strikes_edits.end(texts, piece, strikes, at)
     stop = end(piece, at) if until is None else written(piece, until)
     last = math.inf if until is None else until - SAME
+    edits = []
     for player in piece.players:
         known = scene.piece.players
         lines = entries.lines(scene.texts, scene.piece, player) if player in known else []
@@ -74,7 +75,8 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
             for begin, entry in _looped(line, scene.beats)
             if at + begin < last
         ]
-        texts = parts.ended(texts, piece, player, at, new)
+        edits.append(parts.ending(texts, piece, player, at, new))
+    texts = entries.change(texts, *edits)
     texts = _defined(texts, here, scene)
     texts = _coupled(texts, piece, scene, at, None if until is None else stop)
     for strikes in scene.piece.strikes:
@@ -264,7 +266,7 @@ def _struck(
         found = [(begin, {**body, "until": ends})] if begin < scene.beats - SAME else []
     elif strikes.pattern is not None:
         places = strikes.steps(scene.piece)
-        count = bisect_left(places, scene.beats - SAME)
+        count = n_before(places, scene.beats - SAME)
         notes = {name: _note(name, amount) for name, amount in strikes.notes.items()}
         found = [*rounds.strikes(body, places, count, scene.beats, notes)]
     else:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from ergon.common.regular import read_bounded
@@ -16,6 +17,7 @@ from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.sections import Section, alone, lines, names
+from ergon.notation.text.spans import Splice, spliced
 from ergon.notation.text.syntax import MAX_BYTES, decode
 from ergon.notation.text.window import Window, last_items, one_line
 from ergon.scores.reading.load import Loaded, load
@@ -27,6 +29,23 @@ SECTIONS = tuple(SCORE.by_name)  # the order of sections
 
 def _remembering() -> Memory:
     return Memory(is_loose=True)
+
+
+Change = Callable[[Document, int], str]  # told how many items of its list a document lacks
+_Find = Callable[[str, Section], Window | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ListEdit:
+    """A change of the list at a path, from item `first` on; None: at its end."""
+
+    path: edit.Path
+    first: int | None
+    change: Change
+
+    def window(self, text: str, section: Section) -> Window | None:
+        """The items that are changed, as a text of their own; None where they cannot be."""
+        return last_items(text, section.name, section.value, self.path[1:], self.first)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,23 +172,13 @@ class Texts:
             return None
         return self.text[:first] + text.removesuffix(below) + self.text[end:]
 
-    def edited_list(
-        self,
-        path: edit.Path,
-        first: int | None,
-        change: Callable[[Document, int], str],
-        file: str | None = None,
-    ) -> Texts:
-        """Edit a list at a path from item `first` on (None: at its end), and no more is read.
+    def edited_lists(self, edits: Sequence[ListEdit], file: str | None = None) -> Texts:
+        """Edit lists of one section, and no more of them is read than what changes.
 
-        `change` is told how many items its document lacks. Where the items cannot stand alone it
-        edits the section.
+        Where items cannot stand alone the section is edited.
         """
-
-        def window(text: str, section: Section) -> Window | None:
-            return last_items(text, section.name, section.value, path[1:], first)
-
-        return self._edited_alone(path, window, change, file)
+        section = str(edits[0].path[0])
+        return self._edited_alone(section, [(one.window, one.change) for one in edits], file)
 
     def _edited_line(
         self, path: edit.Path, change: Callable[[Document], str], file: str | None
@@ -179,25 +188,31 @@ class Texts:
         def window(text: str, section: Section) -> Window | None:
             return one_line(text, section.name, section.value, path[1:])
 
-        return self._edited_alone(path, window, lambda own, _: change(own), file)
+        return self._edited_alone(str(path[0]), [(window, lambda own, _: change(own))], file)
 
     def _edited_alone(
-        self,
-        path: edit.Path,
-        window: Callable[[str, Section], Window | None],
-        change: Callable[[Document, int], str],
-        file: str | None,
+        self, name: str, edits: Sequence[tuple[_Find, Change]], file: str | None
     ) -> Texts:
-        own = lines(self.text, str(path[0])) if file in (None, self.path) else None
-        section = self._alone(str(path[0])) if own is not None else None
+        """Edit windows of one section, each a text of its own; without one, the whole section."""
+        own = lines(self.text, name) if file in (None, self.path) else None
+        section = self._alone(name) if own is not None else None
+        left, texts = [change for _, change in edits], self
         if own is not None and section is not None:
             text = self.text[slice(*own)]
-            with contextlib.suppress(EditError):
-                if (part := window(text, section)) is not None:
-                    said = change(edit.read(part.text, self.path), part.first)
-                    if (whole := part.put_back(text, said)) is not None:
-                        return self.changed(self.text[: own[0]] + whole + self.text[own[1] :])
-        return self.edited(path[0], lambda own: change(own, 0), file)
+            found = [self._splice(text, section, *one) for one in edits]
+            left = [change for change, splice in zip(left, found, strict=True) if splice is None]
+            text = spliced(text, [splice for splice in found if splice is not None])
+            texts = self.changed(self.text[: own[0]] + text + self.text[own[1] :])
+        for change in left:
+            texts = texts.edited(name, partial(_whole, change), file)
+        return texts
+
+    def _splice(self, text: str, section: Section, window: _Find, change: Change) -> Splice | None:
+        """What a change puts into a section's text; None where it has no window of its own."""
+        with contextlib.suppress(EditError):
+            if (part := window(text, section)) is not None:
+                return part.put_back(change(edit.read(part.text, self.path), part.first))
+        return None
 
     def _alone(self, name: str) -> Section | None:
         return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
@@ -219,11 +234,15 @@ class Texts:
 
         if first is None:
             return self._edited_line(path, lambda own: change(own, 0), file)
-        return self.edited_list(at, first, change, file)
+        return self.edited_lists([ListEdit(at, first, change)], file)
 
     def append(self, path: edit.Path, text: str) -> Texts:
         """Add an item to a list. Raises EditError."""
-        return self.edited_list(path, None, lambda own, _: edit.append(own, path, text, SECTIONS))
+
+        def change(own: Document, _: int) -> str:
+            return edit.append(own, path, text, SECTIONS)
+
+        return self.edited_lists([ListEdit(path, None, change)])
 
     def remove(self, *paths: edit.Path, file: str | None = None) -> Texts:
         """Remove entries or items of one parent. Raises EditError."""
@@ -239,7 +258,11 @@ class Texts:
             return edit.remove(own, *(_shifted(path, lacks) for path in paths))
 
         # With an item that stays a list is never empty.
-        return self.edited_list(found[0][0], min(firsts) - 1, change, file)
+        return self.edited_lists([ListEdit(found[0][0], min(firsts) - 1, change)], file)
+
+
+def _whole(change: Change, own: Document) -> str:
+    return change(own, 0)
 
 
 def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:

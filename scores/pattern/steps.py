@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
@@ -18,6 +17,7 @@ from ergon.notation.text.values import Time
 from ergon.scores.pattern.order import Leaf
 from ergon.scores.pattern.pattern import Course
 from ergon.scores.pattern.rhythm import EVEN
+from ergon.scores.pattern.search import first_from
 
 _TOO_MANY = f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures"
 
@@ -115,7 +115,7 @@ def steps(
         beat = _end_to_end(tempo, at, course, length, min(most, room + 1), until)
     if until is not None:
         stop = until - SAME
-        most = bisect_left(range(min(most, room + 1)), True, key=lambda n: beat(n) >= stop)
+        most = first_from(beat, min(most, room + 1), stop)
     if most > room:
         raise TextError(_TOO_MANY)
 

@@ -8,7 +8,7 @@ from typing import Any
 from ergon.instruments import rules, spread
 from ergon.instruments.model import Instrument, Target
 from ergon.instruments.module_kinds import KINDS
-from ergon.instruments.names import Scene
+from ergon.instruments.names import PartNames
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
@@ -41,9 +41,9 @@ class Checker:
         self.uses = uses
         self.score = names.score
         self.collector = uses.collector
-        self.scene = Scene(self.collector)
+        self.part_names = PartNames(self.collector)
         self.movements = Movements(names, uses)
-        self.matter = Matter(names, uses, self.scene, self.movements)
+        self.matter = Matter(names, uses, self.part_names, self.movements)
 
     def piece(self) -> Piece:
         """The whole piece; its values are good only when nothing was reported."""
@@ -56,7 +56,7 @@ class Checker:
         self.matter.read()
         strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
         players = {v.context.name: self._player(v) for v in self._own("players")}
-        mix = routed(build.mix(score["mix"], self.uses.files), self.matter.by_name, self.scene)
+        mix = routed(build.mix(score["mix"], self.uses.files), self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led()
         included = self._included(times, len(duet))
@@ -91,7 +91,7 @@ class Checker:
             automation=tuple(changes),
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
             phrases=tuple(self._phrases()),
-            families={n: tuple(own.values()) for n, own in self.scene.families.items()},
+            families={n: tuple(own.values()) for n, own in self.part_names.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
@@ -139,7 +139,7 @@ class Checker:
 
     def _reach_included(self, piece: Piece, prefix: str) -> None:
         head = f"{prefix}." if prefix else ""
-        self.scene.reached |= {head + name for name in (*piece.keys, *piece.instruments)}
+        self.part_names.reached |= {head + name for name in (*piece.keys, *piece.instruments)}
         for name in (*piece.gestures, *piece.takes):
             self.movements.play(head + name)
 
@@ -155,7 +155,7 @@ class Checker:
         if player.key not in keys:
             message = f"{who}: no key is called {quote(player.key)}"
             values.error("E301", message, "key", word=player.key, names=tuple(keys))
-        self.scene.reached.add(player.key)
+        self.part_names.reached.add(player.key)
         if isinstance(player.standin, Name):
             self.movements.reach(player.standin, values.context.of("standin"))
         return player
@@ -191,14 +191,14 @@ class Checker:
         if not melodies.is_whole(values):
             return None
         if melodies.kind_of(values):
-            found = melodies.hits_of(values, self.scene, self._phrases(), self.uses.files)
+            found = melodies.hits_of(values, self.part_names, self._phrases(), self.uses.files)
             return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
-        targets = tuple(t for name in names for t in self.scene.targets(name, "mats", who))
+        targets = tuple(t for name in names for t in self.part_names.targets(name, "mats", who))
         made = build.strikes(values, targets)
-        if made.notes and names and all(self.scene.family(name) for name in names):
-            return melodies.voiced(made, values, Voices(self.scene, names), who)
+        if made.notes and names and all(self.part_names.family(name) for name in names):
+            return melodies.voiced(made, values, Voices(self.part_names, names), who)
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
@@ -211,7 +211,7 @@ class Checker:
 
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
-        part = self.scene.parts[target.part]
+        part = self.part_names.parts[target.part]
         made = self.matter.by_name[target.part]
         is_ca = isinstance(made, Instrument) and made.ca_rate is not None
         if part.modules[target.module].kind != "CEL" or is_ca:
@@ -224,7 +224,7 @@ class Checker:
             if isinstance(values, Values):
                 words = str(values["set"] or values["lfo"] or "").split(".")
                 heads = (".".join(words[:count]) for count in range(len(words) - 1, 0, -1))
-                self.scene.reached |= {head for head in heads if head in self.matter.by_name}
+                self.part_names.reached |= {head for head in heads if head in self.matter.by_name}
 
     def _automation(self, values: Any) -> Automation | None:
         if not isinstance(values, Values) or not automation.check(values):
@@ -234,7 +234,7 @@ class Checker:
         known = leads.found(head, self.matter.keys, self.matter.instruments)
         if known is None and head and parameter in leads.ALL:
             # What the head reaches, or what is wrong with it.
-            target = self.scene.target(Name(head, name.place), "mat", "automation")
+            target = self.part_names.target(Name(head, name.place), "mat", "automation")
             if target is None:
                 return None
             known = leads.found(
@@ -269,7 +269,7 @@ class Checker:
                 message = f"coupling: no key is called {quote(name)}"
                 self.collector.error("E301", message, name.place, word=name, names=tuple(keys))
                 return None
-            ends.append(self.scene.target(name, "mat", "coupling"))
+            ends.append(self.part_names.target(name, "mat", "coupling"))
         a, b = ends
         if a is None or b is None:
             return None

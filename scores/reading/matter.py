@@ -10,7 +10,7 @@ from ergon.instruments import modal, rules
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.module_kinds import member_count
-from ergon.instruments.names import Part, Scene
+from ergon.instruments.names import Part, PartNames
 from ergon.instruments.read import instrument
 from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import lets
@@ -32,12 +32,14 @@ MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
 class Matter:
     """The keys and instruments of a score, and those of other files that it reaches."""
 
-    def __init__(self, names: Names, uses: Uses, scene: Scene, movements: Movements) -> None:
+    def __init__(
+        self, names: Names, uses: Uses, part_names: PartNames, movements: Movements
+    ) -> None:
         """Take what was read."""
         assert names.score is not None
         self._names = names
         self._uses = uses
-        self._scene = scene
+        self._part_names = part_names
         self._movements = movements
         self._collector = uses.collector
         self._score = names.score
@@ -66,7 +68,7 @@ class Matter:
                     continue
                 values, selves = self._uses.resolved(section, entry)
                 if values is None:
-                    self._scene.broken.add(name)
+                    self._part_names.broken.add(name)
                     continue
                 if section == "instruments" and values.written("notes"):
                     self._notes(name, entry, values, selves)
@@ -81,7 +83,7 @@ class Matter:
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules)
-        self._scene.parts[name] = Part(name, modules, struck, entry.prefix, broken, selves)
+        self._part_names.parts[name] = Part(name, modules, struck, entry.prefix, broken, selves)
         self._written[name] = entry, values
         self.by_name[name] = part_object
 
@@ -112,17 +114,17 @@ class Matter:
         """An instrument of each note, which is called by it: `string.F3`."""
         notes = values["notes"]
         if notes is None:
-            self._scene.broken.add(name)
+            self._part_names.broken.add(name)
             return
         if named_pitch(values) is None:
             reason = "its modules have no named pitch; write `f`, at which they are written"
             if values.kind == "BANK":
                 reason = "a BANK has pitches of its own"
             values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
-            self._scene.broken.add(name)
+            self._part_names.broken.add(name)
             return
-        self._scene.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
-        known = self._scene.families[name]
+        self._part_names.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
+        known = self._part_names.families[name]
         for word, own in (values["members"] or {}).items():
             if number(word) not in known:
                 message = f"{values.context.of('members')}: it has no note {quote(word)}"
@@ -148,7 +150,7 @@ class Matter:
     def look_up(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
         todo = [n for n, (entry, _) in self._written.items() if entry.brought is None]
-        todo += sorted(self._scene.reached - set(todo))
+        todo += sorted(self._part_names.reached - set(todo))
         done: set[str] = set()
         total = 0
         while todo:
@@ -158,7 +160,7 @@ class Matter:
             done.add(name)
             _, values = self._written[name]
             made = self.by_name[name]
-            part = self._scene.parts[name]
+            part = self._part_names.parts[name]
             takes = self._names.tables["takes"]
             modules = self._resolved(part, takes)
             total += sum(member_count(m.kind, m.fields) for m in modules)
@@ -170,12 +172,12 @@ class Matter:
                 every = self._rates.of_key(values)
                 self.keys[name] = replace(made, modules=modules, every=every)
             else:
-                outputs = rules.outputs(part, made.outputs, self._scene, self._layout)
+                outputs = rules.outputs(part, made.outputs, self._part_names, self._layout)
                 every = self._rates.of_instrument(values)
                 self.instruments[name] = replace(
                     made, modules=modules, outputs=outputs, every=every
                 )
-            todo += sorted(self._scene.reached - done)
+            todo += sorted(self._part_names.reached - done)
             if total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
                 self._collector.error("E105", message, made.place)
@@ -192,22 +194,22 @@ class Matter:
         written = self.by_name[part.name].modules
 
         def make() -> tuple[tuple[Module, ...], frozenset[str], object]:
-            before, self._scene.reached = self._scene.reached, set()
+            before, self._part_names.reached = self._part_names.reached, set()
             laws = self.laws(written, entry.home)
-            own = rules.modules(part, self._scene, laws, takes, _bodies(values))
-            reached = frozenset(self._scene.reached)
-            self._scene.reached |= before
+            own = rules.modules(part, self._part_names, laws, takes, _bodies(values))
+            reached = frozenset(self._part_names.reached)
+            self._part_names.reached |= before
             return own, reached, known
 
         memory = self._uses.files.memory
         known = [*self.by_name.values()]
         drives = any(module.kind in ("ENX", "ENF", "LNL") for module in written)
-        if memory is None or drives or self._scene.broken:
+        if memory is None or drives or self._part_names.broken:
             return make()[0]
         # What is kept holds the parts, so that no other has the number of one of them.
         key = rules.modules, part.name, part.prefix, part.selves, tuple(map(id, known))
         own, reached, _ = memory.made(key, make)
-        self._scene.reached |= reached
+        self._part_names.reached |= reached
         return own
 
     def _struck(self, key: Key) -> None:
@@ -220,7 +222,7 @@ class Matter:
                 "which is not a MAS or CEL of the key"
             )
             names_of = tuple(n for n, m in names.items() if m.kind in ("MAS", "CEL"))
-            if key.struck and key.struck not in self._scene.parts[key.name].broken:
+            if key.struck and key.struck not in self._part_names.parts[key.name].broken:
                 self._collector.error("E301", message, place, word=key.struck, names=names_of)
 
     def laws(self, modules: tuple[Module, ...], home: Names) -> dict[str, LawText]:

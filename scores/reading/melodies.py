@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import Any
 
 from ergon.instruments.model import Target
-from ergon.instruments.names import Scene
+from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes
 from ergon.notation.tables.fields import Values
@@ -52,12 +52,12 @@ def is_whole(values: Values) -> bool:
 
 
 def hits_of(
-    values: Values, scene: Scene, phrases: Mapping[str, Any], files: Files
+    values: Values, part_names: PartNames, phrases: Mapping[str, Any], files: Files
 ) -> tuple[tuple[Hit, ...], Length | None] | None:
     """The hits of a melody and, of a phrase, its length; None after a report."""
     who = f"strikes {quote(values.context.name)}"
     if kind_of(values) == "entries":
-        voices = Voices(scene, values["to"] or ())
+        voices = Voices(part_names, values["to"] or ())
         rows = _strong(values["entries"], values["impulse"], values)
         return None if rows is None else (_hits(rows, voices, who), None)
     phrase = phrases.get(values["play"])
@@ -68,7 +68,7 @@ def hits_of(
             values.error("E301", message, "play", word=str(values["play"]), names=names)
         return None
     to = values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
-    found = played(phrase, values, Voices(scene, to), files)
+    found = played(phrase, values, Voices(part_names, to), files)
     return None if found is None else (_hits(found[0], found[1], who), found[2])
 
 
@@ -120,7 +120,7 @@ def voiced(made: Strikes, values: Values, voices: Voices, who: str) -> Strikes:
         note = notes.number(root)
         if note is None:
             message = f"{who}: {quote(word)} is not a note such as A3, by which members are called"
-            voices.scene.collector.error("E304", message, place)
+            voices.part_names.collector.error("E304", message, place)
             continue
         if step:  # `A3.minor.7`: of a scale, so many semitones above its root
             root = notes.name(note + int(step.rpartition(".")[2]))

@@ -9,7 +9,7 @@ from math import floor
 from typing import Any
 
 from ergon.instruments.model import Target
-from ergon.instruments.names import Scene
+from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import notes
 from ergon.notation.tables import value_kinds as k
@@ -318,7 +318,7 @@ _ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
 class Voices:
     """What the words of a melody reach: notes of `to`, or modules by their full names."""
 
-    scene: Scene
+    part_names: PartNames
     to: tuple[Name, ...]
     _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
 
@@ -357,8 +357,10 @@ class Voices:
         known = self._known.get(name)
         if known is not None:
             return [Target(t.part, t.module, t.first, t.count, t.text, name.place) for t in known]
-        found = self.scene.targets(name, "mats", who)
-        if len(found) == len(self.scene.members(name)):  # else each row tells what is not there
+        found = self.part_names.targets(name, "mats", who)
+        if len(found) == len(
+            self.part_names.members(name)
+        ):  # else each row tells what is not there
             self._known[name] = found
         return found
 
@@ -368,27 +370,29 @@ class Voices:
             return [word]
         if not self.to:
             message = f"{who}: {quote(word)} is a note; write `to`, whose notes are struck"
-            self.scene.collector.error("E103", message, word.place)
+            self.part_names.collector.error("E103", message, word.place)
             return []
         found = []
         for to in self.to:
-            family = self.scene.family(to)
+            family = self.part_names.family(to)
             if family is None:
                 message = f"{who}: {quote(to)} has no notes; write `notes` in the instrument"
-                if self.scene.is_known(to):
-                    self.scene.collector.error("E304", message, to.place)
+                if self.part_names.is_known(to):
+                    self.part_names.collector.error("E304", message, to.place)
                 else:
-                    self.scene.target(to, "mats", who)
+                    self.part_names.target(to, "mats", who)
                 continue
             parts, rest = family
             if note not in parts:
                 known = [part.rpartition(".")[2] for part in parts.values()]
                 message = f"{who}: {quote(to)} has no note {quote(word)}"
                 if word == before:
-                    self.scene.collector.error("E301", message, word.place, word=word, names=known)
+                    self.part_names.collector.error(
+                        "E301", message, word.place, word=word, names=known
+                    )
                 else:
                     message += f", to which {quote(before)} is moved"
-                    self.scene.collector.error("E301", message, word.place)
+                    self.part_names.collector.error("E301", message, word.place)
                 continue
             found.append(Name(".".join(filter(None, (parts[note], rest))), word.place))
         return found
@@ -403,7 +407,7 @@ class Voices:
         if len(words) == 1:
             return 0 if notes.number(words[0]) is not None else None
         for count in range(1, len(words)):
-            is_family = ".".join(words[:count]) in self.scene.families
+            is_family = ".".join(words[:count]) in self.part_names.families
             if is_family and notes.number(words[count]) is not None:
                 return count
         return None

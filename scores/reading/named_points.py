@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ergon.instruments.model import Target
-from ergon.instruments.names import Part, Scene
+from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.spelling import nearest
@@ -19,7 +19,7 @@ def named_point(piece: Piece, text: str) -> Target:
     }
     for name, made in piece.instruments.items():
         parts[name] = Part(name, {module.name: module for module in made.modules})
-    found = Scene(collector, parts).target(Name(text, piece.place), "mats", "point")
+    found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "point")
     if found is None:
         mistake = collector.finish()[0]
         message = mistake.message.removeprefix("point: ")

@@ -414,12 +414,12 @@ class Piece:
         return digest_of(self)
 
 
-def is_same_scene(one: Piece, other: Piece) -> bool:
+def is_same_matter(one: Piece, other: Piece) -> bool:
     """Whether their modules are the same and heard in the same way, whatever is played on them.
 
     Text, comments and places do not count, as in `Piece.digest`; a hash takes ten times as long.
     """
-    return is_same(_of_scene(one), _of_scene(other))
+    return is_same(_of_matter(one), _of_matter(other))
 
 
 def is_same(one: Any, other: Any) -> bool:
@@ -441,7 +441,7 @@ def is_same(one: Any, other: Any) -> bool:
     return [*_chunks(one)] == [*_chunks(other)]
 
 
-_of_scene = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
+_of_matter = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
 
 
 def digest_of(value: Any) -> str:

@@ -6,62 +6,67 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from ergon.instruments.model import Instrument
-from ergon.instruments.names import Scene
+from ergon.instruments.names import PartNames
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import quote
 from ergon.scores.reading.mixing import Room
 from ergon.scores.reading.piece import Key, Mix, Route
 
 
-def routed(mix: Mix, parts: Mapping[str, Key | Instrument], scene: Scene) -> Mix:
-    """A mix whose routes name the instruments of `parts`, by the names that the scene knows."""
-    written = (each for route in mix.routes for each in _each_note(route, scene))
-    found = (_route(route, parts, scene, mix.rooms) for route in written)
+def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:
+    """A mix whose routes name the instruments of `parts`, by the names that are known."""
+    written = (each for route in mix.routes for each in _each_note(route, part_names))
+    found = (_route(route, parts, part_names, mix.rooms) for route in written)
     return replace(mix, routes=tuple(route for route in found if route is not None))
 
 
-def _each_note(route: Route, scene: Scene) -> Iterable[Route]:
+def _each_note(route: Route, part_names: PartNames) -> Iterable[Route]:
     """A route, or one from each note of an instrument that has notes."""
-    name = Name(scene.spelled(route.part), route.place)
-    return (replace(route, part=each) for each in scene.members(name))
+    name = Name(part_names.spelled(route.part), route.place)
+    return (replace(route, part=each) for each in part_names.members(name))
 
 
 def _route(
-    route: Route, parts: Mapping[str, Key | Instrument], scene: Scene, rooms: Sequence[Room]
+    route: Route,
+    parts: Mapping[str, Key | Instrument],
+    part_names: PartNames,
+    rooms: Sequence[Room],
 ) -> Route | None:
-    """A route from an instrument and, where it names one, from an output of it; None: from none."""
+    """A route from an instrument, or from the output of it that it names; None: from none."""
     part, out = str(route.part), None
     if part not in parts and "." in part:
         part, _, out = part.rpartition(".")
     instrument = parts.get(part)
     if not isinstance(instrument, Instrument):
-        if part not in scene.broken:
+        if part not in part_names.broken:
             message = f"route: no instrument is called {quote(route.part)}"
             names = tuple(name for name, one in parts.items() if isinstance(one, Instrument))
             word = str(route.part)
-            scene.collector.error("E301", message, route.place, word=word, names=names)
+            part_names.collector.error("E301", message, route.place, word=word, names=names)
         return None
     names = tuple(output.name for output in instrument.outputs)
     if not names or (out is not None and out not in names):
         message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
         known = tuple(f"{part}.{name}" for name in names if name)
-        scene.collector.error("E301", message, route.place, word=str(route.part), names=known)
-    scene.reached.add(part)
+        part_names.collector.error("E301", message, route.place, word=str(route.part), names=known)
+    part_names.reached.add(part)
     found = replace(route, part=part, out=out)
-    _treated(found, instrument, rooms, scene)
+    _treated(found, instrument, rooms, part_names)
     return found
 
 
-def _treated(route: Route, instrument: Instrument, rooms: Sequence[Room], scene: Scene) -> None:
+def _treated(
+    route: Route, instrument: Instrument, rooms: Sequence[Room], part_names: PartNames
+) -> None:
     """A route sends to rooms that there are, and radiates accelerations."""
     known = tuple(room.name for room in rooms)
     for name, _ in route.sends:
         if name not in known:
             message = f"route: no room is called {quote(name)}"
-            scene.collector.error("E301", message, route.place, word=name, names=known)
+            part_names.collector.error("E301", message, route.place, word=name, names=known)
     heard = [out for out in instrument.outputs if route.out in (None, out.name)]
     wrong = next((out for out in heard if out.kind != "SOA"), None)
     if route.radiation is not None and wrong is not None:
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
         help = "listen by SOA: the pressure of a small source goes by its acceleration"
-        scene.collector.error("E304", message, route.place, help=help)
+        part_names.collector.error("E304", message, route.place, help=help)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -13,6 +13,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.shifted import NEVER, Shifted, Standing
 from ergon.notation.text.errors import Collector, TextError
+from ergon.scores.pattern.search import first_from, n_before
 from ergon.scores.reading.automation import Automation, Shape, Swing
 from ergon.scores.reading.leads import moved
 from ergon.scores.reading.piece import Piece
@@ -257,8 +258,8 @@ def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float
     tempo = piece.tempo_map
     places = one.steps(tempo, piece.seed)
     course = places.course
-    last = bisect_left(places, stop - SAME)
-    first, wanted = min(last, bisect_left(places, since - SAME)), 2
+    last = n_before(places, stop - SAME)
+    first, wanted = min(last, n_before(places, since - SAME)), 2
     for _ in range(_BACK):  # the value that holds already, and the one that it comes from
         if first == 0 or wanted == 0:
             break
@@ -350,7 +351,7 @@ def _swing(
 
     first = 0
     if since > begin:  # where in the swing it is, found by halving: the tempo may have changed
-        first = max(0, bisect_left(range(1 << 24), since, key=beat_of) - _PIECES)
+        first = max(0, first_from(beat_of, 1 << 24, since) - _PIECES)
     offset = round(swing.phase * _PIECES)
     for number in range(first, first + MAX_POINTS):
         beat, place = beat_of(number), (number + offset) % _PIECES

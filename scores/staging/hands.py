@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from array import array
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,6 +18,7 @@ from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.sampled import refused_point, sentence
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
@@ -202,7 +202,7 @@ class Hands:
         since, until = self.window.since - SAME, self.window.until - SAME
         if places.last < since:
             return
-        first, last = bisect_left(places, since), bisect_left(places, until)
+        first, last = n_before(places, since), n_before(places, until)
         own: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         due: list[tuple[Play, float, int]] = []
         for place in range(first, last):
@@ -230,9 +230,9 @@ class Hands:
         """Those within the window; chance counts the ones before it as well."""
         if self.window is ALL:
             return starts
-        first = bisect_left(starts, self.window.since - SAME)
+        first = n_before(starts, self.window.since - SAME)
         self._occurrences[play.player, play.what] += first
-        return starts[first : bisect_left(starts, self.window.until - SAME)]
+        return starts[first : n_before(starts, self.window.until - SAME)]
 
     def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
         """Those for which the timeline has room; none after a report."""

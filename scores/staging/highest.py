@@ -14,8 +14,8 @@ from ergon.notation.text.errors import Diagnostic, quote
 from ergon.notation.text.files import is_shipped
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.built_network import BuiltNetwork
 from ergon.scores.staging.leading import Points, Where
-from ergon.scores.staging.scene import Scene
 
 FULL = 5_000.0  # [Hz] a body that stops below sounds dull
 _MOST_RADIUS = 400
@@ -31,13 +31,13 @@ class HighestMode:
     hertz: float
 
 
-def highest_modes(piece: Piece, scene: Scene) -> list[HighestMode]:
+def highest_modes(piece: Piece, built: BuiltNetwork) -> list[HighestMode]:
     """Those of the first 256 bodies of instruments in SI units, in the order of the score."""
-    return list(_each(piece, scene))
+    return list(_each(piece, built))
 
 
-def _each(piece: Piece, scene: Scene) -> Iterator[HighestMode]:
-    assembly = scene.assembly
+def _each(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
+    assembly = built.assembly
     left = _BODIES_MAX
     for instrument in piece.instruments.values():
         for module in instrument.modules:
@@ -72,13 +72,15 @@ def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
     return found
 
 
-def passes_limit(piece: Piece, scene: Scene, paths: Mapping[Where, Points]) -> list[Diagnostic]:
+def passes_limit(
+    piece: Piece, built: BuiltNetwork, paths: Mapping[Where, Points]
+) -> list[Diagnostic]:
     """W332 for each body that automation leads past what one step a frame can follow, and when.
 
     The scheme is stable up to a mode at the rate over pi.
     """
     found, limit = [], piece.rate / pi
-    for one in highest_modes(piece, scene):
+    for one in highest_modes(piece, built):
         where = (one.name.removesuffix(f".{one.module.name}"), one.module.name)
         points = paths.get(where, ())
         most = max((factor for _, factor, _ in points), default=1.0)

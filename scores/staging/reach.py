@@ -17,8 +17,8 @@ from ergon.instruments.module_kinds import LINKS
 from ergon.instruments.spread import singles
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.built_network import add_parts
 from ergon.scores.staging.listening import heard, targets_of
-from ergon.scores.staging.scene import add_network
 
 
 class Link(NamedTuple):
@@ -75,7 +75,7 @@ class _Web:
 
     def __init__(self, piece: Piece) -> None:
         self.assembly = Assembly(seed=piece.seed)
-        add_network(piece, self.assembly)
+        add_parts(piece, self.assembly)
         self._kinds: dict[tuple[str, str], str] = {}
         self._links: dict[int, list[tuple[int, Link]]] = {}
         self._ends: dict[tuple[str, str], set[int]] = {}

@@ -18,6 +18,7 @@ from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging.automating import automated, led_on
+from ergon.scores.staging.built_network import OVER, BuiltNetwork, acting, build_network
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
 from ergon.scores.staging.leading import Led, Points, Where
@@ -25,7 +26,6 @@ from ergon.scores.staging.listening import Listening, check_rooms
 from ergon.scores.staging.live import LiveHand, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
-from ergon.scores.staging.scene import OVER, Scene, acting, build_scene
 from ergon.scores.staging.striking import ANY, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
@@ -59,7 +59,7 @@ class Stage:
     """
 
     piece: Piece
-    scene: Scene
+    built: BuiltNetwork
     simulation: _core.Simulation
     n_frames: int
     gestures: list[StagedGesture]
@@ -78,12 +78,12 @@ class Stage:
     @property
     def network(self) -> _core.Network:
         """What is."""
-        return self.scene.network
+        return self.built.network
 
     @property
     def listening(self) -> Listening:
         """What is heard of it, and where."""
-        return self.scene.listening
+        return self.built.listening
 
     @property
     def rate(self) -> float:
@@ -191,7 +191,7 @@ class Going:
 class Ready:
     """All of a piece but what computes it. `collector` holds warnings and notes."""
 
-    scene: Scene
+    built: BuiltNetwork
     timeline: _core.Timeline
     n_frames: int
     hands: Hands
@@ -203,7 +203,7 @@ class Ready:
     @property
     def network(self) -> _core.Network:
         """What is."""
-        return self.scene.network
+        return self.built.network
 
 
 @lasting
@@ -219,15 +219,16 @@ def prepare(
 
     `real`: players whose hands are real, and where each was at every tick, if that is known;
     `silent`: instruments that are not listened to; `spans`: what is played by parts of this piece
-    and of others before it, all of this one if nothing is said; `like`: a stage whose scene may be
-    the piece's own, and whose takes are; `start`: the frame at which this takes over from it.
+    and of others before it, all of this one if nothing is said; `like`: a stage whose takes, and
+    whose network where it is the same, are used again; `start`: the frame at which this takes over
+    from it.
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     try:
         computed = held(piece, real)
-        scene = (like and like.scene.of(computed, silent)) or build_scene(computed, silent)
-        assembly, couplings = scene.assembly, scene.couplings
+        built = (like and like.built.of(computed, silent)) or build_network(computed, silent)
+        assembly, couplings = built.assembly, built.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         takes = Takes(piece, collector, like.takes if like else {})
         hands = Hands(piece, timeline, takes, collector)
@@ -251,7 +252,7 @@ def prepare(
     if collector.has_errors():
         raise StageError(collector.finish())
     fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
-    return Ready(scene, timeline, n_frames, hands, collector, live, paths, fades_from)
+    return Ready(built, timeline, n_frames, hands, collector, live, paths, fades_from)
 
 
 @lasting
@@ -322,7 +323,7 @@ def stage(
         raise _refused(piece, ready.collector, error) from error
     return Stage(
         piece,
-        ready.scene,
+        ready.built,
         simulation,
         ready.n_frames,
         ready.hands.gestures,
@@ -359,14 +360,14 @@ def _glide(piece: Piece, ready: Ready, going: Going) -> None:
         for glide in going.glides:
             if glide.written in ready.paths:
                 continue  # automation leads it
-            glide.put(ready.timeline, ready.scene.assembly)
+            glide.put(ready.timeline, ready.built.assembly)
     except _core.EngineError as error:
         raise _refused(piece, ready.collector, error) from error
 
 
 def _let_strike(piece: Piece, ready: Ready, going: Going) -> None:
     """Name the MATs that may be struck while it plays."""
-    assembly = ready.scene.assembly
+    assembly = ready.built.assembly
     try:
         for part, module, member, number in going.strike_points:
             first = assembly.mats.get((part, module))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Time
+from ergon.scores.pattern.search import first_from
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -71,12 +71,16 @@ class Striking:
         """Strikes in the places of a pattern; chance leaves out each member by itself."""
         course, tempo = places.course, self.piece.tempo_map
         pattern = course.pattern
-        first, last = (bisect_left(places, instant, key=tempo.seconds) for instant in self.within)
+
+        def seconds(place: int) -> float:
+            return tempo.seconds(places[place])
+
+        first, last = (first_from(seconds, len(places), instant) for instant in self.within)
         for place in range(first, last):
             name = course.named(place)
             if name is None:
                 continue
-            instant, number = tempo.seconds(places[place]), place + pattern.skip
+            instant, number = seconds(place), place + pattern.skip
             for member, mat in enumerate(self._voice(name)):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
                     self._strike(mat, instant, member, number)

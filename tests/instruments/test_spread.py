@@ -9,10 +9,10 @@ from edited import opened, piece_of, value
 
 from ergon.api.simulate import never_closed, simulate
 from ergon.scores.edits import matter
+from ergon.scores.staging.built_network import build_network
 from ergon.scores.staging.gliding import glides, leaving, with_leaving
 from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.reach import ties
-from ergon.scores.staging.scene import build_scene
 from ergon.scores.staging.stage import stage
 
 SCORE = """\
@@ -281,7 +281,7 @@ def test_points_that_come_and_go_fade_one_by_one():
     assert [one.glide.module for one in going] == ["c.3", "c.4"]
     kept = with_leaving(short, going)
     assert {one.glide.written for one in going} == {("s", "c")}
-    assert build_scene(kept, ()).network.n_lia == build_scene(long, ()).network.n_lia
+    assert build_network(kept, ()).network.n_lia == build_network(long, ()).network.n_lia
     # A new value of K is one glide of all points.
     stiffer = check((SCORE % (SOL, over(3, 7, "0mm"), "c")).replace("20kN/m", "40kN/m")).piece
     assert [one.module for one in glides(long, stiffer, (), 0.0, 0.1)] == ["c"]

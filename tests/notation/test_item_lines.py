@@ -1,4 +1,4 @@
-"""Lists whose items stand in a line each are composed line by line, to the same nodes."""
+"""Lists and mappings of one line each value are composed line by line, to the same nodes."""
 
 from pathlib import Path
 
@@ -29,6 +29,23 @@ ITEM = st.sampled_from(
 )
 USUAL = st.sampled_from(["- {at: 1|1, play: knock}", "- {at: 7|1, play: lean, do: [scale 2]}"])
 LIST = st.lists(st.one_of(USUAL, USUAL, USUAL, USUAL, ITEM), max_size=30)
+ENTRY = st.one_of(
+    st.integers(0, 40).map(lambda n: f"m{n}: {{CEL: {{M: 2g, f: {n}Hz}}}}"),
+    st.integers(0, 40).map(lambda n: f"b-{n}: {{BUT: {{between: [k, m{n}], 'K': 1kN/m}}}}"),
+    st.sampled_from(
+        [
+            "lines0: {}",
+            "a:\n        BUT: {between: [k, m]}",
+            "b: {M: &one 1}",
+            "c: {M: *one}",
+            "d: {M: 1g}  # said",
+            "# e: {a remark}",
+            "f: {M: 'open}",
+            "g: [1, 2]",
+        ]
+    ),
+)
+ENTRIES = st.lists(ENTRY, max_size=40)
 HEAD = st.sampled_from(["  ada:\n", "  ada: |\n", "  bo:\n", "  mia:  # a remark\n", "  - x\n"])
 
 
@@ -41,11 +58,14 @@ def _same(own, other, base=0):
         assert (own.place.column, own.place.length) == (other.place.column, other.place.length)
         assert own.place.line <= other.place.line
     elif isinstance(own, Mapping):
-        for (name, value), (key, item) in zip(
-            own.entries.values(), other.entries.values(), strict=True
-        ):
-            _same(name, key, base)
-            _same(value, item, base)
+        assert list(own.entries) == list(other.entries)
+        for word, (name, value) in own.entries.items():
+            key, item = other.entries[word]
+            begin = own.bases.get(word, base)
+            _same(name, key, begin)
+            _same(value, item, begin)
+            if word in own.lines:  # no two entries are alike
+                assert (name.place, value.place) == (key.place, item.place)
     else:
         assert len(own.items) == len(other.items)
         for number, (one, item) in enumerate(zip(own.items, other.items, strict=True)):
@@ -102,3 +122,49 @@ def test_of_lines_that_are_known_none_is_composed(monkeypatch, n_lines):
 def test_a_text_that_looks_like_a_list_is_none():
     rows = "    - {at: 1|1, play: knock}\n" * 9
     assert item_lines.by_lines(f"parts:\n  ada: |\n{rows}", "s", Path(), 0, {}) is None
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    parts=st.lists(st.tuples(st.booleans(), ENTRIES), min_size=1, max_size=3),
+    row=st.integers(0, 3),
+)
+def test_entries_of_mappings_are_those_of_the_whole_text(parts, row):
+    text = "instruments:\n" + "".join(
+        f"  part{number}:{' |' * is_text}\n" + "".join(f"      {entry}\n" for entry in entries)
+        for number, (is_text, entries) in enumerate(parts)
+    )
+    collector = Collector()
+    whole = compose(text, "score.yaml", collector, row)
+    found = item_lines.by_lines(text, "score.yaml", Path(), row, {})
+    if found is None:
+        return
+    own, lines = found
+    assert not collector.told
+    _same(own.root, whole.root)
+    assert own.size == whole.size
+    again, _ = item_lines.by_lines(text, "score.yaml", Path(), row, lines)
+    _same(again.root, whole.root)
+    lower, _ = item_lines.by_lines(text, "score.yaml", Path(), row + 5, lines)
+    _same(lower.root, compose(text, "score.yaml", Collector(), row + 5).root)
+
+
+ROWS = [f"      m{n}: {{MAS: {{M: {n + 1}g}}}}\n" for n in range(12)]
+
+
+def test_of_entries_that_are_known_none_is_composed(monkeypatch):
+    text = "instruments:\n  bell:\n    modules:\n"
+    _, lines = item_lines.by_lines(text + "".join(ROWS), "s", Path(), 0, {})
+    changed = ROWS[5].replace("6g", "60g")
+    composed = []
+    monkeypatch.setattr(
+        item_lines, "compose", lambda *of: (composed.append(of[0]), compose(*of))[1]
+    )
+    rows = "".join([*ROWS[:5], changed, *ROWS[6:]])
+    item_lines.by_lines(text + rows, "s", Path(), 0, lines)
+    assert composed == [f"{text}      lines0: {{}}\n", changed]
+
+
+def test_a_name_that_stands_twice_is_left_to_the_whole_text():
+    rows = "".join([*ROWS, ROWS[3]])
+    assert item_lines.by_lines(f"instruments:\n  bell:\n{rows}", "s", Path(), 0, {}) is None

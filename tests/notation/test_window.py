@@ -7,14 +7,21 @@ import random
 import pytest
 
 from ergon.notation.text import edit
-from ergon.scores.edits.texts import Texts
+from ergon.notation.text.document import Document
+from ergon.scores.edits.texts import ListEdit, Texts
 
 HEADS = ("", "ergon: 1\n", "# a remark\nergon: 1\r\n")
 TAILS = ("", "mix: {channels: 2}\n", "\n# the end\n")
 
 
 def listed(chance: random.Random, n_items: int) -> str:
-    """A section `parts` with lists of several styles."""
+    """A section `parts` with lists of several styles, or all in braces."""
+    if chance.random() < 0.25:
+        lists = (
+            f"{name}: [" + ", ".join(f"{{at: {n}|1, play: p{n}}}" for n in range(n_items)) + "]"
+            for name in ("ada", "leo", "'mia'")
+        )
+        return f"parts: {{{', '.join(lists)}}}" + chance.choice(["", "   # who plays"]) + "\n"
     said = ["parts:" + chance.choice(["", "   # who plays"])]
     for name in ("ada", "leo", "'mia'"):
         style = chance.choice(["block", "flow", "spread", "lines"])
@@ -34,7 +41,7 @@ def listed(chance: random.Random, n_items: int) -> str:
     return "\n".join(said) + "\n"
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(120))
 def test_an_edit_of_an_end_is_the_edit_of_the_whole(seed: int):
     chance = random.Random(seed)
     text = chance.choice(HEADS) + listed(chance, chance.randrange(1, 9)) + chance.choice(TAILS)
@@ -82,6 +89,43 @@ def test_a_long_list_is_read_once_by_an_edit(monkeypatch: pytest.MonkeyPatch):
     made = texts.append(("parts", "ada"), "{at: 400|1, play: y}")
     assert made.text.endswith("    - {at: 400|1, play: y}\n")
     assert sum(read) < 400
+
+
+def test_a_list_in_braces_is_read_alone(monkeypatch: pytest.MonkeyPatch):
+    items = ", ".join(f"{{at: {n}|1, play: x}}" for n in range(1, 400))
+    texts = Texts("s.yaml", f"ergon: 1\nparts: {{ada: [{items}], leo: [{{at: 1|1, play: y}}]}}\n")
+    texts.section("parts")
+    read, begun = [], edit.compose
+
+    def counted(text: str, *rest: object):
+        read.append(len(text))
+        return begun(text, *rest)
+
+    monkeypatch.setattr(edit, "compose", counted)
+    made = texts.put(("parts", "leo", 0, "until"), "9|1")
+    assert made.text.endswith(", leo: [{at: 1|1, play: y, until: 9|1}]}\n")
+    assert sum(read) < 200
+
+
+def edited(player: str, number: int, text: str) -> ListEdit:
+    path = ("parts", player)
+
+    def change(own: Document, lacks: int) -> str:
+        return edit.put(own, (*path, number - lacks, "until"), text)
+
+    return ListEdit(path, number, change)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_lists_edited_together_are_as_edited_one_by_one(seed: int):
+    chance = random.Random(seed)
+    n_items = chance.randrange(1, 9)
+    together = Texts("s.yaml", listed(chance, n_items))
+    each = together
+    edits = [edited(name, chance.randrange(n_items), "9|1") for name in ("ada", "leo", "mia")]
+    for one in chance.sample(edits, 3):
+        each = each.edited_lists([one])
+    assert together.edited_lists(edits).text == each.text
 
 
 @pytest.mark.parametrize("n_gone", [1, 2, 3])

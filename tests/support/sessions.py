@@ -18,7 +18,7 @@ from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.repl.session_protocol import Reply
 from ergon.scores.edits.texts import Texts
-from ergon.scores.staging.scene import build_scene
+from ergon.scores.staging.built_network import build_network
 
 EVERY = 64
 _BLOCK = 1 << 16  # frames
@@ -45,7 +45,7 @@ class Stepped:
         own = folder / "session.jsonl"
         if frozen is not None:
             found = exchange.read(frozen)
-            listening = build_scene(version.piece, frozenset(found.parts)).listening
+            listening = build_network(version.piece, frozenset(found.parts)).listening
             frozen = of_frozen(frozen, found, version.piece, listening)
         self._open(own, version, Clock(), None, None, journal, keeps, frozen)
 

@@ -1,10 +1,10 @@
-"""Which edits leave a scene as it is."""
+"""Which edits leave modules and what is heard of them as they are."""
 
 import pytest
 from one_bell import SCORE
 
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import Piece, is_same_scene
+from ergon.scores.reading.piece import Piece, is_same_matter
 
 
 def piece(text: str) -> Piece:
@@ -23,9 +23,9 @@ def piece(text: str) -> Piece:
         ("smooth 6mm", "smooth 5mm"),
     ],
 )
-def test_what_is_played_and_written_otherwise_is_the_same_scene(old: str, new: str):
+def test_what_is_played_and_written_otherwise_is_the_same_matter(old: str, new: str):
     assert old in SCORE
-    assert is_same_scene(piece(SCORE), piece(SCORE.replace(old, new)))
+    assert is_same_matter(piece(SCORE), piece(SCORE.replace(old, new)))
 
 
 @pytest.mark.parametrize(
@@ -41,6 +41,6 @@ def test_what_is_played_and_written_otherwise_is_the_same_scene(old: str, new: s
         (", travel: -15mm..15mm}", ", travel: -14mm..15mm}"),
     ],
 )
-def test_other_modules_and_routes_are_another_scene(old: str, new: str):
+def test_other_modules_and_routes_are_another_matter(old: str, new: str):
     assert old in SCORE
-    assert not is_same_scene(piece(SCORE), piece(SCORE.replace(old, new)))
+    assert not is_same_matter(piece(SCORE), piece(SCORE.replace(old, new)))

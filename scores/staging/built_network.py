@@ -1,4 +1,4 @@
-"""The scene of a piece: the network of its modules, its couplings, and what is heard of them."""
+"""The network of a piece's modules, with its couplings and what is heard of them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.notation.clock.shifted import Elsewhere
-from ergon.scores.reading.piece import Piece, is_same_scene
+from ergon.scores.reading.piece import Piece, is_same_matter
 from ergon.scores.staging.listening import Listening, fades, listen
 
 OVER = -math.inf  # the end of a coupling that acts no longer
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class BuiltNetwork:
     """What is: the modules of a piece, the LIA of each coupling, and what is heard of them."""
 
     piece: Piece
@@ -29,26 +29,26 @@ class Scene:
         """The network that the modules make."""
         return self.assembly.network
 
-    def of(self, piece: Piece, silent: Container[str] = ()) -> Scene | None:
+    def of(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
         """The same modules as another piece's, if they are the same and heard in the same way.
 
         `silent` are the instruments that are not listened to.
         """
         if silent != self.listening.silent:
             return None
-        if not is_same_scene(self.piece, piece) or fades(self.piece) != fades(piece):
+        if not is_same_matter(self.piece, piece) or fades(self.piece) != fades(piece):
             return None  # the tempo moves fades
         return replace(self, piece=piece)
 
 
-def build_scene(piece: Piece, silent: Container[str]) -> Scene:
-    """The scene of a piece; the `silent` instruments are not listened to."""
+def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
+    """The network of a piece; the `silent` instruments are not listened to."""
     assembly = Assembly(seed=piece.seed)
-    couplings = add_network(piece, assembly)
-    return Scene(piece, assembly, couplings, listen(piece, assembly, silent))
+    couplings = add_parts(piece, assembly)
+    return BuiltNetwork(piece, assembly, couplings, listen(piece, assembly, silent))
 
 
-def add_network(piece: Piece, assembly: Assembly) -> list[int]:
+def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     """Keys, instruments and couplings; returns the LIA of each coupling."""
     # Links reach the <M> points of other parts: all of those first.
     for name, key in piece.keys.items():

@@ -1,0 +1,32 @@
+"""Searching rising beats with few questions finds what halving finds."""
+
+from bisect import bisect_left
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ergon.scores.pattern.search import first_from, n_before
+
+BEAT = st.one_of(st.floats(-1e6, 1e6), st.sampled_from([inf, -inf, 0.0, 1.0]))
+
+
+@given(beats=st.lists(BEAT, max_size=40).map(sorted), wanted=BEAT)
+def test_the_first_is_that_of_halving(beats: list[float], wanted: float):
+    assert n_before(beats, wanted) == bisect_left(beats, wanted)
+    for one in beats:
+        assert n_before(beats, one) == bisect_left(beats, one)
+
+
+@pytest.mark.parametrize("wanted", [0.0, 0.25, 1234.5, 1234.6, 249999.75, 249999.8, inf])
+def test_an_even_line_of_a_million_is_asked_few_times(wanted: float):
+    asked = []
+
+    def at(number: int) -> float:
+        asked.append(number)
+        return 0.25 * number
+
+    found = first_from(at, 1_000_000, wanted)
+    assert found == (1_000_000 if wanted > 249999.75 else -int(-wanted // 0.25))
+    assert len(asked) <= 5
