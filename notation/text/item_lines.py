@@ -44,7 +44,8 @@ class _Run(NamedTuple):
 
     def whole(self, index: int) -> int:
         """The place in the text of one in the shorter text, at this run or below it."""
-        if index < self.item:
+        # A mapping begins where its first name does.
+        if index < self.item + self.is_mapping:
             return self.first + index - self.short_first
         return self.end + index - self.short_end
 

@@ -126,7 +126,9 @@ def placed(draw, kind):
 
 
 def is_word(node):
-    return isinstance(node, Scalar) and node.style is None and not node.is_empty
+    """A plain text in one line."""
+    is_plain = isinstance(node, Scalar) and node.style is None and not node.is_empty
+    return is_plain and "\n" not in node.document.text[node.start : node.end]
 
 
 @quiet
