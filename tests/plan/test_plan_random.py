@@ -41,7 +41,7 @@ def db(y: np.ndarray, x: np.ndarray, heard: np.ndarray) -> float:
 
 
 def reference(scene: Scene) -> tuple[np.ndarray, np.ndarray, float]:
-    """The finest run of the plain scheme, which outputs are heard in it, and how sure it is [dB]."""
+    """The finest run of the plain scheme, which outputs it sounds in, and how sure it is [dB]."""
     coarse, rough, fine = (plain(scene, RATE * s, N * s)[::s] for s in TIMES)
     loud = np.linalg.norm(fine - fine.mean(axis=0), axis=0)
     heard = loud > SILENT * loud.max()
