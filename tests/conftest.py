@@ -11,7 +11,7 @@ import pytest
 os.environ["ERGON_CACHE"] = "off"
 # Most of a short run is planning, and the same scores run hundreds of times: all share the plans of
 # one run of the tests, but for these folders, which are about planning or about determinism.
-_PLAN_ANEW = ("contracts", "engine", "fuzz", "lab", "plan")
+_PLAN_ANEW = ("contracts", "engine", "lab", "plan")
 # Each worker has one processor: four that each solve with four threads wait for one another.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 # Where bytecode is not kept, each of a thousand commands compiles all modules: half of its time.

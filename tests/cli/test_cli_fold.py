@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import ERGON
+from commands import forked
 
 from ergon.exchange.wave import WaveWriter, read_blocks, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
@@ -24,7 +24,7 @@ render: {file: sky.wav, tail: 0.1s}
 
 
 def ergon(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*ERGON, *words], cwd=folder, capture_output=True, text=True, check=False)
+    return forked(words, folder)
 
 
 def noise(path: Path, n_frames: int, n_channels: int = 24, *, peak: float = 0.1) -> np.ndarray:

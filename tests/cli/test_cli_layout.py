@@ -4,12 +4,11 @@ import json
 import subprocess
 from pathlib import Path
 
-from commands import ERGON
+from commands import forked
 
 
 def ergon(*words: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [*ERGON, "layout", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return forked(["layout", *words], folder or Path.cwd())
 
 
 def records(text: str) -> list[dict]:

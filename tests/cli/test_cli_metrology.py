@@ -1,6 +1,7 @@
 """`ergon metrology`: takes or a device to a table, a calibration, and a key of a score."""
 
 import json
+import shutil
 from collections.abc import Set
 from pathlib import Path
 
@@ -18,7 +19,7 @@ Capture = pytest.CaptureFixture[str]
 
 
 def take(
-    name: str, force: Floats, seed: int, hands: int = 1, lost: int = 0, gap: Set[int] = NONE
+    name: str | Path, force: Floats, seed: int, hands: int = 1, lost: int = 0, gap: Set[int] = NONE
 ) -> None:
     """A recording of a key that was pushed.
 
@@ -41,10 +42,18 @@ def take(
     Path(name).write_bytes(b"".join([header(axes), *chunks, end()]))
 
 
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of takes that no test changes."""
+    made = tmp_path_factory.mktemp("takes")
+    take(made / "rain.take", rain(KEY), 1)
+    take(made / "knocks.take", knocks(KEY), 2)
+    return made
+
+
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
-    take("rain.take", rain(KEY), 1)
-    take("knocks.take", knocks(KEY), 2)
+def folder(own_folder: Path, takes: Path) -> Path:
+    shutil.copytree(takes, own_folder, dirs_exist_ok=True)
     return own_folder
 
 

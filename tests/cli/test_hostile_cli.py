@@ -63,7 +63,8 @@ def npz(shape: str, data: bytes = b"", kind: str = "<f8") -> bytes:
 
 
 PICKLE = b"cos\nsystem\n(S'touch pwned'\ntR."
-TAKES = {
+Content = bytes | str | Callable[[], bytes]  # what is large is made where it is written
+TAKES: Mapping[str, Content] = {
     "gigabyte.wav": wav(1 << 30),
     "channels0.wav": wav(100, channels=0),
     "channels65535.wav": wav(100, channels=65_535),
@@ -73,16 +74,16 @@ TAKES = {
     "huge.npz": npz("(1000000000000,)"),
     "negative.npz": npz("(-1,)"),
     "matrix.npz": npz("(1000, 1000, 1000, 1000)"),
-    "bomb.npz": npz("(31250000,)", bytes(250_000_000)),
+    "bomb.npz": lambda: npz("(31250000,)", bytes(250_000_000)),
     "pickle.npz": npz("(1,)", PICKLE, "|O"),
     "code.npz": npz("__import__('os').system('touch pwned')"),
     "deep.npz": npz("(" * 5_000 + ")" * 5_000),
     "cut.npz": npz("(100,)", bytes(8)),
     "nan.npz": npz("(3,)", struct.pack("<3d", 0.0, 1.0, float("nan"))),
     "noise.npz": bytes(range(256)),
-    "endless.csv": b"t [s],x [m]\n" + b"1" * 100_000_000,
-    "commas.csv": b"t [s],x [m]\n" + b"," * 20_000_000,
-    "columns.csv": b"t" + b",x" * 1_000_000 + b"\n1\n",
+    "endless.csv": lambda: b"t [s],x [m]\n" + b"1" * 100_000_000,
+    "commas.csv": lambda: b"t [s],x [m]\n" + b"," * 20_000_000,
+    "columns.csv": lambda: b"t" + b",x" * 1_000_000 + b"\n1\n",
     "nan.csv": b"t [s],x [m]\n0,nan\n1,inf\n2,0\n",
     "back.csv": b"t [s],x [m]\n0,0\n-1,0\n2,0\n",
     "dense.csv": b"t [s],x [m]\n0,0\n1e-300,1\n1,1\n",
@@ -94,7 +95,7 @@ TAKES = {
     "head.take": recordings.header()[:20],
     "axes.take": recordings.header((("", ""),) * 65),
     "length.take": recordings.header() + struct.pack("<IBI", 2**32 - 1, 2, 0),
-    "zeros.take": recordings.header() + bytes(20_000_000),
+    "zeros.take": lambda: recordings.header() + bytes(20_000_000),
     "nan.take": recordings.header()
     + recordings.rows(*(recordings.row(t, recordings.Axis(math.nan)) for t in range(9))),
     "far.take": recordings.header()
@@ -129,12 +130,17 @@ def ergon(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def refused(folder: Path, scores: Mapping[str, str | bytes]) -> None:
+def write(path: Path, content: Content) -> None:
+    data = content() if callable(content) else content
+    path.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def refused(folder: Path, scores: Mapping[str, Content]) -> None:
     """Check that every score is refused at a place of its own, and that nothing else happens."""
     files = {}
     for number, (name, text) in enumerate(scores.items()):
         files[f"s{number}.yaml"] = name
-        (folder / f"s{number}.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+        write(folder / f"s{number}.yaml", text)
     before = {path.name for path in folder.iterdir()}
     done = ergon(folder, "check", "--json", *files)
     shown = done.stdout + done.stderr
@@ -158,7 +164,7 @@ def refused(folder: Path, scores: Mapping[str, str | bytes]) -> None:
 @pytest.mark.parametrize(
     "scores", [YAML, NUMBERS, SIZES, TEXTS], ids=["yaml", "numbers", "sizes", "texts"]
 )
-def test_scores_are_refused(tmp_path: Path, scores: Mapping[str, str | bytes]) -> None:
+def test_scores_are_refused(tmp_path: Path, scores: Mapping[str, Content]) -> None:
     refused(tmp_path, scores)
 
 
@@ -179,7 +185,7 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
 
 def test_takes_are_refused(tmp_path: Path) -> None:
     for name, data in TAKES.items():
-        (tmp_path / name).write_bytes(data)
+        write(tmp_path / name, data)
     with (tmp_path / "sparse.wav").open("wb") as file:
         file.write(wav(1 << 30))
         file.truncate((1 << 30) + 44)

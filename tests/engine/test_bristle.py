@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bristles import RATE, SCENES, Bristles
 from checked import check, codes
-from planned_sound import off_db, played, ready
+from planned_sound import off_db, planned, played, ready
 
 from ergon import _core
 from ergon.scores.staging.implausible import implausible
@@ -27,8 +27,7 @@ def test_plans_reach_what_is_asked(solved):
 
 def test_finer_steps_are_more_exact(solved):
     scene, exact = solved
-    stage = ready(scene.text)
-    base = _core.Plan(stage.network, stage.timeline, error_db=-80.0).choices()
+    base = planned(scene.text, error_db=-80.0)[1].choices()
     for parts, order in ((1, 0.8), (2, 0.9)):
         errors = []
         for steps in (1, 4):
@@ -69,8 +68,7 @@ def test_the_ca_scheme_steps_its_own_formula():
 @pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
 @pytest.mark.parametrize("name", ["bow", "key", "stick-slip"])
 def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
-    stage = ready(SCENES[name].text)
-    plan = _core.Plan(stage.network, stage.timeline, **wishes)
+    stage, plan = planned(SCENES[name].text, **wishes)
     whole = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((stage.n_frames, whole.n_out))
     whole.process(sound)

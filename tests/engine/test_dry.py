@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from checked import check, codes
 from dry_scenes import RATE, SCENES, Dry
-from planned_sound import off_db, played, ready
+from planned_sound import off_db, planned, played, ready
 
 from ergon import _core
 
@@ -26,8 +26,7 @@ def test_plans_reach_what_is_asked(solved):
 def test_half_the_step_is_more_exact(solved):
     """Of order 2 where nothing strikes a resting mass; -90 dB is next to the solver's own turns."""
     scene, exact = solved
-    stage = ready(scene.text)
-    base = _core.Plan(stage.network, stage.timeline, error_db=-60.0).choices()
+    base = planned(scene.text, error_db=-60.0)[1].choices()
     errors = []
     for steps in (1, 4):
         pins = [own._replace(oversampling=steps) for own in base]
@@ -96,8 +95,7 @@ def test_no_spring_and_no_step_makes_friction_give_energy():
 @pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
 @pytest.mark.parametrize("name", ["stick-slip", "key"])
 def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
-    stage = ready(SCENES[name].text)
-    plan = _core.Plan(stage.network, stage.timeline, **wishes)
+    stage, plan = planned(SCENES[name].text, **wishes)
     sound = played(SCENES[name].text, **wishes)
     half = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     half.process(np.empty((stage.n_frames // 2, half.n_out)))

@@ -594,7 +594,7 @@ TARGETS = (
     Target("laws", _law, _read_law, (_core.EngineError,), 3000),
     *(_take(suffix) for suffix in FORMATS),
     Target("plans", _plan, _read_plan, (plan_file.NotPlanError,), 150),
-    Target("trial records", _trials, _read_trials, (), 60, 5_000),
+    Target("trial records", _trials, _read_trials, (), 20, 5_000),
     Target("devices.toml", lambda chance: damaged(DEVICES, chance, DEVICE_WORDS), _read_devices,
            (BoardError,), 300),
     Target("calibrations", _beside("calib/crm-key-03.yaml"), _read_beside(CALIBRATED), (), 60),

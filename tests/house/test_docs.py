@@ -6,17 +6,14 @@ the page; what a command prints (errors and all) must match what is shown, where
 anything.
 """
 
-import os
 import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from commands import ERGON
+from commands import forked
 from docs.generators.pages import Block, blocks, commands, merged, put
-from patience import PATIENCE
 from tests.scores import test_library
 
 from ergon.scores.reading.load import load
@@ -53,16 +50,7 @@ def check(block: Block, path: Path) -> None:
 def run(block: Block, folder: Path) -> None:
     """Run the commands of a console block and compare what they print."""
     for words, shown in commands(block):
-        done = subprocess.run(
-            [*ERGON, *words],
-            cwd=folder,
-            env={**os.environ, "NO_COLOR": "1", "COLUMNS": "80"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            encoding="utf-8",
-            timeout=PATIENCE,
-            check=False,
-        )
+        done = forked(words, folder, merged=True, NO_COLOR="1", COLUMNS="80")
         pattern = re.escape(shown).replace("…", ".*")
         ok = re.fullmatch(pattern, done.stdout.strip(), re.DOTALL)
         assert ok, f"{block.where}: {words}\n{done.stdout}"

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from commands import ERGON, PATIENT
+from commands import ERGON, PATIENT, forked
 from patience import PATIENCE
 from tests.robust.test_kills import LIVE, SCORE
 
@@ -59,21 +59,32 @@ def ergon(
     folder: Path,
     line: str,
     before: Callable[[], None] | None = None,
-    lines: str | None = None,
     **environment: str | None,
 ) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a command, none of which shows its inside."""
+    """Exit code, stdout and stderr of a command that is started in a strange surrounding."""
     merged = {**os.environ, **environment}
     done = subprocess.run(
         [*ERGON, *line.split()],
         cwd=folder,
         env={name: value for name, value in merged.items() if value is not None},
-        input=lines or "",
+        input="",
         capture_output=True,
         timeout=PATIENCE,
         text=True,
         preexec_fn=before,
     )
+    return calm(done)
+
+
+def forked_ergon(
+    folder: Path, line: str, *limits: tuple[int, int], lines: str = ""
+) -> tuple[int, str, str]:
+    """The same of a command whose surrounding becomes strange once Python has started."""
+    return calm(forked(line.split(), folder, limits=limits, lines=lines))
+
+
+def calm(done: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr, none of which shows the program's inside."""
     for word in NEVER:
         assert word not in done.stdout + done.stderr, done.stdout + done.stderr
     return done.returncode, done.stdout, done.stderr
@@ -108,7 +119,7 @@ WRITERS = (
 
 @pytest.mark.parametrize("line", WRITERS)
 def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
-    code, _, told = ergon(small, line)
+    code, _, told = forked_ergon(small, line)
     assert code == 2
     assert "No space left" in told, told
     assert after(small) == ["live.yaml", "score.yaml"]
@@ -116,7 +127,7 @@ def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
 
 @pytest.mark.parametrize("line", WRITERS)
 def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> None:
-    code, _, told = ergon(here, line, limited(resource.RLIMIT_FSIZE, 100_000))
+    code, _, told = forked_ergon(here, line, (resource.RLIMIT_FSIZE, 100_000))
     assert code == 2
     assert "File too large" in told, told
     assert after(here) == GIVEN
@@ -132,7 +143,7 @@ def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> N
     ],
 )
 def test_a_device_that_is_full(here: Path, line: str) -> None:
-    code, _, told = ergon(here, line)
+    code, _, told = forked_ergon(here, line)
     assert code == 2
     assert "No space left" in told, told
 
@@ -206,7 +217,9 @@ def test_a_take_on_a_disk_that_is_full_is_refused(small: Path, what: str) -> Non
     with subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True) as device:
         assert device.stdout is not None
         url = json.loads(device.stdout.readline())["url"]
-        code, _, told = ergon(small, f"{what} --live {'ada=' if 'duet' in what else ''}{url}")
+        code, _, told = forked_ergon(
+            small, f"{what} --live {'ada=' if 'duet' in what else ''}{url}"
+        )
         device.kill()
     assert code == 2
     assert "the recording cannot be written: No space left" in told
@@ -216,7 +229,7 @@ def test_a_take_on_a_disk_that_is_full_is_refused(small: Path, what: str) -> Non
 def test_a_journal_on_a_full_disk_is_told_and_never_whole(small: Path) -> None:
     fill(small)
     line = "repl score.yaml --audio null --gain 0dB --plain"
-    _, out, told = ergon(small, line, lines="play\nada plays knock every 1\nquit\n")
+    _, out, told = forked_ergon(small, line, lines="play\nada plays knock every 1\nquit\n")
     assert "cannot be written" in out + told
     assert "No space left" in out + told
     if (small / "session.jsonl").exists():
@@ -234,7 +247,7 @@ def test_a_folder_that_is_read_only(tmp_path: Path, here: Path, line: str) -> No
     else:
         here.chmod(0o500)
     try:
-        code, _, told = ergon(here, line)
+        code, _, told = forked_ergon(here, line)
     finally:
         if IS_ROOT:
             subprocess.run(["umount", "-l", str(here)], check=True)
@@ -427,7 +440,7 @@ def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
                 else:
                     path.symlink_to("/dev/zero")
             before = files(here)
-            code, out, told = ergon(here, line.format(name), limited(resource.RLIMIT_AS, 4 << 30))
+            code, out, told = forked_ergon(here, line.format(name), (resource.RLIMIT_AS, 4 << 30))
             empty = "take list" in line and what == "folder"
             assert code in ((0,) if empty else (1, 2)), (name, told)
             assert told.strip() or out.strip(), name
@@ -439,6 +452,6 @@ def test_load_takes_files_alone(here: Path) -> None:
     (here / "folder").mkdir()
     line = "repl score.yaml --audio null --gain 0dB --plain"
     lines = "load /dev/zero\nload fifo\nload folder\nload /dev/full\nreload\n"
-    code, out, told = ergon(here, line, limited(resource.RLIMIT_AS, 4 << 30), lines)
+    code, out, told = forked_ergon(here, line, (resource.RLIMIT_AS, 4 << 30), lines=lines)
     assert code == 0, told
     assert "loaded" not in out

@@ -2,12 +2,10 @@
 
 import json
 import os
-import subprocess
 from pathlib import Path
 
 import pytest
-from commands import ERGON
-from patience import PATIENCE
+from commands import forked
 
 from ergon.cli import app
 from ergon.notation.text.bounds import MARKER, Bounds
@@ -292,11 +290,6 @@ def test_a_score_is_a_regular_file(piece, kind):
     os.mkdir("dir")
     for command in (["check", kind], ["render", "x.yaml", "--plan", kind], ["take", "info", kind]):
         Path("x.yaml").write_text("ergon: 1\nrender: {tail: 10ms}\n" + PLAYED)
-        done = subprocess.run(
-            [*ERGON, *command],
-            capture_output=True,
-            timeout=PATIENCE,
-            text=True,
-        )
+        done = forked(command, Path.cwd())
         assert done.returncode in (1, 2)
         assert "internal" not in done.stderr

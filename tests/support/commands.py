@@ -1,11 +1,21 @@
 """The command line for tests: how it is begun as a process, and the JSON lines that it printed."""
 
+import atexit
+import contextlib
 import json
+import os
+import signal
+import socket
+import subprocess
 import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from patience import PATIENCE
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
 PATIENT = [sys.executable, str(Path(__file__).with_name("patient_ergon.py"))]  # lines have no limit
@@ -14,3 +24,69 @@ PATIENT = [sys.executable, str(Path(__file__).with_name("patient_ergon.py"))]  #
 def records(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
     """What was printed on stdout since the last look, a record a line."""
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+class _Forks:
+    """`forked_ergon.py` as a process, and the socket by which it is asked."""
+
+    def __init__(self) -> None:
+        self.channel, other = socket.socketpair()
+        with other:
+            words = [sys.executable, str(Path(__file__).with_name("forked_ergon.py"))]
+            number = other.fileno()
+            self.process = subprocess.Popen(
+                [*words, str(number)], pass_fds=[number], start_new_session=True
+            )
+        self.channel.settimeout(PATIENCE)
+        atexit.register(self.end)
+
+    def ask(self, what: Mapping[str, Any]) -> int:
+        self.channel.sendall(json.dumps(what).encode() + b"\n")
+        told = b""
+        while not told.endswith(b"\n"):
+            more = self.channel.recv(100)
+            assert more, "the process that forks has ended"
+            told += more
+        return int(told)
+
+    def end(self) -> None:
+        self.channel.close()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)  # with a command that has not ended
+        self.process.wait()
+
+
+_forks = cache(_Forks)
+
+
+def forked(
+    words: Sequence[str],
+    folder: Path,
+    *,
+    lines: str = "",
+    limits: Sequence[tuple[int, int]] = (),
+    merged: bool = False,
+    **environment: str | None,
+) -> subprocess.CompletedProcess[str]:
+    """Exit code, stdout and stderr of `ergon WORDS`, whose process is forked and not started.
+
+    `lines` are its standard input, `limits` pairs of a resource and its limit; what is None is not
+    in its environment; `merged` puts stderr into stdout.
+    """
+    given = {**os.environ, **environment}
+    with tempfile.TemporaryDirectory() as name:
+        stdin, stdout, stderr = (Path(name, stream) for stream in ("stdin", "stdout", "stderr"))
+        stdin.write_text(lines, encoding="utf-8")
+        stdout.touch()
+        stderr.touch()
+        code = _forks().ask(
+            {
+                "words": list(words),
+                "folder": str(folder),
+                "environment": {name: to for name, to in given.items() if to is not None},
+                "streams": [str(stdin), str(stdout), str(stdout if merged else stderr)],
+                "limits": list(limits),
+            }
+        )
+        texts = stdout.read_text(encoding="utf-8"), stderr.read_text(encoding="utf-8")
+    return subprocess.CompletedProcess(list(words), code, *texts)

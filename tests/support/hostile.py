@@ -1,6 +1,6 @@
 """Hostile scores, by family: every one of them is to be refused."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 HEAD = "ergon: 1\n"
 KEY = "keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\nplayers: {p: {key: k}}\n"
@@ -52,7 +52,7 @@ def take(file: str) -> str:
     return HEAD + KEY + f"takes: {{t: {{file: '{file}'}}}}\nparts: {{p: [{{at: 0, play: t}}]}}\n"
 
 
-YAML: Mapping[str, str | bytes] = {
+YAML: Mapping[str, str | bytes | Callable[[], bytes]] = {
     "deep flow": HEAD + "x: " + "[" * 10_000 + "]" * 10_000,
     "deep maps": HEAD + "x: " + "{a: " * 10_000 + "}" * 10_000,
     "deep blocks": HEAD + "".join(" " * i + "a:\n" for i in range(3_000)),
@@ -70,12 +70,12 @@ YAML: Mapping[str, str | bytes] = {
     "UTF-16": "ergon: 1\n".encode("utf-16"),
     "UTF-16 without a mark": "ergon: 1\n".encode("utf-16-le"),
     "UTF-32": "ergon: 1\n".encode("utf-32"),
-    "100 MB of spaces": b" " * 100_000_000,
-    "60 MB of spaces": b" " * 60_000_000,
-    "60 MB of lines": b"\n" * 60_000_000,
-    "60 MB of comments": b"# x\n" * 15_000_000,
-    "an open quote": b'title: "' + b"x" * 20_000_000,
-    "a long name": b"x" * 20_000_000 + b": 1\n",
+    "100 MB of spaces": lambda: b" " * 100_000_000,
+    "60 MB of spaces": lambda: b" " * 60_000_000,
+    "60 MB of lines": lambda: b"\n" * 60_000_000,
+    "60 MB of comments": lambda: b"# x\n" * 15_000_000,
+    "an open quote": lambda: b'title: "' + b"x" * 20_000_000,
+    "a long name": lambda: b"x" * 20_000_000 + b": 1\n",
     "many anchors": HEAD + "".join(f"a{i}: &a{i} 1\n" for i in range(50_000)),
     "two documents": HEAD + "---\n" * 10,
     "nothing": b"",

@@ -1,5 +1,8 @@
 """Scores played by a plan, and how far their sound is from an exact one."""
 
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 
 from ergon import _core
@@ -13,10 +16,18 @@ def ready(text: str) -> Ready:
     return prepare(loaded.piece)
 
 
-def played(text: str, **wishes: object) -> np.ndarray:
-    """What a score's plan gives, before the mix (n_frames, n_out)."""
+def _plan(text: str, **wishes: Any) -> tuple[Ready, _core.Plan]:
     stage = ready(text)
-    plan = _core.Plan(stage.network, stage.timeline, **wishes)
+    return stage, _core.Plan(stage.network, stage.timeline, **wishes)
+
+
+planned = lru_cache(64)(_plan)  # several tests of a file ask for the same plan
+
+
+def played(text: str, **wishes: Any) -> np.ndarray:
+    """What a score's plan gives, before the mix (n_frames, n_out)."""
+    # Choices that are pinned are lists, and asked for once.
+    stage, plan = (_plan if "pins" in wishes else planned)(text, **wishes)
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((stage.n_frames, simulation.n_out))
     simulation.process(sound)

@@ -122,13 +122,13 @@ fn a_slow_key_does_not_allocate() {
 /// Whatever plays in the middle of whatever: one simulation takes over from another.
 #[test]
 fn a_take_over_does_not_allocate() {
-    take_over(0..16);
+    take_over(0..4);
 }
 
 #[test]
 #[ignore = "minutes: make test-long"]
 fn many_take_overs_do_not_allocate() {
-    take_over(16..100);
+    take_over(4..100);
 }
 
 fn take_over(seeds: Range<u64>) {

@@ -528,13 +528,13 @@ fn masses_go_on_by_name() {
 
 #[test]
 fn random_scenes_go_on() {
-    go_on(0..16);
+    go_on(0..4);
 }
 
 #[test]
 #[ignore = "minutes: make test-long"]
 fn many_random_scenes_go_on() {
-    go_on(16..100);
+    go_on(4..100);
 }
 
 /// Every kind of link, gesture, strike, coupling and drive, with the ledger kept and not.
