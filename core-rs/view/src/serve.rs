@@ -157,7 +157,7 @@ impl Server {
         let key = self.shared.options.key.as_ref();
         format!(
             "http://{}/{}",
-            self.shared.at,
+            self.shared.near(),
             key.map_or(String::new(), |key| format!("{key}/"))
         )
     }
@@ -183,12 +183,8 @@ impl Drop for Server {
         self.shared.over.store(true, Ordering::Release);
         self.shared.hub.close();
         // The listener waits in `accept`: a connection of ours wakes it.
-        let ip = match self.shared.at.ip() {
-            ip if !ip.is_unspecified() => ip,
-            _ => IpAddr::V4(Ipv4Addr::LOCALHOST),
-        };
-        let at = SocketAddr::new(ip, self.shared.at.port());
-        let woken = TcpStream::connect_timeout(&at, Duration::from_secs(1)).is_ok();
+        let near = self.shared.near();
+        let woken = TcpStream::connect_timeout(&near, Duration::from_secs(1)).is_ok();
         if let Some(listener) = self.listener.take()
             && woken
         {
@@ -200,6 +196,15 @@ impl Drop for Server {
 impl Shared {
     fn now(&self) -> f64 {
         self.begin.elapsed().as_secs_f64()
+    }
+
+    /// Where this machine reaches it: an address of loopback, where it listens at all.
+    fn near(&self) -> SocketAddr {
+        let ip = match self.at.ip() {
+            ip if !ip.is_unspecified() => ip,
+            _ => IpAddr::V4(Ipv4Addr::LOCALHOST),
+        };
+        SocketAddr::new(ip, self.at.port())
     }
 
     fn is_over(&self) -> bool {

@@ -6,7 +6,11 @@ macro_rules! page {
     };
 }
 
-const FILES: &[(&str, &str)] = page!("index.html" "style.css" "main.js");
+const FILES: &[(&str, &str)] = page!(
+    "index.html" "style.css" "icon.svg" "main.js" "camera.js" "chunks.js" "clock.js" "connection.js" "controls.js" "draw.js" "events.js"
+    "flashes.js" "flights.js" "frames.js" "gl.js" "inspector.js" "labels.js" "motion.js" "scene.js" "shaders.js" "story.js"
+    "timeline.js"
+);
 
 /// A file of the page: its media type and its text. Nothing is the first.
 pub(super) fn find(name: &str) -> Option<(&'static str, &'static str)> {
@@ -15,6 +19,7 @@ pub(super) fn find(name: &str) -> Option<(&'static str, &'static str)> {
     let kind = match name.rsplit_once('.')?.1 {
         "html" => "text/html; charset=utf-8",
         "css" => "text/css; charset=utf-8",
+        "svg" => "image/svg+xml",
         _ => "text/javascript; charset=utf-8",
     };
     Some((kind, text))
