@@ -1,6 +1,7 @@
 // From where one looks: a target, a distance and two angles; z is up.
 
-const F = 1.6; // focal length in half heights
+/** Focal length in half heights of the picture. */
+export const FOCAL = 1.6;
 const UP = 1.5; // [rad] as far as one can look down or up
 
 export class Camera {
@@ -71,8 +72,8 @@ export class Camera {
     const m = new Float32Array(16);
     for (let i = 0; i < 4; i++) {
       const at = (row) => (i < 3 ? rows[row][i] : shift[row]);
-      m[4 * i] = (F / aspect) * at(0);
-      m[4 * i + 1] = F * at(1);
+      m[4 * i] = (FOCAL / aspect) * at(0);
+      m[4 * i + 1] = FOCAL * at(1);
       m[4 * i + 2] = k * at(2) + (i === 3 ? (2 * far * near) / (near - far) : 0);
       m[4 * i + 3] = -at(2);
     }
@@ -94,15 +95,15 @@ export function presets(scene) {
   const bench = scene.extent();
   const room = scene.speakers.reduce((far, s) => Math.max(far, Math.hypot(...s.xyz)), bench.radius);
   const looks = [
-    { target: bench.centre, distance: 2.3 * bench.radius, yaw: 0.35, pitch: 0.6 },
+    { target: bench.centre, distance: 1.75 * bench.radius, yaw: 0.35, pitch: 0.6 },
     { target: [0, 0.02 * room, 0.3 * room], distance: 0.35 * room, yaw: 0, pitch: -0.35 },
-    { target: [0, 0, 0.2 * room], distance: 2.4 * room, yaw: 0, pitch: 1.5 },
-    { target: [0, 0, 0.2 * room], distance: 2.5 * room, yaw: 0.5, pitch: 0.3 },
+    { target: [0, 0, 0.2 * room], distance: 2.0 * room, yaw: 0, pitch: 1.5 },
+    { target: [0, 0, 0.2 * room], distance: 2.1 * room, yaw: 0.5, pitch: 0.3 },
   ];
   const parts = [...scene.parts].sort((a, b) => b.count - a.count).slice(0, 5);
   for (const part of parts) {
     const { centre, radius } = scene.extent(scene.pointsOf(part));
-    looks.push({ target: centre, distance: 2.4 * Math.max(radius, 0.1 * bench.radius), yaw: 0.25, pitch: 0.45 });
+    looks.push({ target: centre, distance: 1.9 * Math.max(radius, 0.1 * bench.radius), yaw: 0.25, pitch: 0.45 });
   }
   return looks;
 }

@@ -33,9 +33,9 @@ export class Drawing {
     this.state?.delete();
     this.rest = new PointTexture(this.gl, 0, scene.n);
     this.state = new PointTexture(this.gl, 1, scene.n);
+    const looks = scene.parts.map((part) => 1024 * (STYLE[part.layout] ?? 0) + apart(scene, part));
     for (let p = 0; p < scene.n; p++) {
-      const part = scene.parts[scene.partOf[p]];
-      this.rest.data.set([scene.x[p], scene.y[p], scene.z[p], STYLE[part.layout] ?? 0], 4 * p);
+      this.rest.data.set([scene.x[p], scene.y[p], scene.z[p], looks[scene.partOf[p]]], 4 * p);
     }
     this.rest.put();
     this.links.put(scene.links.length ? scene.links : new Uint32Array(2));
@@ -76,7 +76,7 @@ export class Drawing {
     gl.clearColor(0.012, 0.016, 0.03, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_COLOR); // many that lie over each other get bright slowly
     gl.disable(gl.DEPTH_TEST);
   }
 
@@ -193,6 +193,14 @@ export class Drawing {
       this.gl.disableVertexAttribArray(at);
     }
   }
+}
+
+/** About how far apart the points of a part are [m]. */
+function apart(scene, part) {
+  const { radius } = scene.extent(scene.pointsOf(part));
+  if (part.count < 2) return 1;
+  const share = part.layout === "string" ? 2 / part.count : Math.sqrt(Math.PI / part.count);
+  return Math.min(1000, radius * share);
 }
 
 function contactsAt(story, motion, t, px) {

@@ -1,8 +1,11 @@
 // What the graphics card runs. Points are looked up by their numbers: where they rest, and how they stand at this instant.
 
+import { FOCAL } from "./camera.js";
+
 const HEAD = `#version 300 es
 precision highp float;
 precision highp sampler2D;
+#define FOCAL ${FOCAL.toFixed(3)}
 uniform mat4 M;          // metres to picture
 uniform vec2 view;       // half the picture [px]
 uniform float px;        // what a pixel of a picture of 720 lines is here
@@ -11,7 +14,7 @@ float near(float w){ return clamp(2.3 * whole / w, .7, 5.); }   // what is near 
 `;
 
 const POINTS = `
-uniform sampler2D rest;  // x, y, z [m], style
+uniform sampler2D rest;  // x, y, z [m], style and how far apart the points of its part are [m]
 uniform sampler2D state; // displacement and sweep as drawn [m], light, sign
 ivec2 place(uint i){ return ivec2(int(i & 1023u), int(i >> 10)); }
 vec3 stands(uint i){ vec3 r = texelFetch(rest, place(i), 0).xyz; r.z += texelFetch(state, place(i), 0).x; return r; }
@@ -59,11 +62,13 @@ void main(){
   if (s.z < 0.) { gl_Position = vec4(2., 2., 2., 1.); return; }   // hidden
   vec4 a = M * vec4(r.xy, r.z + s.x - s.y, 1.), b = M * vec4(r.xy, r.z + s.x + s.y, 1.);
   float e = clamp(s.z, 0., 1.);
-  float size = (r.w > 1.5 ? 7. : r.w > .5 ? 1.4 : 1.6 + 1.8 * e) * near(b.w);
+  float style = floor(r.w / 1024.), apart = r.w - 1024. * style;
+  float size = px * (style > 1.5 ? 7. : style > .5 ? 1.4 : 1.6 + 1.8 * e) * near(b.w);
+  size = min(size, .45 * apart * FOCAL * view.y / b.w);                // a crowd stays points
   float spread, dim;
-  gl_Position = capsule(a, b, q, least(px * size, dim), spread);
-  vec3 c = r.w > .5 ? updown(s.w) * (.30 + 1.2 * e) : heat(e) * (.28 + 1.6 * e * e * e);
-  col = vec4(c * gain * mix(1., dim, .5) / pow(spread, .6), 1.);
+  gl_Position = capsule(a, b, q, least(size, dim), spread);
+  vec3 c = style > .5 ? updown(s.w) * (.30 + 1.2 * e) : heat(e) * (.28 + 1.6 * e * e * e);
+  col = vec4(c * gain * mix(1., dim, .75) / pow(spread, .6), 1.);
 }`,
     SOFT,
   ],
@@ -79,7 +84,7 @@ void main(){
   float light = min(texelFetch(state, place(ends.x), 0).z, texelFetch(state, place(ends.y), 0).z);
   gl_Position = light < 0. ? vec4(2., 2., 2., 1.) : M * vec4(gl_VertexID == 0 ? a : b, 1.);
   float strain = abs(b.z - a.z) / max(length(b.xy - a.xy), 1e-6);
-  col = vec4(updown(s.w) * gain * (.12 + .35 * s.z + .6 * clamp(strain, 0., 1.)), 1.);
+  col = vec4(updown(s.w) * gain * (.10 + .22 * s.z + .45 * clamp(strain, 0., 1.)), 1.);
 }`,
     `#version 300 es
 precision highp float;
