@@ -47,7 +47,7 @@ vec4 capsule(vec4 a, vec4 b, vec2 q, float r, out float spread){
 const SOFT = `#version 300 es
 precision highp float;
 in vec2 uv; in vec4 col; out vec4 o;
-void main(){ o = vec4(col.rgb * exp(-3. * dot(uv, uv)), 1.); }`;
+void main(){ float r = max(0., 1. - dot(uv, uv)); o = vec4(col.rgb * r * r, 1.); }   // round, and dark at its edge`;
 
 export const SHADERS = {
   points: [
