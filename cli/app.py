@@ -94,6 +94,7 @@ COMMANDS: Table = {
         "fold",
         "Fold a sound file of many channels for other ears.",
     ),
+    "view": ("view", "view", "Show in a browser what moved in a piece."),
     "layout": ("layout", "layout", "Check and exchange layouts of loudspeakers."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),

@@ -33,6 +33,7 @@ mod status;
 mod stop;
 mod take;
 mod timeline;
+mod view_server;
 mod words;
 mod work;
 
@@ -102,6 +103,8 @@ mod _core {
     use super::take::Take;
     #[pymodule_export]
     use super::timeline::Timeline;
+    #[pymodule_export]
+    use super::view_server::ViewServer;
     #[pymodule_export]
     use super::work::{StoppedError, Work, poll};
     #[pymodule_init]

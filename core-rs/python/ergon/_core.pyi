@@ -1273,6 +1273,24 @@ class Meter:
     momentary: float  # of the last 400 ms, without gating; LUFS
 
 @final
+class ViewServer:
+    """Serves the page and a `.motion` file to browsers, by HTTP and WebSocket on one port, until it is closed."""
+
+    def __new__(cls, path: Path | str, *, at: str = "127.0.0.1:0", key: str | None = None) -> Self:
+        """Listen at HOST:PORT; port 0 is any free one. `key`, 32 hexadecimal digits, then stands in every address.
+
+        EngineError where the address is none of this machine's, or can be reached by others and no key is given.
+        """
+    @property
+    def url(self) -> str:
+        """What a browser on this machine opens."""
+    @property
+    def tally(self) -> dict[str, int]:
+        """How many requests were `served`, `refused` and `dropped`, and how many `viewers` there are now."""
+    def close(self) -> None:
+        """End it, and every page's connection."""
+
+@final
 class FadeFinder:
     """Looks for the first tenth of a second, after frame `start`, that begins a quiet second.
 

@@ -1,3 +1,4 @@
 //! What is seen of a simulation: its motion as chunks of bytes, the same in a file and on a wire.
 
 pub mod motion;
+pub mod serve;

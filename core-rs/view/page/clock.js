@@ -1,0 +1,61 @@
+// The instant that is drawn: it runs, stands, goes slower, goes round in a loop. It knows no other clock than the one it is told.
+
+export const SLOWER = [1, 1 / 2, 1 / 5, 1 / 10, 1 / 20, 1 / 50, 1 / 100, 1 / 200, 1 / 500, 1 / 1000];
+
+export class Clock {
+  constructor() {
+    this.t = 0; // [s] of the piece
+    this.runs = false;
+    this.slow = 0; // which of SLOWER
+    this.loop = null; // [from, to]
+    this.from = null;
+    this.told = null;
+  }
+
+  get rate() {
+    return SLOWER[this.slow];
+  }
+
+  /** Goes on to `now` [s] of the page, within a piece of a length. */
+  tick(now, duration) {
+    const step = this.told === null ? 0 : Math.min(Math.max(0, now - this.told), 0.5);
+    this.told = now;
+    if (!this.runs) return;
+    this.t += step * this.rate;
+    if (this.loop && this.t >= this.loop[1]) this.t = this.loop[0] + ((this.t - this.loop[0]) % (this.loop[1] - this.loop[0]));
+    if (this.t >= duration) {
+      this.t = duration;
+      this.runs = false;
+    }
+  }
+
+  seek(t, duration) {
+    this.t = Math.max(0, Math.min(t, duration));
+  }
+
+  faster(steps) {
+    this.slow = Math.max(0, Math.min(SLOWER.length - 1, this.slow - steps));
+  }
+
+  /** Begins a loop here. */
+  markIn() {
+    this.from = this.t;
+    this.loop = null;
+  }
+
+  /** Ends it here; nothing where that would be no stretch. */
+  markOut() {
+    const from = this.from ?? 0;
+    if (this.t > from) this.loop = [from, this.t];
+  }
+
+  noLoop() {
+    this.loop = this.from = null;
+  }
+}
+
+/** Seconds as they are shown: more figures where time is slow. */
+export function shown(t, rate = 1) {
+  const figures = rate >= 0.1 ? 2 : rate >= 0.01 ? 4 : 6;
+  return `${t.toFixed(figures)} s`;
+}

@@ -1,0 +1,68 @@
+// Words over the picture: loudspeakers, keys, parts and how much they are exaggerated. They are elements, so that they can be read aloud.
+
+import { project } from "./camera.js";
+import { levels } from "./draw.js";
+
+export class Labels {
+  constructor(box) {
+    this.box = box;
+    this.all = [];
+    this.shown = true;
+  }
+
+  follow(scene) {
+    if (this.scene === scene && this.version === scene.version) return;
+    this.scene = scene;
+    this.version = scene.version;
+    this.box.replaceChildren();
+    this.all = [];
+    for (const s of scene.speakers) this.add("speaker", s.name, () => s.xyz);
+    for (const k of scene.keys) this.add("key", k.name, () => [scene.x[k.point], scene.y[k.point], scene.z[k.point]], k.point);
+    scene.parts.forEach((part, i) => {
+      if (part.layout === "key" || !part.count) return;
+      const { centre } = scene.extent(scene.pointsOf(part));
+      const edge = Math.min(...Array.from(scene.pointsOf(part), (p) => scene.y[p]));
+      this.add("part", part.name, () => [centre[0], edge, centre[2]], part.first, i);
+    });
+  }
+
+  add(kind, text, at, point = null, part = null) {
+    const element = document.createElement("span");
+    element.className = kind;
+    element.textContent = text;
+    this.box.append(element);
+    this.all.push({ kind, text, at, point, part, element });
+  }
+
+  place(story, motion, t, look, width, height) {
+    this.follow(story.scene);
+    this.box.hidden = !this.shown;
+    if (!this.shown) return;
+    const now = levels(story, t);
+    let speaker = 0;
+    for (const label of this.all) {
+      const [x, y, z] = label.at();
+      const at = project(look.matrix, x, y, z, width, height);
+      const style = label.element.style;
+      const part = label.part ?? (label.point === null ? null : story.scene.partOf[label.point]);
+      const gone = !at || (part !== null && look.seen[part] === 0);
+      label.element.hidden = gone;
+      if (label.kind === "speaker") label.element.dataset.level = now[speaker++].db.toFixed(1);
+      if (gone) continue;
+      style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px) translate(-50%, 9px)`;
+      if (label.part !== null) label.element.textContent = this.words(story.scene.parts[label.part], motion, label.part);
+    }
+  }
+
+  words(part, motion, i) {
+    if (part.kind === "none") return `${part.name}: ${WHY[part.why] ?? "not computed"}`;
+    return `${part.name} ${times(motion.exaggeration(i))}${motion.locked[i] === null ? "" : " locked"}`;
+  }
+}
+
+const WHY = { unheard: "nobody hears it, so it is not computed", unmoved: "nothing moves it" };
+
+/** `×2,600`. */
+export function times(factor) {
+  return `×${factor.toLocaleString("en", { maximumSignificantDigits: 3 })}`;
+}

@@ -1,0 +1,345 @@
+// The page: what is asked for in its address, the piece that it is given, and one instant after the other.
+
+import { Camera, presets, project } from "./camera.js";
+import { Chunks } from "./chunks.js";
+import { Clock, shown } from "./clock.js";
+import { Connection } from "./connection.js";
+import { Controls } from "./controls.js";
+import { Drawing, levels } from "./draw.js";
+import { context } from "./gl.js";
+import { describe, pick } from "./inspector.js";
+import { Labels, times } from "./labels.js";
+import { Motion } from "./motion.js";
+import { Story } from "./story.js";
+import { Timeline } from "./timeline.js";
+
+const AHEAD = 1; // [s] of the piece that is unpacked before it is drawn
+const asked = new URLSearchParams(location.search);
+const element = (id) => document.getElementById(id);
+
+class Page {
+  constructor(gl, canvas) {
+    this.canvas = canvas;
+    this.drawing = new Drawing(gl);
+    this.story = new Story();
+    this.clock = new Clock();
+    this.camera = new Camera();
+    this.labels = new Labels(element("labels"));
+    this.stage = asked.has("stage");
+    this.look = {
+      fall: 1, // [m/s] of the picture
+      trails: false,
+      seen: [],
+      strobe: asked.has("strobe"),
+      still: matchMedia("(prefers-reduced-motion: reduce)").matches,
+    };
+    this.chosen = 0; // part
+    this.following = null; // key
+    this.inspected = null; // point
+    this.isDirty = true;
+    this.isLost = false;
+    this.timeline = new Timeline(element("timeline"), (t) => this.seek(t));
+    this.controls = new Controls(this, canvas);
+    document.body.classList.toggle("stage", this.stage);
+    if (this.stage) addEventListener("click", () => document.documentElement.requestFullscreen?.());
+    addEventListener("resize", () => this.changed());
+    // What was on the graphics card is gone with it.
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => location.reload());
+  }
+
+  // --- what comes ---
+
+  async load() {
+    const chunks = new Chunks((chunk) => this.take(chunk));
+    const reader = (await fetch("motion")).body.getReader();
+    for (;;) {
+      const { value, done } = await reader.read();
+      if (done) break;
+      chunks.push(value);
+      this.changed();
+    }
+    if (!this.story.scene) throw new Error("the file ends before its scene does");
+  }
+
+  take(chunk) {
+    const before = this.story.scene;
+    this.story.take(chunk);
+    const { scene } = this.story;
+    if (scene !== before || scene.version !== this.known) this.begin(scene);
+  }
+
+  /** A new scene, or a table of it. */
+  begin(scene) {
+    const same = this.motion?.story.scene === scene;
+    this.known = scene.version;
+    this.motion = new Motion(this.story);
+    this.presets = presets(scene);
+    this.camera.scale = this.motion.whole;
+    if (!same) this.look.seen = scene.parts.map(() => 1);
+    if (!this.moved) this.camera.look(this.presets[0]);
+    document.title = `${scene.title || "ergon"}: view`;
+  }
+
+  lost() {
+    this.isLost = true;
+    if (!this.stage) this.tell("The connection is lost; what was loaded goes on.");
+    this.changed();
+  }
+
+  back(another) {
+    if (another) return location.reload();
+    if (this.isLost && !this.stage) this.tell("");
+    this.isLost = false;
+    this.changed();
+  }
+
+  // --- one instant ---
+
+  get view() {
+    const { canvas, clock } = this;
+    const aspect = canvas.clientWidth / Math.max(1, canvas.clientHeight);
+    return { ...this.look, rate: clock.rate, reach: clock.rate, matrix: this.camera.matrix(aspect) };
+  }
+
+  resize() {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const [w, h] = [this.canvas.clientWidth, this.canvas.clientHeight].map((v) => Math.round(v * ratio));
+    if (this.canvas.width !== w || this.canvas.height !== h) Object.assign(this.canvas, { width: w, height: h });
+  }
+
+  draw() {
+    const { story, motion, clock } = this;
+    this.resize();
+    if (!motion) return;
+    if (this.stage && this.isLost) return this.drawing.black();
+    this.keepUp();
+    const view = this.view;
+    this.drawing.instant(story, motion, clock.t, view);
+    if (this.stage) return;
+    this.labels.place(story, motion, clock.t, view, this.canvas.clientWidth, this.canvas.clientHeight);
+    this.timeline.draw(story, clock);
+    this.text();
+  }
+
+  /** A key that is followed stays in the middle. */
+  keepUp() {
+    if (this.following === null) return;
+    const { scene } = this.story;
+    const { point } = scene.keys[this.following];
+    this.camera.target = [scene.x[point], scene.y[point], scene.z[point]];
+  }
+
+  text() {
+    const { clock, story } = this;
+    const { scene } = story;
+    const mark = scene.marks.filter((m) => m.seconds <= clock.t + 1e-9).at(-1);
+    const slow = clock.rate === 1 ? "×1" : `×1/${Math.round(1 / clock.rate)}`;
+    const part = scene.parts[this.chosen];
+    const words = [
+      scene.title || "ergon",
+      `${shown(clock.t, clock.rate)} of ${story.duration.toFixed(1)} s`,
+      mark ? `section ${mark.name}` : "",
+      `${slow} ${clock.runs ? "runs" : "stands"}`,
+      part ? `part ${part.name} ${times(this.motion.exaggeration(this.chosen))}` : "",
+      `ergons ${this.look.fall.toPrecision(2)} m/s`,
+    ];
+    element("bar").textContent = words.filter((w) => w).join("   ");
+    const point = element("point");
+    point.hidden = this.inspected === null;
+    if (this.inspected !== null) point.textContent = describe(story, this.motion, this.inspected, clock.t).join("\n");
+    const list = element("levels");
+    if (!list.hidden) {
+      const rows = levels(story, clock.t).map(({ db }, i) => `${scene.speakers[i].name} ${db > -100 ? db.toFixed(0) : "−∞"} dB`);
+      list.replaceChildren(...rows.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+    }
+  }
+
+  /** Draws exactly one instant [s], and then it stands in the picture. */
+  async one(t) {
+    this.clock.runs = false;
+    this.clock.seek(t, this.story.duration);
+    while (this.story.prepare(this.clock.t)) await this.story.prepare(this.clock.t);
+    this.draw();
+    this.isDirty = false;
+  }
+
+  loop(now) {
+    const { clock, story } = this;
+    const runs = clock.runs;
+    if (story.scene) {
+      clock.tick(now / 1000, story.duration);
+      story.prepare(Math.min(clock.t + AHEAD, story.end));
+      const wait = story.prepare(clock.t);
+      if (wait && !this.isWaiting) {
+        this.isWaiting = true;
+        wait.then(() => {
+          this.isWaiting = false;
+          this.changed();
+        });
+      }
+      if (runs || this.isDirty) {
+        this.isDirty = false;
+        this.draw();
+      }
+    }
+    requestAnimationFrame((next) => this.loop(next));
+  }
+
+  changed() {
+    this.isDirty = true;
+  }
+
+  tell(text) {
+    element("told").textContent = text;
+  }
+
+  // --- what one does ---
+
+  play(runs) {
+    if (runs && this.clock.t >= this.story.duration) this.clock.seek(0, this.story.duration);
+    this.clock.runs = runs;
+  }
+
+  seek(t) {
+    this.clock.seek(t, this.story.duration);
+    this.changed();
+  }
+
+  mark(step) {
+    const at = this.story.scene.marks.map((m) => m.seconds);
+    const { t } = this.clock;
+    const next = step > 0 ? at.find((s) => s > t + 1e-6) : at.filter((s) => s < t - 1e-6).at(-1);
+    if (next !== undefined) this.seek(next);
+  }
+
+  preset(i) {
+    const look = this.presets[i];
+    if (!look) return;
+    this.following = null;
+    this.moved = true;
+    this.camera.look(look);
+  }
+
+  follow(step) {
+    const { keys, parts, partOf } = this.story.scene;
+    if (!step || !keys.length) {
+      this.following = null;
+      return;
+    }
+    this.following = this.following === null ? 0 : (this.following + 1) % keys.length;
+    this.moved = true;
+    const key = keys[this.following];
+    this.chosen = partOf[key.point];
+    this.inspected = key.point;
+    this.camera.distance = 0.5 * this.motion.whole;
+    this.tell(`following ${key.name}${parts[this.chosen] ? `, ${parts[this.chosen].name}` : ""}`);
+  }
+
+  choose(step) {
+    const { parts } = this.story.scene;
+    this.chosen = (this.chosen + step + parts.length) % parts.length;
+    const part = parts[this.chosen];
+    this.tell(`part ${part.name}: ${part.count} points`);
+  }
+
+  solo() {
+    const { seen } = this.look;
+    const alone = seen.every((v, i) => v === (i === this.chosen ? 1 : 0));
+    seen.forEach((_, i) => (seen[i] = alone || i === this.chosen ? 1 : 0));
+  }
+
+  see(as) {
+    const { seen } = this.look;
+    seen[this.chosen] = seen[this.chosen] === as ? 1 : as;
+  }
+
+  exaggerate(factor) {
+    this.motion.lock(this.chosen, this.motion.exaggeration(this.chosen) * factor);
+  }
+
+  lock() {
+    const now = this.motion.locked[this.chosen];
+    this.motion.lock(this.chosen, now === null ? this.motion.exaggeration(this.chosen) : null);
+  }
+
+  inspect(step) {
+    const part = this.story.scene.parts[this.chosen];
+    const at = this.inspected === null ? (step > 0 ? -1 : 0) : this.inspected - part.first;
+    const next = (((at + step) % part.count) + part.count) % part.count;
+    this.showPoint(part.first + next, 40, 90);
+  }
+
+  /** The pointer is at a place [px]. */
+  point(x, y) {
+    if (!this.motion || this.stage) return;
+    this.showPoint(pick(this.story, this.motion, this.view, x, y, this.canvas.clientWidth, this.canvas.clientHeight), x, y);
+  }
+
+  showPoint(point, x, y) {
+    if (point === null && this.inspected === null) return;
+    this.inspected = point;
+    const box = element("point");
+    box.style.left = `${Math.min(x + 16, innerWidth - 260)}px`;
+    box.style.top = `${Math.min(y + 12, innerHeight - 170)}px`;
+    this.changed();
+  }
+
+  fall(factor) {
+    this.look.fall = Math.min(100, Math.max(0.001, this.look.fall * factor));
+  }
+
+  listLevels() {
+    element("levels").hidden = !element("levels").hidden;
+  }
+
+  help() {
+    const help = element("help");
+    help.textContent = this.controls.help();
+    help.hidden = !help.hidden;
+  }
+
+  close() {
+    element("help").hidden = element("levels").hidden = true;
+    this.inspected = null;
+  }
+
+  /** Where a place [m] is in the picture [px]; null behind the eye. */
+  project(x, y, z) {
+    return project(this.view.matrix, x, y, z, this.canvas.width, this.canvas.height);
+  }
+}
+
+async function main() {
+  const canvas = element("picture");
+  const gl = context(canvas);
+  if (!gl) {
+    element("told").textContent = "This browser has no WebGL 2, so nothing can be drawn. A graphics card, or `chromium --enable-unsafe-swiftshader`, gives it one.";
+    return;
+  }
+  const page = new Page(gl, canvas);
+  window.ergon = {
+    page,
+    /** Draws exactly one instant. */
+    seek: (t) => page.one(t),
+    /** Fulfilled when all of the file is here and the first picture is drawn. */
+    ready: null,
+  };
+  new Connection({ takes: () => {}, isLost: () => page.lost(), isBack: (another) => page.back(another) });
+  requestAnimationFrame((now) => page.loop(now));
+  window.ergon.ready = page
+    .load()
+    .catch((error) => {
+      page.tell(`The motion cannot be read further: ${error.message}.`);
+      if (!page.story.scene) throw error;
+    })
+    .then(async () => {
+      await page.one(Number(asked.get("t") ?? 0) || 0);
+      if (!asked.has("t") && !page.look.still) page.play(true);
+    });
+  await window.ergon.ready;
+}
+
+main().catch((error) => {
+  element("told").textContent = `${error.message}`;
+});

@@ -1,0 +1,124 @@
+// Where every point is at an instant, as it is drawn: position of what goes slowly, sweep of what only strobes, light.
+
+import { flight } from "./flights.js";
+
+export const STROBE = 25; // [Hz] above which a point is seen as its sweep
+const SPAN = 12; // octaves of speed from dark to bright
+const SHOWN = 0.12; // share of a part's size that its largest displacement is drawn at
+
+export class Motion {
+  constructor(story) {
+    const n = story.scene.n;
+    this.story = story;
+    this.z = new Float32Array(n); // [m]
+    this.sweep = new Float32Array(n); // [m]
+    this.light = new Float32Array(n); // 0 at rest … 1
+    this.sign = new Float32Array(n); // of meshes: −1 … 1
+    this.known = story.scene.parts.map(() => true);
+    this.locked = story.scene.parts.map((part) => part.exaggeration);
+    this.sizes = story.scene.parts.map((part) => story.scene.extent(story.scene.pointsOf(part)).radius);
+    this.whole = story.scene.extent().radius;
+    this.one = { z: 0, amplitude: 0 };
+  }
+
+  /** Computes all points at `t` [s], for a picture whose time goes `rate` times as fast as the piece's. */
+  at(t, rate) {
+    const { story } = this;
+    story.flights.to(t);
+    this.sweep.fill(0);
+    this.sign.fill(0);
+    story.scene.parts.forEach((part, i) => {
+      if (part.kind === "free") this.free(part, i, t, rate);
+      else if (part.kind === "modal") this.modal(part, i, t, rate);
+      else if (part.kind === "sampled") this.sampled(part, i, t);
+    });
+  }
+
+  free(part, i, t, rate) {
+    const { scene, flights, loudest } = this.story;
+    const { one } = this;
+    for (let p = part.first; p < part.first + part.count; p++) {
+      const a = flights.a[p];
+      const b = flights.b[p];
+      if (a === 0 && b === 0) {
+        this.z[p] = this.light[p] = 0;
+        continue;
+      }
+      const omega = scene.omega[p];
+      flight(a, b, omega, scene.sigma[p], t - flights.begin[p], one);
+      const fast = strobes(omega, rate);
+      this.z[p] = fast ? 0 : one.z;
+      if (fast) this.sweep[p] = one.amplitude;
+      const share = (one.amplitude * omega) / (loudest[i] || 1);
+      this.light[p] = Math.max(0, 1 + Math.log2(share + 1e-12) / SPAN);
+    }
+  }
+
+  modal(part, i, t, rate) {
+    const { scene, flights, peaks } = this.story;
+    const { z, sweep, one } = this;
+    const from = part.first;
+    z.fill(0, from, from + part.count);
+    for (const { id, shape } of part.shapes) {
+      const a = flights.a[id];
+      const b = flights.b[id];
+      if (a === 0 && b === 0) continue;
+      flight(a, b, scene.omega[id], scene.sigma[id], t - flights.begin[id], one);
+      if (strobes(scene.omega[id], rate)) {
+        const square = one.amplitude ** 2;
+        for (let p = 0; p < shape.length; p++) sweep[from + p] += square * shape[p] * shape[p];
+      } else {
+        for (let p = 0; p < shape.length; p++) z[from + p] += one.z * shape[p];
+      }
+    }
+    for (let p = from; p < from + part.count; p++) sweep[p] = Math.sqrt(sweep[p]);
+    this.mesh(part, peaks[i]);
+  }
+
+  sampled(part, i, t) {
+    const { frames, peaks } = this.story;
+    this.known[i] = frames[i].at(t, this.z, part.first);
+    for (let p = part.first; p < part.first + part.count; p++) {
+      if (!Number.isFinite(this.z[p])) this.z[p] = 0;
+    }
+    this.mesh(part, peaks[i]);
+  }
+
+  mesh(part, peak) {
+    const full = peak || 1;
+    for (let p = part.first; p < part.first + part.count; p++) {
+      const share = (Math.abs(this.z[p]) + this.sweep[p]) / full;
+      this.light[p] = Math.min(1, Math.sqrt(share));
+      this.sign[p] = Math.max(-1, Math.min(1, (4 * this.z[p]) / full));
+    }
+  }
+
+  /** By how much a part's displacement is drawn larger than it is. */
+  exaggeration(i) {
+    return this.locked[i] ?? this.automatic(i);
+  }
+
+  /** From the largest displacement so far, in steps of 1, 2, 5, so that it seldom changes. */
+  automatic(i) {
+    const peak = Math.max(this.story.peaks[i], this.story.largest[i]);
+    if (!(peak > 0)) return 1;
+    const size = Math.max(this.sizes[i], 0.15 * this.whole);
+    return Math.max(1, rounded((SHOWN * size) / peak));
+  }
+
+  lock(i, factor) {
+    this.locked[i] = factor;
+  }
+}
+
+/** Whether an oscillation is too fast to be seen as such, for time that goes at a rate. */
+function strobes(omega, rate) {
+  return omega * rate > 2 * Math.PI * STROBE;
+}
+
+/** The greatest of 1, 2, 5, 10 … that is not above. */
+export function rounded(x) {
+  const ten = 10 ** Math.floor(Math.log10(x) + 1e-9);
+  const step = [5, 2, 1].find((s) => s * ten <= x * (1 + 1e-9)) ?? 1;
+  return step * ten;
+}

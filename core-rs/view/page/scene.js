@@ -1,0 +1,122 @@
+// What is: points, links, names, parts, loudspeakers; and the shapes of modes.
+
+const NONE = 0xffffffff;
+const MOST = 1 << 22; // points and modes that a page takes
+
+/** The scene of a file, whose tables come after it. */
+export class Scene {
+  constructor(bytes) {
+    Object.assign(this, JSON.parse(new TextDecoder().decode(bytes)));
+    const n = this.points;
+    if (![n, this.modes].every((many) => Number.isInteger(many) && many >= 0 && many <= MOST)) {
+      throw new Error(`a scene of ${n} points and ${this.modes} modes is none that can be drawn`);
+    }
+    if (this.parts.some((part) => !(part.first >= 0 && part.count >= 0 && part.first + part.count <= n))) {
+      throw new Error("a part has points that the scene has not");
+    }
+    this.n = n;
+    this.x = new Float32Array(n);
+    this.y = new Float32Array(n);
+    this.z = new Float32Array(n); // where a point rests: z + rest of the table
+    this.omega = new Float64Array(n + this.modes);
+    this.sigma = new Float64Array(n + this.modes);
+    this.partOf = new Uint32Array(n);
+    this.parts.forEach((part, i) => {
+      this.partOf.fill(i, part.first, part.first + part.count);
+      part.shapes = []; // of each of its modes: which, and its shape over the part's points
+    });
+    this.links = new Uint32Array(0);
+    this.names = [];
+    this.version = 0; // goes up with every table, so that what is drawn follows
+  }
+
+  takePoints(view) {
+    const n = view.getUint32(0, true);
+    const [x, y, z, rest] = [0, 1, 2, 3].map((i) => new Float32Array(view.buffer, 4 + 4 * n * i, n));
+    this.x.set(x);
+    this.y.set(y);
+    for (let i = 0; i < n; i++) this.z[i] = z[i] + rest[i];
+    const [omega, sigma] = doubles(view, 4 + 16 * n, 2, n);
+    this.omega.set(omega);
+    this.sigma.set(sigma);
+    this.version++;
+  }
+
+  takeLinks(view) {
+    const n = view.getUint32(0, true);
+    this.links = new Uint32Array(view.buffer, 4, 2 * n);
+    this.version++;
+  }
+
+  takeNames(bytes) {
+    this.names = new TextDecoder().decode(bytes).split("\n");
+    this.names.length = Math.min(this.names.length, this.n);
+  }
+
+  takeShapes(view) {
+    const part = this.parts[view.getUint16(0, true)];
+    const first = view.getUint32(4, true);
+    const m = view.getUint32(8, true);
+    const n = view.getUint32(12, true);
+    const [omega, sigma] = doubles(view, 16, 2, m);
+    const half = new Uint16Array(view.buffer, 16 + 16 * m, n * m);
+    for (let j = 0; j < m; j++) {
+      const shape = new Float32Array(n);
+      for (let p = 0; p < n; p++) shape[p] = single(half[p * m + j]);
+      this.omega[this.n + first + j] = omega[j];
+      this.sigma[this.n + first + j] = sigma[j];
+      part.shapes.push({ id: this.n + first + j, shape });
+    }
+  }
+
+  /** The name of a point; of one without, its part and number. */
+  nameOf(point) {
+    const part = this.parts[this.partOf[point]];
+    return this.names[point] || `${part.name}.${point - part.first}`;
+  }
+
+  /** Where an ergon was written, or nothing. */
+  source(number) {
+    const found = number === NONE ? undefined : this.sources[number];
+    return found ?? null;
+  }
+
+  /** Centre and radius [m] of some points; of all where none are named. */
+  extent(points = range(0, this.n)) {
+    const low = [Infinity, Infinity, Infinity];
+    const high = low.map((v) => -v);
+    for (const p of points) {
+      [this.x[p], this.y[p], this.z[p]].forEach((v, i) => {
+        low[i] = Math.min(low[i], v);
+        high[i] = Math.max(high[i], v);
+      });
+    }
+    if (low[0] > high[0]) return { centre: [0, 0, 0], radius: 1 };
+    const centre = low.map((v, i) => (v + high[i]) / 2);
+    return { centre, radius: Math.max(0.02, Math.hypot(...high.map((v, i) => v - centre[i]))) };
+  }
+
+  pointsOf(part) {
+    return range(part.first, part.first + part.count);
+  }
+}
+
+/** Columns of n doubles, which lie anywhere. */
+function doubles(view, at, columns, n) {
+  const all = new Float64Array(view.buffer.slice(at, at + 8 * n * columns));
+  return Array.from({ length: columns }, (_, i) => all.subarray(i * n, (i + 1) * n));
+}
+
+function* range(from, to) {
+  for (let i = from; i < to; i++) yield i;
+}
+
+/** A half-precision number. */
+export function single(h) {
+  const sign = h & 0x8000 ? -1 : 1;
+  const exponent = (h >> 10) & 31;
+  const fraction = h & 1023;
+  if (exponent === 0) return sign * fraction * 2 ** -24;
+  if (exponent === 31) return fraction ? NaN : sign * Infinity;
+  return sign * (1024 + fraction) * 2 ** (exponent - 25);
+}

@@ -1,0 +1,102 @@
+// All that is known of a piece, from its chunks: a file as a whole, a live stream as far back as can be scrubbed.
+
+import { KIND } from "./chunks.js";
+import { Contacts, Ergons, Rows } from "./events.js";
+import { Flights } from "./flights.js";
+import { Frames } from "./frames.js";
+import { Scene } from "./scene.js";
+
+export class Story {
+  constructor() {
+    this.scene = null;
+    this.end = 0; // [s] up to where it is known
+  }
+
+  begin(bytes) {
+    this.scene = new Scene(bytes);
+    this.flights = new Flights(this.scene.points + this.scene.modes);
+    this.frames = this.scene.parts.map((part) => new Frames(part.count));
+    this.ergons = new Ergons();
+    this.contacts = new Contacts();
+    this.levels = new Rows();
+    this.hands = new Rows();
+    this.peaks = new Float32Array(this.scene.parts.length); // [m]
+    this.loudest = new Float64Array(this.scene.parts.length); // [m/s] of free points
+    this.largest = new Float64Array(this.scene.parts.length); // [m] of them
+    this.end = 0;
+  }
+
+  /** Takes a chunk. */
+  take(chunk) {
+    const { kind, seconds, view, bytes } = chunk;
+    if (kind === KIND.scene) return this.begin(bytes);
+    if (!this.scene) throw new Error("a motion begins with its scene; this one does not");
+    const does = DO[kind];
+    if (does) does(this, seconds, view, bytes);
+    if (kind !== KIND.index) this.end = Math.max(this.end, seconds);
+  }
+
+  get duration() {
+    return this.scene?.duration ?? this.end;
+  }
+
+  /** A promise that what is drawn at `t` is at hand; null where it is. */
+  prepare(t) {
+    const waits = (this.frames ?? []).map((frames) => frames.prepare(t)).filter((wait) => wait);
+    return waits.length ? Promise.all(waits) : null;
+  }
+
+  /** How fast free points of each part are at most, and how far they go. */
+  hear(view) {
+    const { scene } = this;
+    for (let at = 0; at + 12 <= view.byteLength; at += 12) {
+      const i = view.getUint32(at, true);
+      if (i >= scene.n) continue;
+      const far = Math.hypot(view.getFloat32(at + 4, true), view.getFloat32(at + 8, true));
+      const fast = scene.omega[i] * far;
+      const part = scene.partOf[i];
+      if (far > this.largest[part] && scene.omega[i] > 0) this.largest[part] = far;
+      if (fast > this.loudest[part]) this.loudest[part] = fast;
+    }
+  }
+
+  forget(t) {
+    for (const one of [this.flights, this.ergons, this.contacts, this.levels, this.hands, ...this.frames]) one.forget(t);
+  }
+}
+
+const floats = (view) => new Float32Array(view.buffer, 0, view.byteLength >> 2);
+
+/** Of each key: where it is, and what its gesture asks for [m]. */
+function hands(view) {
+  const found = new Map();
+  for (let at = 0; at + 12 <= view.byteLength; at += 12) {
+    const [position, asked] = [4, 8].map((i) => view.getFloat32(at + i, true));
+    found.set(view.getUint32(at, true), { position, asked });
+  }
+  return found;
+}
+
+const DO = {
+  [KIND.points]: (s, _, view) => s.scene.takePoints(view),
+  [KIND.links]: (s, _, view) => s.scene.takeLinks(view),
+  [KIND.names]: (s, _, view, bytes) => s.scene.takeNames(bytes),
+  [KIND.shapes]: (s, _, view) => s.scene.takeShapes(view),
+  [KIND.state]: (s, t, view) => {
+    s.hear(view);
+    s.flights.takeState(t, view);
+  },
+  [KIND.flights]: (s, t, view) => {
+    s.hear(view);
+    s.flights.take(t, view);
+  },
+  [KIND.frames]: (s, t, view) => s.frames[view.getUint16(0, true)]?.take(t, view),
+  [KIND.ergons]: (s, t, view) => s.ergons.take(t, view),
+  [KIND.contacts]: (s, t, view) => s.contacts.take(t, view),
+  [KIND.levels]: (s, t, view) => s.levels.take(t, floats(view)),
+  [KIND.hands]: (s, t, view) => s.hands.take(t, hands(view)),
+  [KIND.peaks]: (s, _, view) => s.peaks.set(floats(view).subarray(0, s.peaks.length)),
+  [KIND.index]: (s, _, view) => {
+    for (let i = 0; i < s.peaks.length; i++) s.peaks[i] = view.getFloat32(16 + 4 * i, true);
+  },
+};

@@ -1,0 +1,265 @@
+//! The page and what it draws, by HTTP and WebSocket on one port: a blocking thread for each connection, all of them bounded.
+//!
+//! Nothing that a page sends steers anything: it may ask for files, and for the time.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use thiserror::Error;
+
+mod answer;
+mod assets;
+mod connection;
+mod door;
+mod hub;
+mod pace;
+mod request;
+mod viewer;
+
+pub use door::Key;
+pub use hub::{Cursor, Hub, Keep, Taken};
+
+/// What a connection may take; the defaults are for people, shorter ones for tests.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Pages that are sent what happens, at once.
+    pub viewers: usize,
+    /// Connections at once, viewers among them.
+    pub connections: usize,
+    /// Within which a whole request has come \[s\].
+    pub head: Duration,
+    /// Without a byte taken, after which a connection is dropped \[s\].
+    pub stall: Duration,
+    /// Bytes a second that a reader takes at least, counted once `stall` is over.
+    pub floor: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            viewers: 16,
+            connections: 64,
+            head: Duration::from_secs(5),
+            stall: Duration::from_secs(5),
+            floor: 64 << 10,
+        }
+    }
+}
+
+/// What is served, and where.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Port 0 is any free one.
+    pub at: SocketAddr,
+    /// Stands in every address; needed wherever others than this machine can reach the port.
+    pub key: Option<Key>,
+    /// The `.motion` file that pages play.
+    pub file: Option<PathBuf>,
+    /// See [`Limits`].
+    pub limits: Limits,
+}
+
+impl Options {
+    /// A file, to pages on this machine alone.
+    pub fn local(file: PathBuf) -> Self {
+        Self {
+            at: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
+            key: None,
+            file: Some(file),
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// Why nothing is served.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// Others could read along.
+    #[error("{0} can be reached from other machines: a key is needed")]
+    Open(SocketAddr),
+    /// The port is taken, or is not this machine's.
+    #[error("{0}: {1}")]
+    Bind(SocketAddr, io::Error),
+}
+
+/// How many connections there were, and what became of them.
+#[derive(Debug, Default)]
+pub struct Tally {
+    /// Requests that were answered with what they asked for.
+    pub served: AtomicU64,
+    /// Requests that were answered with an error, or not at all.
+    pub refused: AtomicU64,
+    /// Readers that were too slow, and pages that said what no page says.
+    pub dropped: AtomicU64,
+    /// Pages that are connected now.
+    pub viewers: AtomicUsize,
+    connections: AtomicUsize,
+}
+
+/// What every connection knows.
+struct Shared {
+    options: Options,
+    at: SocketAddr,
+    hub: Hub,
+    tally: Tally,
+    over: AtomicBool,
+    begin: Instant,
+}
+
+/// Serves until it is dropped.
+pub struct Server {
+    shared: Arc<Shared>,
+    listener: Option<thread::JoinHandle<()>>,
+}
+
+impl Server {
+    /// # Errors
+    ///
+    /// [`ServeError`] where the address needs a key that is not given, or cannot be listened at.
+    pub fn start(options: Options) -> Result<Self, ServeError> {
+        if !options.at.ip().is_loopback() && options.key.is_none() {
+            return Err(ServeError::Open(options.at));
+        }
+        let bind = |error| ServeError::Bind(options.at, error);
+        let listener = TcpListener::bind(options.at).map_err(bind)?;
+        let at = listener.local_addr().map_err(bind)?;
+        let shared = Arc::new(Shared {
+            options,
+            at,
+            hub: Hub::default(),
+            tally: Tally::default(),
+            over: AtomicBool::new(false),
+            begin: Instant::now(),
+        });
+        let of_thread = shared.clone();
+        let listener = thread::Builder::new()
+            .name("view".into())
+            .spawn(move || listen(&listener, &of_thread))
+            .map_err(|error| ServeError::Bind(at, error))?;
+        Ok(Self {
+            shared,
+            listener: Some(listener),
+        })
+    }
+
+    /// Where it listens.
+    pub fn at(&self) -> SocketAddr {
+        self.shared.at
+    }
+
+    /// What a browser opens, with the key.
+    pub fn url(&self) -> String {
+        let key = self.shared.options.key.as_ref();
+        format!(
+            "http://{}/{}",
+            self.shared.near(),
+            key.map_or(String::new(), |key| format!("{key}/"))
+        )
+    }
+
+    /// What all viewers are sent.
+    pub fn hub(&self) -> &Hub {
+        &self.shared.hub
+    }
+
+    /// What has happened so far.
+    pub fn tally(&self) -> &Tally {
+        &self.shared.tally
+    }
+
+    /// The clock that pages compare theirs with \[s\].
+    pub fn now(&self) -> f64 {
+        self.shared.now()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.shared.over.store(true, Ordering::Release);
+        self.shared.hub.close();
+        // The listener waits in `accept`: a connection of ours wakes it.
+        let near = self.shared.near();
+        let woken = TcpStream::connect_timeout(&near, Duration::from_secs(1)).is_ok();
+        if let Some(listener) = self.listener.take()
+            && woken
+        {
+            let _ = listener.join();
+        }
+    }
+}
+
+impl Shared {
+    fn now(&self) -> f64 {
+        self.begin.elapsed().as_secs_f64()
+    }
+
+    /// Where this machine reaches it: an address of loopback, where it listens at all.
+    fn near(&self) -> SocketAddr {
+        let ip = match self.at.ip() {
+            ip if !ip.is_unspecified() => ip,
+            _ => IpAddr::V4(Ipv4Addr::LOCALHOST),
+        };
+        SocketAddr::new(ip, self.at.port())
+    }
+
+    fn is_over(&self) -> bool {
+        self.over.load(Ordering::Acquire)
+    }
+}
+
+/// A place among the connections or the viewers, given back when it is dropped.
+struct Place<'a>(&'a AtomicUsize);
+
+impl<'a> Place<'a> {
+    fn take(places: &'a AtomicUsize, most: usize) -> Option<Self> {
+        places
+            .fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| {
+                (n < most).then_some(n + 1)
+            })
+            .ok()
+            .map(|_| Self(places))
+    }
+}
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// A thread of a connection holds little: files go by pieces, messages are shared.
+const STACK: usize = 512 << 10;
+
+fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
+    for stream in listener.incoming() {
+        if shared.is_over() {
+            return;
+        }
+        let Ok(stream) = stream else {
+            // Out of descriptors, which others may give back.
+            thread::sleep(Duration::from_millis(10));
+            continue;
+        };
+        let shared = shared.clone();
+        let refuse = shared.clone();
+        let born = thread::Builder::new()
+            .name("view client".into())
+            .stack_size(STACK)
+            .spawn(move || {
+                let tally = &shared.tally;
+                let most = shared.options.limits.connections;
+                match Place::take(&tally.connections, most) {
+                    Some(_place) => connection::serve(stream, &shared),
+                    None => drop(tally.refused.fetch_add(1, Ordering::Relaxed)),
+                }
+            });
+        if born.is_err() {
+            refuse.tally.refused.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! What is written back: status, headers, a body of memory or of a file.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+
+use super::pace::Paced;
+
+/// How a request is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Status {
+    Malformed,
+    WrongOrigin,
+    NotFound,
+    NotGet,
+    TimedOut,
+    NoSuchRange,
+    WrongHost,
+    TooLarge,
+    Full,
+}
+
+impl Status {
+    fn line(self) -> &'static str {
+        match self {
+            Self::Malformed => "400 Bad Request",
+            Self::WrongOrigin => "403 Forbidden",
+            Self::NotFound => "404 Not Found",
+            Self::NotGet => "405 Method Not Allowed",
+            Self::TimedOut => "408 Request Timeout",
+            Self::NoSuchRange => "416 Range Not Satisfiable",
+            Self::WrongHost => "421 Misdirected Request",
+            Self::TooLarge => "431 Request Header Fields Too Large",
+            Self::Full => "503 Service Unavailable",
+        }
+    }
+}
+
+/// Everything of the page comes from here, and nobody else may frame it or read it.
+const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+    Cross-Origin-Resource-Policy: same-origin\r\n\
+    Cross-Origin-Opener-Policy: same-origin\r\n\
+    X-Content-Type-Options: nosniff\r\n\
+    Referrer-Policy: no-referrer\r\n\
+    Cache-Control: no-store\r\n\
+    Connection: close\r\n";
+
+pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
+    let line = status.line();
+    let allow = if status == Status::NotGet {
+        "Allow: GET\r\n"
+    } else {
+        ""
+    };
+    let head = format!(
+        "HTTP/1.1 {line}\r\n{ALWAYS}{allow}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{line}\n",
+        line.len() + 1
+    );
+    out.write_all(head.as_bytes())
+}
+
+pub(super) fn memory(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Result<()> {
+    let n = body.len();
+    let head =
+        format!("HTTP/1.1 200 OK\r\n{ALWAYS}Content-Type: {kind}\r\nContent-Length: {n}\r\n\r\n");
+    out.write_all(head.as_bytes())?;
+    out.write_all(body)
+}
+
+/// What is to be read of a file of `length` bytes: from, and how many; an error where no byte of the range is there.
+pub(super) fn stretch(
+    range: Option<(u64, Option<u64>)>,
+    length: u64,
+) -> Result<(u64, u64), Status> {
+    let Some((first, last)) = range else {
+        return Ok((0, length));
+    };
+    let end = last.map_or(length, |last| last.saturating_add(1).min(length));
+    if first >= end {
+        return Err(Status::NoSuchRange);
+    }
+    Ok((first, end - first))
+}
+
+/// A stretch of a file, by pieces.
+pub(super) fn file(
+    out: &mut Paced,
+    file: &mut File,
+    length: u64,
+    (first, n): (u64, u64),
+    is_part: bool,
+) -> io::Result<()> {
+    let status = if is_part {
+        format!(
+            "206 Partial Content\r\nContent-Range: bytes {first}-{}/{length}",
+            first + n - 1
+        )
+    } else {
+        "200 OK".into()
+    };
+    let head = format!(
+        "HTTP/1.1 {status}\r\n{ALWAYS}Accept-Ranges: bytes\r\nContent-Type: application/octet-stream\r\nContent-Length: {n}\r\n\r\n"
+    );
+    out.write_all(head.as_bytes())?;
+    file.seek(SeekFrom::Start(first))?;
+    let mut piece = vec![0; 64 << 10];
+    let mut left = n;
+    while left > 0 {
+        let most = piece.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+        let read = file.read(&mut piece[..most])?;
+        if read == 0 {
+            // The file was cut meanwhile: the reader sees that bytes are missing.
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        out.write_all(&piece[..read])?;
+        left -= read as u64;
+    }
+    Ok(())
+}
+
+/// The answer to the upgrade of a WebSocket.
+pub(super) fn switch(out: &mut impl Write, key: &str) -> io::Result<()> {
+    let accept = tungstenite::handshake::derive_accept_key(key.as_bytes());
+    let head = format!(
+        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+    );
+    out.write_all(head.as_bytes())
+}

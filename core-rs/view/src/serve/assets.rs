@@ -1,0 +1,51 @@
+//! The page itself: files of this crate, in the library as they lie in its folder.
+
+macro_rules! page {
+    ($($name:literal)*) => {
+        &[$(($name, include_str!(concat!("../../page/", $name)))),*]
+    };
+}
+
+const FILES: &[(&str, &str)] = page!(
+    "index.html" "style.css" "icon.svg" "main.js" "camera.js" "chunks.js" "clock.js" "connection.js" "controls.js" "draw.js" "events.js"
+    "flashes.js" "flights.js" "frames.js" "gl.js" "inspector.js" "labels.js" "motion.js" "scene.js" "shaders.js" "story.js"
+    "timeline.js"
+);
+
+/// A file of the page: its media type and its text. Nothing is the first.
+pub(super) fn find(name: &str) -> Option<(&'static str, &'static str)> {
+    let name = if name.is_empty() { "index.html" } else { name };
+    let &(name, text) = FILES.iter().find(|(known, _)| *known == name)?;
+    let kind = match name.rsplit_once('.')?.1 {
+        "html" => "text/html; charset=utf-8",
+        "css" => "text/css; charset=utf-8",
+        "svg" => "image/svg+xml",
+        _ => "text/javascript; charset=utf-8",
+    };
+    Some((kind, text))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn every_file_of_the_folder_is_served_and_no_other() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("page");
+        let lie = std::fs::read_dir(folder).expect("the folder");
+        let lie: BTreeSet<_> = lie
+            .map(|entry| {
+                entry
+                    .expect("an entry")
+                    .file_name()
+                    .into_string()
+                    .expect("a name")
+            })
+            .collect();
+        let served = FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
+        assert_eq!(lie, served);
+    }
+}

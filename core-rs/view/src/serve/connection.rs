@@ -1,0 +1,105 @@
+//! One connection: a request, who may ask it, and its answer.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::net::{Shutdown, TcpStream};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use super::answer::{self, Status};
+use super::pace::Paced;
+use super::request::{self, Bad, Request};
+use super::{Place, Shared, assets, door, viewer};
+
+/// Bytes of a refused request that are read so that the refusal arrives: a socket that is closed before all was read resets.
+const DRAIN: usize = 64 << 10;
+
+pub(super) fn serve(mut stream: TcpStream, shared: &Shared) {
+    let limits = shared.options.limits;
+    let status = match request::read(&mut stream, limits.head) {
+        Ok(request) => match reply(&mut stream, request, shared) {
+            Ok(()) => {
+                shared.tally.served.fetch_add(1, Ordering::Relaxed);
+                return;
+            }
+            Err(Failed::Refused(status)) => Some(status),
+            Err(Failed::Slow) => {
+                shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
+                return;
+            }
+        },
+        Err(Bad::Because(status)) => Some(status),
+        Err(Bad::Gone) => None,
+    };
+    shared.tally.refused.fetch_add(1, Ordering::Relaxed);
+    if let Some(status) = status
+        && let Ok(mut out) = Paced::new(&stream, limits)
+        && answer::refuse(&mut out, status).is_ok()
+    {
+        drain(&mut stream, limits.head);
+    }
+}
+
+/// Why a request was not answered with what it asked for.
+enum Failed {
+    Refused(Status),
+    Slow,
+}
+
+impl From<Status> for Failed {
+    fn from(status: Status) -> Self {
+        Self::Refused(status)
+    }
+}
+
+impl From<io::Error> for Failed {
+    fn from(_: io::Error) -> Self {
+        Self::Slow
+    }
+}
+
+fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<(), Failed> {
+    let options = &shared.options;
+    let name = door::enter(&request, options.key.as_ref(), shared.at)?.to_owned();
+    if let Some(key) = &request.upgrade {
+        if name != "live" {
+            return Err(Status::NotFound.into());
+        }
+        let place = Place::take(&shared.tally.viewers, options.limits.viewers);
+        let place = place.ok_or(Status::Full)?;
+        answer::switch(&mut Paced::new(stream, options.limits)?, key)?;
+        viewer::follow(stream.try_clone()?, request.rest, shared, place);
+        return Ok(());
+    }
+    let mut out = Paced::new(stream, options.limits)?;
+    if name == "motion" {
+        let path = options.file.as_ref().ok_or(Status::NotFound)?;
+        let mut file = File::open(path).map_err(|_| Status::NotFound)?;
+        let length = file.metadata()?.len();
+        let stretch = answer::stretch(request.range, length)?;
+        answer::file(
+            &mut out,
+            &mut file,
+            length,
+            stretch,
+            request.range.is_some(),
+        )?;
+    } else {
+        let (kind, text) = assets::find(&name).ok_or(Status::NotFound)?;
+        answer::memory(&mut out, kind, text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Reads on for a while, and for a few bytes.
+fn drain(stream: &mut TcpStream, within: Duration) {
+    let _ = stream.shutdown(Shutdown::Write);
+    let _ = stream.set_read_timeout(Some(within.min(Duration::from_millis(500))));
+    let mut bytes = [0; 4 << 10];
+    let mut left = DRAIN;
+    while let Ok(n @ 1..) = stream.read(&mut bytes)
+        && n <= left
+    {
+        left -= n;
+    }
+}

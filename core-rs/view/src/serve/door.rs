@@ -1,0 +1,88 @@
+//! Who is let in: by the key in the address, and by the names under which a browser says that it came.
+
+use std::fmt;
+use std::net::{IpAddr, SocketAddr};
+
+use super::answer::Status;
+use super::request::Request;
+
+/// 128 bits that stand in every address.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Key(String);
+
+impl Key {
+    /// From 32 hexadecimal digits.
+    pub fn new(digits: &str) -> Option<Self> {
+        let is_key = digits.len() == 32 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+        is_key.then(|| Self(digits.to_ascii_lowercase()))
+    }
+
+    /// Whether it is this one, in a time that tells nothing of where they differ.
+    fn is(&self, given: &str) -> bool {
+        given.len() == self.0.len()
+            && given
+                .bytes()
+                .zip(self.0.bytes())
+                .fold(0, |differ, (a, b)| differ | (a ^ b))
+                == 0
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl fmt::Debug for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Key")
+    }
+}
+
+/// What is asked for, below the key; an error where the request is not one of a page of ours.
+///
+/// A name of another's domain may lead to this machine (DNS rebinding): so a host is an address, or `localhost`. A page of
+/// another origin may ask for anything, but a browser then says where it came from.
+pub(super) fn enter<'a>(
+    request: &'a Request,
+    key: Option<&Key>,
+    at: SocketAddr,
+) -> Result<&'a str, Status> {
+    let host = request.host.as_deref().ok_or(Status::Malformed)?;
+    if !is_ours(host, at) {
+        return Err(Status::WrongHost);
+    }
+    let from_here = |origin: &str| origin.strip_prefix("http://") == Some(host);
+    match request.origin.as_deref() {
+        Some(origin) if !from_here(origin) => return Err(Status::WrongOrigin),
+        // A browser always says the origin of a WebSocket.
+        None if request.upgrade.is_some() => return Err(Status::WrongOrigin),
+        _ => {}
+    }
+    let path = request.path.strip_prefix('/').ok_or(Status::Malformed)?;
+    let Some(key) = key else {
+        return Ok(path);
+    };
+    match path.split_once('/') {
+        Some((given, path)) if key.is(given) => Ok(path),
+        _ => Err(Status::NotFound),
+    }
+}
+
+/// Whether a `Host` is this machine: on loopback an address of loopback or `localhost`, elsewhere any address.
+fn is_ours(host: &str, at: SocketAddr) -> bool {
+    let (name, port) = match host.rsplit_once(':') {
+        Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
+        _ => (host, Some(80)),
+    };
+    if port != Some(at.port()) {
+        return false;
+    }
+    if name.eq_ignore_ascii_case("localhost") {
+        return true;
+    }
+    let bare = name.strip_prefix('[').and_then(|n| n.strip_suffix(']'));
+    let ip: Option<IpAddr> = bare.unwrap_or(name).parse().ok();
+    ip.is_some_and(|ip| !at.ip().is_loopback() || ip.is_loopback())
+}

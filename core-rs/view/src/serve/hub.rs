@@ -1,0 +1,214 @@
+//! What all viewers are sent, held once: a viewer that is late skips frames, and is told how much of the rest it missed.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Whether a message still matters once another of its kind has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// Events: each counts.
+    All,
+    /// Frames: the latest alone does.
+    Latest,
+}
+
+/// Most bytes of messages that wait for somebody: seconds of the largest scene.
+const MOST: usize = 16 << 20;
+
+/// Messages by their numbers, bounded in bytes whatever viewers do.
+#[derive(Default)]
+pub struct Hub {
+    inner: Mutex<Inner>,
+    news: Condvar,
+}
+
+#[derive(Default)]
+struct Inner {
+    /// Number of the oldest message in `held`.
+    first: u64,
+    /// None where a later frame has taken the place of one.
+    held: VecDeque<Option<Arc<[u8]>>>,
+    bytes: usize,
+    latest: Option<u64>,
+    greeting: Option<Arc<[u8]>>,
+    closed: bool,
+}
+
+/// How far a viewer has come.
+#[derive(Debug, Default)]
+pub struct Cursor {
+    next: u64,
+    greeted: bool,
+}
+
+/// What comes next for a viewer.
+#[derive(Debug, PartialEq)]
+pub enum Taken {
+    /// A message.
+    Message(Arc<[u8]>),
+    /// So many messages went by unseen.
+    Lost(u64),
+    /// Nothing happened within the time.
+    Nothing,
+    /// Nothing will.
+    Closed,
+}
+
+impl Hub {
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What every viewer is sent before anything else: the scene, and the state at some instant.
+    pub fn greet(&self, bytes: &[u8]) {
+        self.inner().greeting = Some(bytes.into());
+        self.news.notify_all();
+    }
+
+    /// Sends a message to all.
+    pub fn publish(&self, bytes: &[u8], keep: Keep) {
+        let mut inner = self.inner();
+        let number = inner.first + inner.held.len() as u64;
+        if keep == Keep::Latest
+            && let Some(before) = inner.latest.replace(number)
+            && let Some(at) = before.checked_sub(inner.first)
+            && let Some(frame) = inner.held[at as usize].take()
+        {
+            inner.bytes -= frame.len();
+        }
+        inner.bytes += bytes.len();
+        inner.held.push_back(Some(bytes.into()));
+        while inner.bytes > MOST || inner.held.len() > MOST / 64 {
+            let oldest = inner.held.pop_front().flatten();
+            inner.bytes -= oldest.map_or(0, |bytes| bytes.len());
+            inner.first += 1;
+        }
+        drop(inner);
+        self.news.notify_all();
+    }
+
+    /// A viewer that comes now.
+    pub fn join(&self) -> Cursor {
+        let inner = self.inner();
+        Cursor {
+            next: inner.first + inner.held.len() as u64,
+            greeted: false,
+        }
+    }
+
+    /// What comes next, waiting for it.
+    pub fn take(&self, cursor: &mut Cursor, within: Duration) -> Taken {
+        let waits = |inner: &mut Inner| {
+            !inner.closed
+                && inner.first + inner.held.len() as u64 == cursor.next
+                && (cursor.greeted || inner.greeting.is_none())
+        };
+        let (inner, _) = self
+            .news
+            .wait_timeout_while(self.inner(), within, waits)
+            .unwrap_or_else(PoisonError::into_inner);
+        if inner.closed {
+            return Taken::Closed;
+        }
+        if !cursor.greeted
+            && let Some(greeting) = &inner.greeting
+        {
+            cursor.greeted = true;
+            return Taken::Message(greeting.clone());
+        }
+        if cursor.next < inner.first {
+            let lost = inner.first - cursor.next;
+            cursor.next = inner.first;
+            return Taken::Lost(lost);
+        }
+        let from = (cursor.next - inner.first) as usize;
+        for message in inner.held.iter().skip(from) {
+            cursor.next += 1;
+            if let Some(bytes) = message {
+                return Taken::Message(bytes.clone());
+            }
+        }
+        Taken::Nothing
+    }
+
+    /// Ends all viewers.
+    pub fn close(&self) {
+        self.inner().closed = true;
+        self.news.notify_all();
+    }
+
+    /// Bytes that are held.
+    pub fn bytes(&self) -> usize {
+        self.inner().bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(hub: &Hub, cursor: &mut Cursor) -> Vec<Taken> {
+        let mut found = Vec::new();
+        loop {
+            match hub.take(cursor, Duration::ZERO) {
+                Taken::Nothing => return found,
+                taken => found.push(taken),
+            }
+        }
+    }
+
+    fn message(text: &str) -> Taken {
+        Taken::Message(text.as_bytes().into())
+    }
+
+    #[test]
+    fn a_late_viewer_gets_every_event_and_the_latest_frame() {
+        let hub = Hub::default();
+        hub.greet(b"scene");
+        let mut late = hub.join();
+        let mut prompt = hub.join();
+        let mut seen = Vec::new();
+        for i in 0..5 {
+            hub.publish(format!("event {i}").as_bytes(), Keep::All);
+            hub.publish(format!("frame {i}").as_bytes(), Keep::Latest);
+            seen.extend(all(&hub, &mut prompt));
+        }
+        assert_eq!(seen.len(), 11);
+        let events = ["scene", "event 0", "event 1", "event 2", "event 3"];
+        let mut wanted: Vec<_> = events.map(message).into();
+        wanted.extend(["event 4", "frame 4"].map(message));
+        assert_eq!(all(&hub, &mut late), wanted);
+    }
+
+    #[test]
+    fn what_waits_is_bounded_and_a_viewer_is_told_what_it_missed() {
+        let hub = Hub::default();
+        let mut stalled = hub.join();
+        let event = vec![7; 1 << 20];
+        for _ in 0..100 {
+            hub.publish(&event, Keep::All);
+            assert!(hub.bytes() <= MOST);
+        }
+        let found = all(&hub, &mut stalled);
+        assert_eq!(found[0], Taken::Lost(84));
+        assert_eq!(found.len(), 17);
+    }
+
+    #[test]
+    fn many_frames_take_the_room_of_one() {
+        let hub = Hub::default();
+        for _ in 0..1000 {
+            hub.publish(&vec![1; 500_000], Keep::Latest);
+            assert_eq!(hub.bytes(), 500_000);
+        }
+    }
+
+    #[test]
+    fn a_closed_hub_ends_who_waits() {
+        let hub = Hub::default();
+        let mut cursor = hub.join();
+        hub.close();
+        assert_eq!(hub.take(&mut cursor, Duration::MAX), Taken::Closed);
+    }
+}

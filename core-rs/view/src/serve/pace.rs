@@ -1,0 +1,43 @@
+//! Writing to a reader that may be slow: one that takes nothing, or less than a floor, is given up.
+
+use std::io::{self, ErrorKind, Write};
+use std::net::TcpStream;
+use std::time::Instant;
+
+use super::Limits;
+
+/// A stream that is written to, with what it has taken so far.
+pub(super) struct Paced<'a> {
+    stream: &'a TcpStream,
+    limits: Limits,
+    begin: Instant,
+    taken: u64,
+}
+
+impl<'a> Paced<'a> {
+    pub(super) fn new(stream: &'a TcpStream, limits: Limits) -> io::Result<Self> {
+        stream.set_write_timeout(Some(limits.stall))?;
+        Ok(Self {
+            stream,
+            limits,
+            begin: Instant::now(),
+            taken: 0,
+        })
+    }
+}
+
+impl Write for Paced<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let n = self.stream.write(bytes)?;
+        self.taken += n as u64;
+        let beyond = self.begin.elapsed().saturating_sub(self.limits.stall);
+        if self.taken < beyond.as_secs() * self.limits.floor {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.stream.flush()
+    }
+}

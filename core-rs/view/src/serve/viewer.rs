@@ -1,0 +1,106 @@
+//! A page that is connected: it is sent what happens, and asks for the time.
+
+use std::net::TcpStream;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use tungstenite::protocol::{Role, WebSocketConfig};
+use tungstenite::{Error, Message, WebSocket};
+
+use super::hub::Taken;
+use super::{Place, Shared};
+
+/// A page says `ping` and a number.
+const SAID: usize = 64;
+/// What is read before something is sent again: a page may say things without end.
+const AT_ONCE: usize = 16;
+/// How long a wait for news keeps a page waiting for an answer.
+const WAIT: Duration = Duration::from_millis(10);
+const LOOK: Duration = Duration::from_millis(1);
+
+/// How a viewer ended.
+enum End {
+    /// The page was closed, or this server.
+    Left,
+    /// It took too little, or said what no page says.
+    Dropped,
+}
+
+/// Sends to a page until it goes.
+pub(super) fn follow(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _place: Place<'_>) {
+    let limits = shared.options.limits;
+    let fit = stream.set_write_timeout(Some(limits.stall)).is_ok()
+        && stream.set_read_timeout(Some(LOOK)).is_ok()
+        && stream.set_nodelay(true).is_ok();
+    let config = WebSocketConfig::default()
+        .read_buffer_size(1 << 10)
+        .write_buffer_size(0)
+        .max_message_size(Some(SAID))
+        .max_frame_size(Some(SAID));
+    let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
+    if fit && let End::Dropped = run(&mut socket, shared) {
+        shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
+    let mut cursor = shared.hub.join();
+    loop {
+        let message = match shared.hub.take(&mut cursor, WAIT) {
+            Taken::Message(bytes) => Some(Message::binary(tungstenite::Bytes::from_owner(bytes))),
+            Taken::Lost(n) => Some(Message::text(format!("lost {n}"))),
+            Taken::Nothing => None,
+            Taken::Closed => {
+                let _ = socket.close(None);
+                return End::Left;
+            }
+        };
+        // A reader that takes nothing makes this time out: what it has half taken cannot be taken back.
+        if let Some(message) = message
+            && let Err(error) = socket.send(message)
+        {
+            return ended(&error);
+        }
+        if let Err(end) = listen(socket, shared) {
+            return end;
+        }
+    }
+}
+
+/// Reads what the page has said.
+fn listen(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result<(), End> {
+    for _ in 0..AT_ONCE {
+        let said = match socket.read() {
+            Ok(said) => said,
+            Err(Error::Io(error)) if is_wait(&error) => return Ok(()),
+            Err(error) => return Err(ended(&error)),
+        };
+        match said {
+            Message::Text(text) => {
+                let asked = text.strip_prefix("ping ").and_then(|t| t.parse().ok());
+                let asked: f64 = asked.ok_or(End::Dropped)?;
+                let reply = format!("pong {asked} {}", shared.now());
+                socket
+                    .send(Message::text(reply))
+                    .map_err(|error| ended(&error))?;
+            }
+            Message::Ping(_) | Message::Pong(_) => {}
+            Message::Close(_) => return Err(End::Left),
+            Message::Binary(_) | Message::Frame(_) => return Err(End::Dropped),
+        }
+    }
+    Ok(())
+}
+
+fn is_wait(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
+}
+
+fn ended(error: &Error) -> End {
+    match error {
+        Error::ConnectionClosed | Error::AlreadyClosed => End::Left,
+        Error::Io(error) if !is_wait(error) => End::Left,
+        _ => End::Dropped,
+    }
+}

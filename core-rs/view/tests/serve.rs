@@ -1,0 +1,467 @@
+//! The server over real sockets: what a page gets, who is refused, and what a thousand hostile requests cost.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::fs::File;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use ergon_view::serve::{Keep, Key, Limits, Options, ServeError, Server};
+use tungstenite::protocol::Role;
+use tungstenite::{Message, WebSocket};
+
+/// Bytes that are held now, and the most that ever were since it was last looked at.
+struct Counting;
+
+static HELD: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: everything is handed on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
+        PEAK.fetch_max(held, Ordering::Relaxed);
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// The tests run one after the other: one of them counts bytes.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// After which a test gives up; nothing is judged by it.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn alone() -> std::sync::MutexGuard<'static, ()> {
+    ALONE
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+/// A file of a length, which is removed in the end.
+struct Lent(PathBuf);
+
+impl Lent {
+    fn new(name: &str, bytes: &[u8], length: u64) -> Self {
+        let path = std::env::temp_dir().join(format!("ergon-{}-{name}", std::process::id()));
+        let mut file = File::create(&path).expect("a file");
+        file.write_all(bytes).expect("bytes");
+        file.set_len(length).expect("a length");
+        Self(path)
+    }
+}
+
+impl Drop for Lent {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+fn connect(server: &Server) -> TcpStream {
+    let stream = TcpStream::connect(("127.0.0.1", server.at().port())).expect("a connection");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    stream
+}
+
+/// All that comes back for some bytes, up to the end.
+fn say(server: &Server, bytes: &[u8]) -> String {
+    let mut stream = connect(server);
+    let _ = stream.write_all(bytes);
+    let mut all = Vec::new();
+    let _ = stream.read_to_end(&mut all);
+    String::from_utf8_lossy(&all).into_owned()
+}
+
+fn get(server: &Server, path: &str, more: &str) -> String {
+    let at = server.at();
+    let port = at.port();
+    say(
+        server,
+        format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n{more}\r\n").as_bytes(),
+    )
+}
+
+fn status(answer: &str) -> &str {
+    answer.split(' ').nth(1).unwrap_or("none")
+}
+
+fn body(answer: &str) -> &str {
+    answer.split_once("\r\n\r\n").map_or("", |(_, body)| body)
+}
+
+const UPGRADE: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+    Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+
+/// A page's WebSocket.
+fn watch(server: &Server, path: &str) -> Option<WebSocket<TcpStream>> {
+    let mut stream = connect(server);
+    let port = server.at().port();
+    let head = format!(
+        "GET {path} HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}\r\n{UPGRADE}\r\n"
+    );
+    stream.write_all(head.as_bytes()).expect("a head");
+    let mut answer = Vec::new();
+    while !answer.ends_with(b"\r\n\r\n") {
+        let mut byte = [0];
+        if stream.read(&mut byte).expect("an answer") == 0 {
+            break;
+        }
+        answer.push(byte[0]);
+    }
+    let answer = String::from_utf8(answer).expect("text");
+    // The answer that RFC 6455 has for this key.
+    let accepted = answer.contains("s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
+    (status(&answer) == "101" && accepted)
+        .then(|| WebSocket::from_raw_socket(stream, Role::Client, None))
+}
+
+fn until(holds: impl Fn() -> bool, what: &str) {
+    let end = std::time::Instant::now() + PATIENCE;
+    while !holds() {
+        assert!(std::time::Instant::now() < end, "{what}");
+        thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_page_and_its_file_are_served_with_what_keeps_others_out() {
+    let _alone = alone();
+    let bytes: Vec<u8> = (b'a'..=b'z').collect();
+    let lent = Lent::new("served.motion", &bytes, 26);
+    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let page = get(&server, "/?t=3", "");
+    assert_eq!(status(&page), "200");
+    for header in [
+        "default-src 'self'",
+        "frame-ancestors 'none'",
+        "Cross-Origin-Resource-Policy: same-origin",
+        "nosniff",
+        "Content-Type: text/html",
+    ] {
+        assert!(page.contains(header), "{header}");
+    }
+    assert_eq!(body(&page), include_str!("../page/index.html"));
+    assert_eq!(body(&get(&server, "/motion", "")).as_bytes(), bytes);
+    let part = get(&server, "/motion", "Range: bytes=3-5\r\n");
+    assert_eq!((status(&part), body(&part)), ("206", "def"));
+    assert!(part.contains("Content-Range: bytes 3-5/26"));
+    let rest = get(&server, "/motion", "Range: bytes=23-\r\n");
+    assert_eq!(body(&rest), "xyz");
+    let origin = format!("Origin: http://127.0.0.1:{}\r\n", server.at().port());
+    assert_eq!(status(&get(&server, "/", &origin)), "200");
+}
+
+#[test]
+fn what_no_page_asks_is_refused() {
+    let _alone = alone();
+    let lent = Lent::new("refused.motion", b"abc", 3);
+    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let port = server.at().port();
+    let whole = |text: &str| status(&say(&server, text.as_bytes())).to_owned();
+    for (host, wanted) in [
+        (format!("127.0.0.1:{port}"), "200"),
+        (format!("localhost:{port}"), "200"),
+        (format!("[::1]:{port}"), "200"),
+        (format!("192.168.1.7:{port}"), "421"),
+        (format!("rebound.example:{port}"), "421"),
+        (format!("localhost.example:{port}"), "421"),
+        ("127.0.0.1".into(), "421"),
+        (format!("127.0.0.1:{}", port ^ 1), "421"),
+    ] {
+        let found = whole(&format!("GET / HTTP/1.1\r\nHost: {host}\r\n\r\n"));
+        assert_eq!(found, wanted, "{host}");
+    }
+    assert_eq!(whole("GET / HTTP/1.1\r\n\r\n"), "400");
+    for (path, more, wanted) in [
+        ("/", "Origin: http://elsewhere.example\r\n", "403"),
+        ("/", "Origin: null\r\n", "403"),
+        ("/../Cargo.toml", "", "404"),
+        ("/%2e%2e/Cargo.toml", "", "404"),
+        ("/live", "", "404"),
+        ("/live", UPGRADE, "403"),
+        ("/", "Content-Length: 5\r\n", "400"),
+        ("/", "Transfer-Encoding: chunked\r\n", "400"),
+        ("/", "Host: 127.0.0.1\r\n", "400"),
+        ("/motion", "Range: bytes=3-\r\n", "416"),
+        ("/motion", "Range: bytes=2-1\r\n", "416"),
+        ("/motion", "Range: bytes=-1\r\n", "416"),
+        ("/motion", "Range: bytes=0-1,2-3\r\n", "416"),
+        ("/motion", "Range: bytes=99999999999999999999-\r\n", "416"),
+    ] {
+        assert_eq!(status(&get(&server, path, more)), wanted, "{path} {more}");
+    }
+    let post = format!("POST / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
+    assert_eq!(whole(&post), "405");
+    let origin = format!("Origin: http://127.0.0.1:{port}\r\n");
+    for wrong in [
+        UPGRADE.replace("13", "8"),
+        UPGRADE.replace("==", ""),
+        UPGRADE.replace("websocket", "h2c"),
+        UPGRADE.replace(", Upgrade", ""),
+    ] {
+        let found = get(&server, "/live", &format!("{origin}{wrong}"));
+        assert_eq!(status(&found), "400", "{wrong}");
+    }
+    let long = format!("X: {}\r\n", "y".repeat(9000));
+    assert_eq!(status(&get(&server, "/", &long)), "431");
+    assert_eq!(status(&get(&server, "/", &"X: y\r\n".repeat(65))), "431");
+}
+
+#[test]
+fn elsewhere_the_key_is_needed_and_in_the_address() {
+    let _alone = alone();
+    let lent = Lent::new("key.motion", b"abc", 3);
+    let at = SocketAddr::new(Ipv4Addr::UNSPECIFIED.into(), 0);
+    let open = Options {
+        at,
+        ..Options::local(lent.0.clone())
+    };
+    assert!(matches!(
+        Server::start(open.clone()),
+        Err(ServeError::Open(_))
+    ));
+    assert_eq!(Key::new("0123"), None);
+    assert_eq!(Key::new(&"g".repeat(32)), None);
+    let key = Key::new("00112233445566778899aabbccddeeff").expect("a key");
+    let server = Server::start(Options {
+        key: Some(key.clone()),
+        ..open
+    })
+    .expect("a server");
+    assert!(server.url().ends_with(&format!("/{key}/")));
+    assert_eq!(status(&get(&server, &format!("/{key}/"), "")), "200");
+    let file = get(&server, &format!("/{key}/motion"), "");
+    assert_eq!(body(&file), "abc");
+    for path in [
+        "/",
+        "/motion",
+        "/00112233445566778899aabbccddeefe/",
+        "/00112233445566778899aabbccddeeff",
+        "//",
+    ] {
+        assert_eq!(status(&get(&server, path, "")), "404", "{path}");
+    }
+    assert!(watch(&server, "/live").is_none());
+    assert!(watch(&server, &format!("/{key}/live")).is_some());
+    // Whatever address the machine has there; no name of another's domain.
+    let port = server.at().port();
+    let named = |host: &str| format!("GET /{key}/ HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n");
+    assert_eq!(
+        status(&say(&server, named("192.168.1.7").as_bytes())),
+        "200"
+    );
+    assert_eq!(status(&say(&server, named("a.example").as_bytes())), "421");
+}
+
+#[test]
+fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
+    let _alone = alone();
+    let lent = Lent::new("many.motion", b"", 0);
+    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    server.hub().greet(b"scene");
+    let mut pages: Vec<_> = (0..16)
+        .map(|_| watch(&server, "/live").expect("a page"))
+        .collect();
+    let tally = server.tally();
+    until(|| tally.viewers.load(Ordering::Relaxed) == 16, "sixteen");
+    assert!(watch(&server, "/live").is_none());
+    for page in &mut pages {
+        assert_eq!(
+            page.read().expect("a greeting"),
+            Message::binary(&b"scene"[..])
+        );
+        page.send(Message::text("ping 12.5")).expect("a ping");
+        let pong = page.read().expect("a pong").into_text().expect("text");
+        let words: Vec<_> = pong.split(' ').collect();
+        assert_eq!(words[..2], ["pong", "12.5"]);
+        let at: f64 = words[2].parse().expect("a time");
+        assert!((0.0..=server.now()).contains(&at));
+    }
+    // A page that stalls keeps nobody waiting, and is not asked for.
+    for i in 0..1000u32 {
+        server.hub().publish(&i.to_le_bytes(), Keep::All);
+        for page in &mut pages[1..] {
+            let bytes = page.read().expect("an event").into_data();
+            assert_eq!(bytes[..], i.to_le_bytes());
+        }
+    }
+    drop(pages);
+    until(|| tally.viewers.load(Ordering::Relaxed) == 0, "all gone");
+    assert!(watch(&server, "/live").is_some());
+}
+
+#[test]
+fn a_page_that_takes_nothing_is_dropped() {
+    let _alone = alone();
+    let lent = Lent::new("stall.motion", b"", 0);
+    let mut options = Options::local(lent.0.clone());
+    options.limits.stall = Duration::from_millis(100);
+    let server = Server::start(options).expect("a server");
+    let _page = watch(&server, "/live").expect("a page");
+    let tally = server.tally();
+    until(|| tally.viewers.load(Ordering::Relaxed) == 1, "a viewer");
+    let frame = vec![0; 1 << 20];
+    until(
+        || {
+            server.hub().publish(&frame, Keep::All);
+            tally.viewers.load(Ordering::Relaxed) == 0
+        },
+        "nobody",
+    );
+    assert_eq!(tally.dropped.load(Ordering::Relaxed), 1);
+    assert!(server.hub().bytes() <= 16 << 20);
+}
+
+/// What strangers say, one way after the other.
+fn hostile(server: &Server, i: u64) {
+    let port = server.at().port();
+    let host = format!("Host: 127.0.0.1:{port}\r\n");
+    let origin = format!("Origin: http://127.0.0.1:{port}\r\n");
+    let upgrade = format!("GET /live HTTP/1.1\r\n{host}{origin}{UPGRADE}\r\n");
+    // SplitMix64, so that each is another.
+    let mut seed = i.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mut random = move || {
+        seed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (seed ^ (seed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB)
+    };
+    let mut then = Vec::new();
+    let head = match i % 10 {
+        0 => format!("GET / HTTP/1.1\r\nHost: {i}.example:{port}\r\n\r\n"),
+        1 => format!("GET /live HTTP/1.1\r\n{host}Origin: http://{i}.example\r\n{UPGRADE}\r\n"),
+        2 => format!(
+            "GET /live HTTP/1.1\r\n{host}{origin}{}\r\n",
+            UPGRADE.replace("13", "99")
+        ),
+        3 => {
+            then.extend((0..2000).map(|_| random() as u8));
+            String::new()
+        }
+        4 => format!("GET / HTTP/1.1\r\n{host}X: {}", "y".repeat(200_000)),
+        // Half a head, and then nothing.
+        5 => format!("GET / HTTP/1.1\r\n{host}X-"),
+        // A frame that says that it is 2⁶² bytes long.
+        6 => {
+            then.extend([0x82, 0xff, 0x40, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5]);
+            upgrade
+        }
+        // Frames of random bytes, the first of which is none that a page sends.
+        7 => {
+            then.push(0x70 | random() as u8 & 0x0f);
+            then.extend((0..500).map(|_| random() as u8));
+            upgrade
+        }
+        // Text that asks for nothing, masked by zeros.
+        8 => {
+            then.extend([0x81, 0x84, 0, 0, 0, 0]);
+            then.extend(b"play");
+            upgrade
+        }
+        // A reader that asks for all and takes nothing.
+        _ => format!("GET /motion HTTP/1.1\r\n{host}\r\n"),
+    };
+    let mut stream = connect(server);
+    let _ = stream.write_all(head.as_bytes());
+    let _ = stream.write_all(&then);
+    if i % 10 == 9 {
+        stream.set_write_timeout(Some(PATIENCE)).expect("a timeout");
+        // It ends where the server has closed.
+        while stream.write_all(b"x").is_ok() {
+            thread::sleep(Duration::from_millis(10));
+        }
+    } else {
+        let mut all = Vec::new();
+        if let Err(error) = stream.read_to_end(&mut all) {
+            assert_ne!(
+                error.kind(),
+                ErrorKind::WouldBlock,
+                "request {i} was never ended"
+            );
+        }
+        let text = String::from_utf8_lossy(&all);
+        assert_ne!(status(&text), "200", "request {i}");
+    }
+}
+
+#[test]
+fn a_thousand_hostile_requests_are_refused_and_a_page_misses_nothing() {
+    const N: u64 = 1000;
+    let _alone = alone();
+    let lent = Lent::new("hostile.motion", b"", 64 << 20);
+    let mut options = Options::local(lent.0.clone());
+    options.limits = Limits {
+        head: Duration::from_millis(300),
+        stall: Duration::from_millis(300),
+        ..Limits::default()
+    };
+    let server = Server::start(options).expect("a server");
+    let mut page = watch(&server, "/live").expect("a page");
+    // It is answered once it has joined.
+    page.send(Message::text("ping 0")).expect("a ping");
+    page.read().expect("a pong");
+    PEAK.store(HELD.load(Ordering::Relaxed), Ordering::Relaxed);
+    let before = HELD.load(Ordering::Relaxed);
+    let next = AtomicU64::new(0);
+    thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| {
+                loop {
+                    let i = next.fetch_add(1, Ordering::Relaxed);
+                    if i >= N {
+                        return;
+                    }
+                    hostile(&server, i);
+                    server.hub().publish(&i.to_le_bytes(), Keep::All);
+                }
+            });
+        }
+        // Every event, though strangers hold connections meanwhile.
+        let mut seen = vec![0; N as usize];
+        for _ in 0..N {
+            let bytes = page.read().expect("an event").into_data();
+            seen[u64::from_le_bytes(bytes[..].try_into().expect("eight")) as usize] += 1;
+        }
+        assert!(seen.iter().all(|n| *n == 1));
+    });
+    let tally = server.tally();
+    let ended =
+        || tally.refused.load(Ordering::Relaxed) + tally.dropped.load(Ordering::Relaxed) >= N;
+    until(ended, "all refused");
+    let peak = PEAK.load(Ordering::Relaxed) - before;
+    assert!(peak < 8 << 20, "{peak} bytes");
+    until(
+        || tally.viewers.load(Ordering::Relaxed) == 1,
+        "strangers gone",
+    );
+    assert_eq!(status(&get(&server, "/", "")), "200");
+}
+
+#[test]
+fn a_server_that_is_dropped_says_so_to_its_pages() {
+    let _alone = alone();
+    let lent = Lent::new("over.motion", b"", 0);
+    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    let mut page = watch(&server, "/live").expect("a page");
+    let at = server.at();
+    drop(server);
+    assert!(matches!(page.read(), Ok(Message::Close(_))));
+    // The port is free again.
+    let options = Options {
+        at,
+        ..Options::local(lent.0.clone())
+    };
+    drop(Server::start(options).expect("the same port"));
+}

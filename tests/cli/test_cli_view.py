@@ -1,0 +1,83 @@
+"""`ergon view`: what it serves, what it refuses, and how it ends."""
+
+import http.client
+import json
+import signal
+import subprocess
+import sys
+import urllib.parse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from commands import ERGON
+from motions import Piece
+from patience import PATIENCE
+
+from ergon.cli import app
+
+pytestmark = pytest.mark.usefixtures("own_folder")
+
+
+@contextmanager
+def view(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The command, and the address that it printed."""
+    process = subprocess.Popen(
+        [*ERGON, "view", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        yield process, process.stdout.readline().strip()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def get(url: str) -> tuple[int, bytes]:
+    place = urllib.parse.urlsplit(url)
+    line = http.client.HTTPConnection(place.netloc, timeout=PATIENCE)
+    line.request("GET", place.path)
+    answer = line.getresponse()
+    return answer.status, answer.read()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_file_is_served_until_ctrl_c() -> None:
+    path = Piece().write(Path("a.motion"))
+    with view("a.motion", "--stage") as (process, url):
+        assert url.startswith("http://127.0.0.1:")
+        assert url.endswith("/?stage")
+        status, page = get(url)
+        assert status == 200
+        assert b"main.js" in page
+        assert get(url.replace("?stage", "motion")) == (200, path.read_bytes())
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 130
+
+
+def test_elsewhere_the_address_has_a_key() -> None:
+    Piece().write(Path("a.motion"))
+    with view("a.motion", "--at", "0.0.0.0:0", "--json") as (_, line):
+        url = json.loads(line)["url"]
+        key = urllib.parse.urlsplit(url).path.strip("/")
+        assert len(bytes.fromhex(key)) == 16
+        assert get(url)[0] == 200
+        assert get(url.replace(key + "/", ""))[0] == 404
+
+
+def test_what_is_no_motion_is_refused_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("s.yaml").write_text("ergon: 1\n")
+    Path("x.wav").write_bytes(b"RIFF")
+    for path, words in {
+        "s.yaml": "`ergon render s.yaml --motion`",
+        "x.wav": "x.wav is no .motion file",
+        "none.motion": "none.motion: No such file",
+        ".": "Is a directory",
+    }.items():
+        assert app.run(["view", path]) == 2
+        assert words in capsys.readouterr().err
+    Piece().write(Path("a.motion"))
+    for at in ("elsewhere.invalid:80", "127.0.0.1", "127.0.0.1:70000"):
+        assert app.run(["view", "a.motion", "--at", at]) == 2
+        assert "write HOST:PORT" in capsys.readouterr().err

@@ -1,0 +1,414 @@
+"""The page in a real browser: it draws exactly the instant that it is asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import browser
+import numpy as np
+import pytest
+from motions import CELLS, SECONDS, Piece, chunk
+from numpy.typing import NDArray
+from patience import until
+
+from ergon import _core
+
+WIDTH, HEIGHT = 640, 360
+PIECE = Piece()
+
+# Whether a pixel is lit, and the middle of those of a colour, of what was drawn last.
+PIXELS = """(() => {
+  const {gl} = ergon.page.drawing, w = gl.drawingBufferWidth, h = gl.drawingBufferHeight;
+  const a = new Uint8Array(4 * w * h);
+  gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, a);
+  return {a, w, h};
+})()"""
+LIT = f"""(() => {{ const {{a}} = {PIXELS}; let n = 0;
+  for (let i = 0; i < a.length; i += 4) if (a[i] + a[i + 1] + a[i + 2] > 60) n++;
+  return n; }})()"""
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
+    with browser.running(tmp_path_factory.mktemp("browser")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return PIECE.write(tmp_path_factory.mktemp("motion") / "example.motion")
+
+
+@pytest.fixture(scope="module")
+def url(motion: Path) -> Iterator[str]:
+    server = _core.ViewServer(motion)
+    yield server.url
+    server.close()
+
+
+@pytest.fixture
+def page(chromium: browser.Browser, url: str) -> Iterator[browser.Page]:
+    with chromium.page(WIDTH, HEIGHT) as page:
+        page.open(f"{url}?t=1.4")
+        yield page
+
+
+def seek(page: browser.Page, t: float) -> None:
+    page.run(f"ergon.seek({t!r})")
+
+
+def projected(page: browser.Page, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where a place [m] is [px], by the page's matrix."""
+    m = np.array(page.run("Array.from(ergon.page.view.matrix)")).reshape(4, 4)
+    x, y, _, w = np.append(xyz, 1.0) @ m
+    return np.array([(x / w + 1) / 2 * WIDTH, (1 - y / w) / 2 * HEIGHT])
+
+
+def alone(page: browser.Page, what: str) -> None:
+    """Draws one kind of thing."""
+    page.run(
+        f"for (const k in ergon.page.drawing.show) ergon.page.drawing.show[k] = k === '{what}'"
+    )
+
+
+def middle(page: browser.Page, near: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """The middle of what is lit around a place [px], by brightness."""
+    x, y, total = page.run(
+        f"""(() => {{ const {{a, w, h}} = {PIXELS}; let x = 0, y = 0, s = 0;
+        for (let j = 0; j < h; j++) for (let i = 0; i < w; i++) {{
+          const u = i + .5, v = h - j - .5;
+          if (Math.hypot(u - {near[0]}, v - {near[1]}) > {radius}) continue;
+          const at = 4 * (j * w + i), b = Math.max(0, a[at] + a[at + 1] - 30);
+          x += b * u; y += b * v; s += b; }}
+        return [x / s, y / s, s]; }})()"""
+    )
+    assert total > 100, "something is lit there"
+    return np.array([x, y])
+
+
+def test_it_loads_without_a_word_and_asks_nobody_else(page: browser.Page, url: str) -> None:
+    seek(page, 1.5)
+    assert page.run(LIT) > 500
+    assert page.errors == []
+    own = (url, url.replace("http", "ws"))
+    assert len(page.requests) > 20
+    assert [asked for asked in page.requests if not asked.startswith(own)] == []
+    assert page.run("document.title") == "Example: view"
+
+
+def test_every_loudspeaker_has_its_name_and_level(page: browser.Page) -> None:
+    page.press("4")
+    seek(page, 2.0)
+    found = page.run(
+        "[...document.querySelectorAll('#labels .speaker')].filter((e) => !e.hidden)"
+        ".map((e) => [e.textContent, +e.dataset.level])"
+    )
+    assert [name for name, _ in found] == [f"S{i + 1}" for i in range(24)]
+    # In tenths of a decibel.
+    wanted = [20 * np.log10(PIECE.level(i, 2.0)) for i in range(24)]
+    np.testing.assert_allclose([level for _, level in found], wanted, atol=0.051)
+    page.press("v")
+    seek(page, 2.0)
+    items = page.run("[...document.querySelectorAll('#levels li')].map((e) => e.textContent)")
+    assert items[0] == f"S1 {wanted[0]:.0f} dB"
+    assert len(items) == 24
+
+
+def test_points_are_where_the_formulas_say(page: browser.Page) -> None:
+    """At 60 instants in any order; so slowly that nothing strobes."""
+    page.run("ergon.page.clock.slow = 9")
+    parts = [("sky", CELLS), ("wire", 40), ("disc", 60), ("plate", 50), ("keys", 2)]
+    peaks = PIECE.peaks()
+    for t in np.random.default_rng(2).uniform(0, SECONDS - 0.05, 60):
+        seek(page, float(t))
+        found = np.array(page.run("Array.from(ergon.page.motion.z)"))
+        wanted = PIECE.displacement(float(t))
+        for (name, n), peak in zip(parts, peaks, strict=True):
+            at = slice(PIECE.first(name), PIECE.first(name) + n)
+            off = np.abs(found[at] - wanted[at]).max()
+            assert off < 5e-3 * peak, f"{name} at {t} s: {off} m of {peak} m"
+
+
+def test_what_strobes_is_drawn_as_its_sweep(page: browser.Page) -> None:
+    seek(page, 1.6)
+    z, sweep = np.array(
+        page.run("[Array.from(ergon.page.motion.z), Array.from(ergon.page.motion.sweep)]")
+    )
+    fast = PIECE.omega > 2 * np.pi * 25
+    assert 0.5 < fast.mean() < 1
+    assert (z[:CELLS][fast] == 0).all()
+    assert (sweep[:CELLS][~fast] == 0).all()
+    # No displacement of a period is beyond the sweep, and one comes near to it.
+    loudest = int(np.argmax(sweep[:CELLS]))
+    period = 2 * np.pi / PIECE.omega[loudest]
+    largest = max(
+        abs(PIECE.displacement(1.6 + period * (k / 40 - 0.5))[loudest]) for k in range(40)
+    )
+    assert largest == pytest.approx(sweep[loudest], rel=0.02)
+
+
+def test_a_spark_meets_its_target_in_the_frame_of_its_instant(page: browser.Page) -> None:
+    alone(page, "sparks")
+    page.run("ergon.page.clock.slow = 9")  # so that no other is near, and cells go slowly
+    for e in PIECE.ergons[5:400:40]:
+        seek(page, e.t)
+        factor = page.run("ergon.page.motion.exaggeration(0)")
+        z = PIECE.displacement(e.t)[e.point]
+        xyz = PIECE.xyz[:, e.point] + [0, 0, factor * z]
+        wanted = projected(page, xyz)
+        assert np.hypot(*(middle(page, wanted, 12) - wanted)) < 2, e
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_spark_comes_down_on_the_vertical_and_goes_back(page: browser.Page, sign: int) -> None:
+    alone(page, "sparks")
+    e = next(e for e in PIECE.ergons[10:] if np.sign(e.impulse) == sign)
+    target = PIECE.xyz[:, e.point].tolist()
+    look = f"{{target: {target}, distance: 1.5, yaw: 0, pitch: 0.1}}"
+    page.run(f"ergon.page.clock.slow = 9; ergon.page.camera.look({look})")
+    # Time goes by a thousandth, and so a millisecond is a metre of the picture.
+    for early in (4e-4, 2e-4, 0.0, -2e-4):
+        t = e.t - early
+        seek(page, t)
+        factor = page.run("ergon.page.motion.exaggeration(0)")
+        z = factor * PIECE.displacement(t)[e.point] - sign * abs(early) * 1000
+        wanted = projected(page, PIECE.xyz[:, e.point] + [0, 0, z])
+        assert np.hypot(*(middle(page, wanted, 12) - wanted)) < 3, (e, early)
+
+
+def test_a_point_is_told_of_where_the_pointer_is(page: browser.Page) -> None:
+    e = next(e for e in PIECE.ergons if e.point < CELLS)
+    seek(page, e.t + 0.01)
+    factor = page.run("ergon.page.motion.exaggeration(0)")
+    z = page.run(f"ergon.page.motion.z[{e.point}]")
+    x, y = projected(page, PIECE.xyz[:, e.point] + [0, 0, factor * z])
+    page.run("for (let i = 1; i < 5; i++) ergon.page.look.seen[i] = 0")
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    seek(page, e.t + 0.01)
+    told = page.run("document.getElementById('point').textContent")
+    lines = told.split("\n")
+    assert lines[0] == PIECE.name(e.point)
+    f = PIECE.omega[e.point] / (2 * np.pi)
+    value, unit = lines[1].removeprefix("f ").split(" ")
+    assert float(value) * {"Hz": 1, "kHz": 1000}[unit] == pytest.approx(f, rel=5e-3)
+    assert f"{e.t:.3f} s" in told
+    assert lines[-1] == "rain, example.yaml:12"
+
+
+def test_every_key_does_what_it_says(page: browser.Page) -> None:
+    def state() -> str:
+        return page.run(
+            "JSON.stringify([ergon.page.clock, ergon.page.camera, ergon.page.look,"
+            "ergon.page.chosen, ergon.page.following, ergon.page.inspected,"
+            "ergon.page.motion.locked, ergon.page.labels.shown,"
+            "document.getElementById('help').hidden, document.getElementById('levels').hidden])"
+        )
+
+    keys = page.run("ergon.page.controls.rows.map(([keys]) => keys[0])")
+    assert len(keys) > 35
+    idle = []
+    page.run("ergon.page.clock.slow = 3")
+    for key in [*keys, *"23456789"]:
+        page.run("ergon.page.play(false); ergon.page.clock.t = 1.4; ergon.page.clock.from = 0.2")
+        page.run("ergon.page.clock.loop = [0.1, 0.2]; ergon.page.help(); ergon.page.inspected = 7")
+        page.run("ergon.page.following = 0; ergon.page.motion.lock(0, 10)")
+        before = state()
+        bare = key.removeprefix("Shift+")
+        page.press(bare, shift=key != bare)
+        if state() == before:
+            idle.append(key)
+    assert idle == []
+    assert page.errors == []
+
+
+def test_parts_are_hidden_dimmed_and_alone(page: browser.Page) -> None:
+    seek(page, 1.5)
+    page.run("for (const k of ['speakers', 'sparks']) ergon.page.drawing.show[k] = false")
+
+    def lit() -> int:
+        seek(page, 1.5)
+        return page.run(LIT)
+
+    whole = lit()
+    page.press("z")
+    sky = lit()
+    assert 0 < sky < whole
+    page.press("z")
+    assert lit() == whole
+    page.press("x")
+    assert lit() < whole
+    page.press("x")
+    page.press("c")
+    assert lit() < whole
+    words = page.run("document.querySelector('#labels .part').textContent")
+    assert words.startswith("sky ×")
+
+
+def test_time_goes_as_it_is_told(page: browser.Page) -> None:
+    """A clock that the test makes: nothing depends on how fast this machine draws."""
+    script = """(async () => {
+      const {Clock} = await import(new URL('clock.js', document.baseURI));
+      const c = new Clock(); c.runs = true; const seen = [];
+      c.tick(10, 4); c.tick(10.25, 4); seen.push(c.t);
+      c.faster(-3); c.tick(10.35, 4); seen.push(c.t);
+      c.faster(99); c.loop = [0, 0.5]; c.tick(10.75, 4); seen.push(c.t);
+      c.noLoop(); c.t = 3.9; c.tick(11.1, 4); seen.push(c.t, c.runs);
+      return seen; })()"""
+    a, b, c, d, runs = page.run(script)
+    assert (a, d, runs) == (0.25, 4, False)
+    assert b == pytest.approx(0.26)
+    assert c == pytest.approx(0.16)
+    for _ in range(9):
+        page.press("-")
+    seek(page, 1.5)
+    assert "×1/1000" in page.run("document.getElementById('bar').textContent")
+
+
+def test_damage_is_told_and_what_came_before_is_drawn(
+    chromium: browser.Browser, motion: Path, tmp_path: Path
+) -> None:
+    whole = bytearray(motion.read_bytes())
+    whole[3 * len(whole) // 4] ^= 1
+    spoilt = tmp_path / "spoilt.motion"
+    spoilt.write_bytes(whole)
+    cut = tmp_path / "cut.motion"
+    cut.write_bytes(motion.read_bytes()[: len(whole) // 2])
+    newer = tmp_path / "newer.motion"
+    newer.write_bytes(motion.read_bytes() + chunk(8, 4.0, b"", version=2))
+    none = tmp_path / "none.motion"
+    none.write_bytes(b"RIFF1234WAVEfmt ")
+    told = {spoilt: "check sum", cut: "", newer: "version 2", none: "no .motion file"}
+    for path, words in told.items():
+        server = _core.ViewServer(path)
+        with chromium.page(WIDTH, HEIGHT) as page:
+            page.call("Page.navigate", url=f"{server.url}?t=0.5")
+            until(lambda: page.run("!!(window.ergon && ergon.ready)"), "the page")
+            page.run("ergon.ready.catch(() => 0)")
+            said = page.run("document.getElementById('told').textContent")
+            assert (words in said) if words else said == "", path.name
+            if path is not none:
+                assert page.run(LIT) > 200, path.name
+        server.close()
+
+
+STORM = 4000
+
+
+def storm() -> bytes:
+    """Cells all over the picture, each struck and touched at 1 s."""
+    rng = np.random.default_rng(1)
+    xyz = np.concatenate([rng.uniform(-1, 1, (2, STORM)), np.zeros((1, STORM))])
+    part = {"name": "sky", "first": 0, "count": STORM, "kind": "sampled", "layout": "bank"}
+    scene = {
+        **PIECE.scene(),
+        **{"points": STORM, "modes": 0, "speakers": [], "keys": [], "duration": 2.0},
+        "parts": [part | {"why": None, "modes": None, "exaggeration": None}],
+        "contacts": [{"name": f"c{i}", "a": i, "b": i} for i in range(STORM)],
+    }
+    rows = np.concatenate([xyz, np.zeros((1, STORM))]).astype("<f4").tobytes()
+    contacts = np.zeros(STORM, [("t", "<f4"), ("i", "<u4"), ("f", "<f4")])
+    contacts["i"], contacts["f"] = np.arange(STORM), 10
+    ergons = np.zeros(STORM, [("t", "<f4"), ("p", "<u4"), ("i", "<f4"), ("v", "<f4"), ("s", "<u4")])
+    ergons["t"], ergons["p"], ergons["i"] = 1, np.arange(STORM), -1e-3
+    return b"".join(
+        [
+            b"ERGM\x01\0\0\0",
+            chunk(1, 0, json.dumps(scene).encode()),
+            chunk(2, 0, STORM.to_bytes(4, "little") + rows + bytes(16 * STORM)),
+            chunk(10, 0, b""),
+            chunk(5, 0, ergons.tobytes()),
+            chunk(6, 1, contacts.tobytes()),
+        ]
+    )
+
+
+# The share of pixels whose relative luminance (WCAG 2) changes by a tenth or more, the darker state
+# being below 0.8.
+CHANGED = f"""(async () => {{
+  const lin = (v) => (v /= 255) <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4;
+  const look = () => {{ const {{a}} = {PIXELS}, l = [];
+    for (let i = 0; i < a.length; i += 4)
+      l.push(.2126 * lin(a[i]) + .7152 * lin(a[i + 1]) + .0722 * lin(a[i + 2]));
+    return l; }};
+  await ergon.seek(1.3); const before = look(); await ergon.seek(1); const after = look();
+  const flashes = (l, i) => Math.abs(l - before[i]) >= .1 && Math.min(l, before[i]) < .8;
+  return after.filter(flashes).length / after.length;
+}})()"""
+
+
+def test_flashes_cover_less_than_what_counts_as_one(
+    chromium: browser.Browser, tmp_path: Path
+) -> None:
+    """WCAG 2.3.1: a quarter of 341 × 256 px in 1024 × 768. What `--strobe` allows is more."""
+    path = tmp_path / "storm.motion"
+    path.write_bytes(storm())
+    server = _core.ViewServer(path)
+    shares = {}
+    for how in ("t=0", "t=0&strobe"):
+        with chromium.page(WIDTH, HEIGHT) as page:
+            page.open(f"{server.url}?{how}")
+            page.press("3")
+            page.run("ergon.page.camera.distance = 3")
+            page.run("ergon.page.drawing.show.points = false")
+            shares[how] = page.run(CHANGED)
+    server.close()
+    allowed = 341 * 256 / 4 / (1024 * 768)
+    assert 0 < shares["t=0"] <= allowed
+    assert shares["t=0&strobe"] > 2 * allowed
+
+
+def test_who_wants_less_motion_gets_a_still_page(chromium: browser.Browser, url: str) -> None:
+    with chromium.page(WIDTH, HEIGHT) as page:
+        page.call(
+            "Emulation.setEmulatedMedia",
+            features=[{"name": "prefers-reduced-motion", "value": "reduce"}],
+        )
+        page.open(url)
+        assert page.run("ergon.page.clock.runs") is False
+        alone(page, "contacts")
+        seek(page, 1.51)
+        assert page.run(LIT) == 0
+    with chromium.page(WIDTH, HEIGHT) as page:
+        page.open(url)
+        assert page.run("ergon.page.clock.runs") is True
+        alone(page, "contacts")
+        seek(page, 1.51)
+        assert page.run(LIT) > 0
+
+
+def test_a_stage_shows_the_picture_alone_and_is_black_when_the_line_is_lost(
+    chromium: browser.Browser, motion: Path
+) -> None:
+    server = _core.ViewServer(motion)
+    place = server.url.removeprefix("http://").rstrip("/")
+    with chromium.page(WIDTH, HEIGHT) as page:
+        page.open(f"{server.url}?t=1.5&stage")
+        shown = "(id) => getComputedStyle(document.getElementById(id)).display"
+        for name in ("labels", "bar", "told", "timeline"):
+            assert page.run(f"({shown})('{name}')") == "none", name
+        assert page.run("getComputedStyle(document.body).cursor") == "none"
+        assert page.run(LIT) > 500
+        until(lambda: page.run("ergon.page.isLost") is False, "a connection")
+        server.close()
+        until(lambda: page.run("ergon.page.isLost") is True, "its loss")
+        until(lambda: page.run(LIT) == 0, "black")
+        again = _core.ViewServer(motion, at=place)
+        until(lambda: page.run("!!window.ergon?.page && ergon.page.isLost === false"), "it is back")
+        until(lambda: page.run(LIT) > 500, "the picture")
+        again.close()
+
+
+def test_a_key_in_the_address_opens_the_page(chromium: browser.Browser, motion: Path) -> None:
+    key = "0123456789abcdef0123456789abcdef"
+    server = _core.ViewServer(motion, at="0.0.0.0:0", key=key)
+    assert server.url.endswith(f"/{key}/")
+    with chromium.page(WIDTH, HEIGHT) as page:
+        page.open(f"{server.url}?t=1.5")
+        assert page.run(LIT) > 500
+        until(lambda: server.tally["viewers"] == 1, "a viewer")
+        assert page.errors == []
+    server.close()
+    with pytest.raises(_core.EngineError, match="a key is needed"):
+        _core.ViewServer(motion, at="0.0.0.0:0")
