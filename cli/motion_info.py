@@ -24,21 +24,26 @@ _WORDS = {
 def read(path: Path) -> Motion:
     """What is whole of a motion file. Raises Refused."""
     from ergon import _core
+    from ergon.common.regular import open_regular
 
     try:
+        open_regular(path).close()  # the core would wait for a pipe's other end
         return _core.read_motion(path)
     except OSError as error:
-        raise Refused(f"{path}: {error.strerror}") from None
+        raise Refused(f"{path}: {error.strerror or error}") from None
     except _core.EngineError as error:
         raise Refused(f"{path}: {error}") from None
 
 
 def motion(console: Console, path: Path) -> None:
     """Say what a motion file holds, and whether it is whole."""
-    from ergon.exchange.motion import about
+    from ergon.exchange.motion import NotMotionError, about
 
     found = read(path)
-    scene = about(found)
+    try:
+        scene = about(found)
+    except NotMotionError as error:
+        raise Refused(f"{path}: {error}") from None
     sizes: dict[int, int] = {}
     for chunk in found.chunks():
         sizes[chunk.kind] = sizes.get(chunk.kind, 0) + chunk.size
@@ -80,7 +85,7 @@ def motion(console: Console, path: Path) -> None:
     for part in scene["parts"]:
         why = f" ({part['why']})" if part["why"] else ""
         modes = part["modes"]
-        seen = f", {modes['count']:,} of {modes['of']:,} modes" if modes else ""
+        seen = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""
         lines.append(
             f"  {part['name']}: {plural(part['count'], 'point')}, {_WORDS[part['kind']]}{why}{seen}"
         )

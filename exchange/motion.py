@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 
     from ergon._core import Motion
 
-_BLOCK = 64  # instants that are computed at once
+_BLOCK = 1 << 24  # numbers that are computed at once
 NUMBERS_MAX = 1 << 28  # displacements of one export: 2 GiB
 _TARGETS_MAX = 20_000  # glTF writes one node for each point
 _FLOAT, _LINEAR = 5126, "LINEAR"
+_FPS_MAX = 1_000_000
+_PEAKS = 15  # kind of the chunks of largest displacements
 
 
 class NotMotionError(ErgonError, ValueError):
@@ -30,8 +32,15 @@ class NotMotionError(ErgonError, ValueError):
 
 
 def about(motion: Motion) -> dict[str, Any]:
-    """The scene that it begins with (docs/motion.md)."""
+    """The scene that it begins with (docs/motion.md). Raises NotMotionError."""
     scene: dict[str, Any] = json.loads(motion.scene)
+    fps = scene.get("fps")
+    if not isinstance(fps, float | int) or not 0.0 < fps <= _FPS_MAX:
+        raise NotMotionError(f"its frames a second must be above 0 and at most {_FPS_MAX:,}")
+    for part in scene["parts"]:
+        part["name"] = str(part.get("name") or "")
+        part["why"] = part.get("why")
+        part["modes"] = part.get("modes") if part["kind"] == "modal" else None
     return scene
 
 
@@ -49,11 +58,6 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
             f"{count:,} instants of {len(motion.names):,} points are more than fits; lower --fps"
         )
     return np.arange(count) / rate
-
-
-def _blocks(motion: Motion, at: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    for first in range(0, len(at), _BLOCK):
-        yield motion.displacements(at[first : first + _BLOCK].tolist())
 
 
 def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
@@ -77,10 +81,12 @@ def csv_rows(motion: Motion, at: NDArray[np.float64]) -> Iterator[str]:
     """The text of a CSV in pieces: t and the displacement of each point, a row an instant."""
     names = ",".join('"' + name.replace('"', '""') + ' [m]"' for name in motion.names)
     yield f"# {MARK.decode()}\nt [s],{names}\n"
-    for first, block in zip(range(0, len(at), _BLOCK), _blocks(motion, at), strict=True):
-        for t, row in zip(at[first : first + _BLOCK], block, strict=True):
+    count = max(1, _BLOCK // max(1, len(motion.names)))
+    for first in range(0, len(at), count):
+        some = at[first : first + count].tolist()
+        for t, row in zip(some, motion.displacements(some), strict=True):
             numbers = ("" if math.isnan(x) else repr(float(x)) for x in row)
-            yield f"{float(t)!r},{','.join(numbers)}\n"
+            yield f"{t!r},{','.join(numbers)}\n"
 
 
 def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float) -> str:
@@ -146,9 +152,9 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float) -> str:
             target = {"node": len(nodes) - 1, "path": "translation"}
             channels.append({"sampler": len(samplers) - 1, "target": target})
     whole: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": scene["made_by"]},
+        "asset": {"version": "2.0", "generator": str(scene.get("made_by"))},
         "scene": 0,
-        "scenes": [{"name": scene.get("title") or "ergon", "nodes": roots}],
+        "scenes": [{"name": str(scene.get("title") or "ergon"), "nodes": roots}],
         "nodes": nodes,
         "meshes": [mesh],
         "accessors": accessors,
@@ -171,6 +177,3 @@ def automatic(motion: Motion) -> float:
     payload = motion.payload(peaks[-1])
     largest = max(struct.unpack(f"<{len(payload) // 4}f", payload), default=0.0)
     return 0.05 / largest if largest > 0.0 else 1.0
-
-
-_PEAKS = 15

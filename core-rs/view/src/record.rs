@@ -372,10 +372,11 @@ impl Recorder {
             if !(off > OFF * amplitude + FAINT) {
                 continue;
             }
+            // What strikes at the instant of a look acts after it.
             let blows = &self.blows[track.struck];
-            let blow = blows[..blows.partition_point(|blow| *blow <= now)].last();
+            let blow = blows[..blows.partition_point(|blow| *blow < now)].last();
             let since = match blow {
-                Some(&blow) if blow > self.last && track.own.sigma * (now - blow) < STEEP => blow,
+                Some(&blow) if blow >= self.last && track.own.sigma * (now - blow) < STEEP => blow,
                 _ => now,
             };
             let (a, b) = track.own.later(is, since - now);
