@@ -7,14 +7,46 @@ that the bytes depend neither on the size of blocks nor on the number of threads
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ergon._core import MotionRecorder, Simulation
+
 
 class _Mixer(Protocol):
+    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
+        """(n_frames, n_out) to (n_frames, n_channels)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """The file of what moves, the last frame that is looked at, and what begins the recording."""
+
+    path: Path
+    stop: int
+    n_channels: int
+    begin: Callable[[Simulation], MotionRecorder]
+
+
+class FilmedSimulation:
+    """A simulation at frame 0, whose motion goes into a file; `mixer` is for the levels in it."""
+
+    def __init__(self, simulation: Simulation, film: Film, mixer: _Mixer, file: BinaryIO) -> None:
+        """Write scene and tables."""
+        self._simulation, self._film, self._mixer, self._file = simulation, film, mixer, file
+        self._recorder = film.begin(simulation)
+
+    @property
+    def n_out(self) -> int:
+        """How many outputs a frame has."""
+        return self._simulation.n_out
+
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_out) with the next frames. Raises DivergedError."""
         import numpy as np

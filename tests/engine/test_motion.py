@@ -47,14 +47,14 @@ def scene(
     else:
         net.listen("one", positions=[(cells[0], 1, 1.0)])
     timeline = _core.Timeline(net, RATE)
-    blows = [
-        (float(t), cells[int(i)])
-        for t, i in zip(rng.uniform(0.0, SECONDS, 120), rng.integers(0, n_cells, 120), strict=True)
-    ]
+    # Every cell is struck, most of them several times.
+    which = np.concatenate([np.arange(n_cells), rng.integers(0, n_cells, 120 - n_cells)])
+    times = rng.uniform(0.0, SECONDS, 120)
+    blows = [(float(t), cells[int(i)]) for t, i in zip(times, which, strict=True)]
     blows += [(0.1 + 0.4 * i, plate + 7 + i) for i in range(5)]
     blows += [(0.05 + 0.7 * i, hammer) for i in range(3)]
     for t, mat in blows:
-        size = 2e-3 if mat >= plate else 2e-6
+        size = 2e-2 if mat == hammer else 2e-3 if mat >= plate else 2e-6
         timeline.strike(mat, t, impulse=size * float(rng.choice([-1.0, 1.0])))
     return net, timeline, sorted(blows)
 
