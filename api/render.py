@@ -69,11 +69,14 @@ class FileOptions(RenderOptions):
     """What is rendered of a score into files.
 
     `stems` is a folder, which gets one more file for each instrument. With `force` files are
-    overwritten that ergon did not write.
+    overwritten that ergon did not write. With `motion` what moves is written too, beside the sound
+    as FILE.motion; `see` "all" computes for it what nobody hears as well.
     """
 
     stems: Path | str | None = None
     force: bool = False
+    motion: bool = False
+    see: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +156,11 @@ def render(
 def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report) -> Prepared:
     """Plan and stage a score, and decide what is written to `target`."""
     check_ending(target)
+    file = options if isinstance(options, FileOptions) else FileOptions()
+    if file.see not in (None, "all"):
+        raise OptionError("see", f"there is nothing to see by '{file.see}'; write all")
+    if file.see and not file.motion:
+        raise OptionError("see", "says what a motion file holds; add motion")
     recorded = _recorded(loaded, options, report)
     staged = scores.stage_piece(
         loaded,
@@ -161,11 +169,16 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         rate=options.rate,
         threads=options.threads,
         real=None if recorded is None else recorded.hands,
+        is_seen=file.see is not None,
     )
     job = job_of(staged.piece, staged.stage, target, options)
     job = replace(job, inputs=(*loaded.inputs, *options.files))
     if recorded is not None:
         job = replace(job, level=recorded.level)
+    if file.motion:
+        from .film import film
+
+        job = replace(job, film=film(staged.stage, job))
     return Prepared(loaded, staged.stage, job, staged.plan_s)
 
 

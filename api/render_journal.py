@@ -48,6 +48,8 @@ def render_journal(
     for name in _DECIDED:
         if getattr(options, name) is not None:
             raise OptionError(name, "a journal is rendered as it was played, without this option")
+    if options.motion:
+        raise OptionError("motion", "a journal has no motion file; render its score")
     with _played(path):
         replay = read_journal(path, trust=options.trust)
         with scores.staging(replay.opening.texts.load, report):

@@ -83,11 +83,13 @@ def stage_piece(
     real: Real | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
+    is_seen: bool = False,
 ) -> Staged:
     """Stage a piece, and report the diagnostics of the engine.
 
     `options` say how it is planned; without them every module is stepped as written, where the
-    engine accepts that. Raises ScoreError and OptionError.
+    engine accepts that. Where all of it `is_seen`, a plan computes what nobody hears too. Raises
+    ScoreError and OptionError.
     """
     from ergon.exchange import machine_speed
     from ergon.exchange.plan_store import of_user
@@ -114,6 +116,7 @@ def stage_piece(
             seed=options.seed,
             correction=correction,
             is_draft=options.draft,
+            is_seen=is_seen,
         )
     waiting = (report or Report()).waiting("planning")
     with staging(lambda: loaded, report), waiting:

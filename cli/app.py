@@ -89,6 +89,7 @@ COMMANDS: Table = {
     "metrology": ("metrology", "metrology", "Measure what a real key is made of."),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
+    "motion": ("motion", "motion", "Exchange files of what moved."),
     "fold": (
         "fold",
         "fold",
@@ -96,7 +97,7 @@ COMMANDS: Table = {
     ),
     "view": ("view", "view", "Show in a browser what moved in a piece."),
     "layout": ("layout", "layout", "Check and exchange layouts of loudspeakers."),
-    "info": ("info", "info", "Say what a render, a take or a score contains."),
+    "info": ("info", "info", "Say what a render, a take, a motion file or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
     "lsp": ("lsp", "lsp", "Serve an editor: mistakes as one types, completion, explanations."),
     "fmt": ("fmt", "fmt", "Put the layout of scores in order; comments stay."),

@@ -1,4 +1,4 @@
-"""`ergon info`: what a render, a take or a score contains."""
+"""`ergon info`: what a render, a take, a motion file or a score contains."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 @options.trust
 @options.speaking
 def info(console: Console, file: str, source: str | None, trust: bool) -> None:
-    """Say what a render, a take or a score contains.
+    """Say what a render, a take, a motion file or a score contains.
 
     A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
     .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, SDIF) is a take: its channels and what
-    they span. Anything else is a score.
+    they span. A .motion file is what moved. Anything else is a score.
     """
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
 
@@ -46,6 +46,10 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         from .take_info import take
 
         take(console, path)
+    elif suffix == ".motion":
+        from .motion_info import motion
+
+        motion(console, path)
     else:
         _score(console, file, trust)
 

@@ -75,6 +75,14 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
     metavar="PART[,PART]",
     help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
 )
+@click.option(
+    "--motion", is_flag=True, help="Also write what moves, beside the WAV file as FILE.motion."
+)
+@click.option(
+    "--see",
+    type=click.Choice(["all"]),
+    help="What --motion shows: all computes for it what nobody hears too.",
+)
 @options.accuracy
 @options.draft
 @options.dry_run
@@ -112,8 +120,8 @@ def render(
     elif freeze is not None:
         from .freezing import freeze_parts
 
-        if watch:
-            raise Refused("--freeze excludes --watch")
+        if watch or asked.motion:
+            raise Refused(f"--freeze excludes {'--watch' if watch else '--motion'}")
         freeze_parts(console, score_path, freeze, output, asked, dry=dry)
     elif watch:
         _watch(console, score_path, output, asked)

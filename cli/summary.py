@@ -46,6 +46,9 @@ def rendered(console: Console, completed: Completed) -> None:
         for one in done.instruments:
             peak, loudness = decibels(one.peak), one.loudness
             console.record("instrument", name=one.name, peak_dbfs=peak, loudness_lufs=loudness)
+        if job.film is not None:
+            duration = job.film.stop / job.format.rate
+            console.record("motion", file=str(job.film.path), duration_s=duration)
         for stem in done.stems:
             console.record(
                 "stem", file=stem.path, peak_dbfs=decibels(stem.peak), sha256=stem.sha256
@@ -73,6 +76,8 @@ def rendered(console: Console, completed: Completed) -> None:
             f"{loudest.name} is {above:.0f} dB louder than every other instrument; "
             "lower the gain of its route, or raise the others'"
         )
+    if job.film is not None:
+        console.say(f"{job.film.path}: what moves, {seconds(job.film.stop / job.format.rate)}")
     for stem in done.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
     if done.stems and done.stems[0].gain != mix.gain:

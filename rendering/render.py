@@ -22,6 +22,7 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
 from .balance import MOST, Balance, InstrumentLevel
+from .filmed import Film, FilmedSimulation
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
 from .resumed import ResumedSimulation
 from .silence import Silence
@@ -103,6 +104,7 @@ class RenderJob:
     # The file ends where the sound has faded after this frame, at `stop` at the latest.
     fades_from: int | None = None
     stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
+    film: Film | None = None  # what moves, into a file beside
 
     def __post_init__(self) -> None:
         """Raise FileRefusedError when the target cannot hold the samples."""
@@ -198,8 +200,11 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
 
             tracks.append(_track(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
-        resumed = _resumed(stage, job)
-        job, written = _fill(stage, job, tracks, progress, balances, resumed)
+        filmed = _filmed(stack, stage, job, reference)
+        resumed = None if filmed else _resumed(stage, job)
+        job, written = _fill(stage, job, tracks, progress, balances, filmed or resumed)
+        if filmed is not None:
+            filmed.finish()
     wall = time.perf_counter() - start
     levels = tuple(balance.level(written[0].gain) for balance in balances)
     recalled = 0.0 if resumed is None else resumed.recalled
@@ -213,6 +218,18 @@ def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | None:
     if job.stretches is None or not isinstance(simulation, _core.Simulation):
         return None
     return ResumedSimulation(simulation, job.stretches, stage.n_frames)
+
+
+def _filmed(
+    stack: contextlib.ExitStack, stage: Staged, job: RenderJob, reference: float | None
+) -> FilmedSimulation | None:
+    """The simulation with what moves in it written down. What is recalled does not move."""
+    simulation = stage.simulation
+    if job.film is None or not isinstance(simulation, _core.Simulation):
+        return None
+    path = job.film.path
+    file = stack.enter_context(writing(path, binary=True, force=job.force, inputs=job.inputs))
+    return FilmedSimulation(simulation, job.film, stage.mixer(reference=reference), file)
 
 
 def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
@@ -254,14 +271,13 @@ def _fill(
     tracks: Sequence[_Track],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
-    resumed: ResumedSimulation | None,
+    simulation: Simulation | None,
 ) -> tuple[RenderJob, list[RenderedFile]]:
     """Compute the files; also the job, whose end is known then."""
     if job.fades_from is None:
         for track in tracks:
             track.finish = track.begin(job)
-    simulation = resumed or stage.simulation
-    stop = _simulate(stage, simulation, job, tracks, progress, balances)
+    stop = _simulate(stage, simulation or stage.simulation, job, tracks, progress, balances)
     job = replace(job, stop=stop)
     for track in tracks:
         track.finish = track.finish or track.begin(job)

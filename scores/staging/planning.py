@@ -100,15 +100,18 @@ class _Planner:
         timeline: _core.Timeline,
         store: Store | None,
         like: _core.Plan | None,
+        seen: Sequence[str],
     ) -> None:
         self._of = network, timeline
+        self._seen = seen
         self._store = _CountedStore(store) if store is not None and like is None else None
         self._like = like
 
     def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
         """A plan, whose trials take a share of the work."""
         how = _budget(wished)
-        return _core.Plan(*self._of, **how, store=self._store, like=self._like, share=share)
+        store, like, seen = self._store, self._like, self._seen
+        return _core.Plan(*self._of, **how, store=store, like=like, share=share, seen=seen)
 
     def finish(self) -> bool:
         """Forget trials of earlier plans that these did not use.
@@ -132,6 +135,7 @@ def make(
     is_foreseen: bool = True,
     correction: float = 1.0,
     is_draft: bool = False,
+    seen: Sequence[str] = (),
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
 
@@ -140,14 +144,18 @@ def make(
     Where `cpu` alone is given: the most exact plan that it can pay for. What is as in a plan that
     it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too. Work
     takes `correction` times as long here as the table of costs says: so much is told, and asked of
-    `cpu` where the accuracy is given too; what is computed rests on the table alone.
+    `cpu` where the accuracy is given too; what is computed rests on the table alone. Parts that are
+    `seen` are computed even if nobody hears them.
     """
     if pins is not None:
-        return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
+        pinned = _core.Plan(network, timeline, **_budget(accuracy), pins=pins, seen=seen)
+        return Planned(pinned, accuracy)
     if is_draft:
         draft = Accuracy(error=_DRAFT)
-        return Planned(_core.Plan(network, timeline, **_budget(draft), like=like, share=0.0), draft)
-    planner = _Planner(network, timeline, store, like)
+        how = _budget(draft)
+        cheap = _core.Plan(network, timeline, **how, like=like, share=0.0, seen=seen)
+        return Planned(cheap, draft)
+    planner = _Planner(network, timeline, store, like, seen)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     missed = _missed(made, accuracy.error, is_foreseen=is_foreseen)

@@ -74,6 +74,7 @@ class Stage:
     # After this frame a render ends where the sound has faded; None: at `n_frames`.
     fades_from: int | None = None
     placed: Sequence[Placed] = ()  # heard beside what is computed
+    timeline: _core.Timeline | None = None  # what happens
 
     @property
     def network(self) -> _core.Network:
@@ -273,6 +274,7 @@ def stage(
     going: Going | None = None,
     correction: float = 1.0,
     is_draft: bool = False,
+    is_seen: bool = False,
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
@@ -283,8 +285,8 @@ def stage(
     choices of an earlier plan, `store` keeps plans, `real` the players whose hands are real, with
     what is known of them, `silent` the instruments that are not listened to. A part that leaves all
     bounds ends the run, or is muted alone. Work takes `correction` times as long as the table of
-    costs says. What is `going` is to take over from another stage. Raises StageError with every
-    mistake that the engine finds.
+    costs says. Where all of it `is_seen`, what nobody hears is computed too. What is `going` is to
+    take over from another stage. Raises StageError with every mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
@@ -302,7 +304,14 @@ def stage(
             other = like.plan if like is not None else None
             parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
             is_foreseen = going.spans is None and not real
-            made = make(*parts, is_foreseen=is_foreseen, correction=correction, is_draft=is_draft)
+            seen = (*piece.keys, *piece.instruments) if is_seen else ()
+            made = make(
+                *parts,
+                is_foreseen=is_foreseen,
+                correction=correction,
+                is_draft=is_draft,
+                seen=seen,
+            )
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
@@ -336,6 +345,7 @@ def stage(
         ready.paths,
         planned_for,
         ready.fades_from,
+        timeline=ready.timeline,
     )
 
 

@@ -21,6 +21,7 @@ mod limiter;
 mod maths;
 mod meter;
 mod mixer;
+mod motion;
 mod named;
 mod network;
 mod pcm;
@@ -81,6 +82,8 @@ mod _core {
     use super::meter::Meter;
     #[pymodule_export]
     use super::mixer::{FrozenOutputs, Mixer};
+    #[pymodule_export]
+    use super::motion::{Motion, MotionLook, MotionRecorder, read_motion};
     #[pymodule_export]
     use super::network::{Certificate, Network, ReachableScene};
     #[pymodule_export]

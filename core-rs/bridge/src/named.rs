@@ -101,6 +101,19 @@ results! {
     }
     /// Position [m], velocity [m/s] and acceleration [m/s²] of a path at one instant.
     PathPoint { x: f64, v: f64, a: f64 }
+    /// Points of one kind in a row; of a modal part also its first mode, how many are looked at, and of how many.
+    LookRun {
+        part: String,
+        first: usize,
+        count: usize,
+        kind: &'static str,
+        why: Option<&'static str>,
+        modes: Option<(usize, usize, usize)>,
+    }
+    /// A link that opens and closes, and its two MATs.
+    LookContact { name: String, a: usize, b: usize }
+    /// A chunk of a motion file: its kind, its instant [s] and the bytes of its payload.
+    MotionChunk { kind: u16, seconds: f64, size: usize }
     /// A place on the bench [m].
     Place { x: f64, y: f64 }
     /// The lowest and the highest of some positions.

@@ -64,7 +64,7 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 impl Plan {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, store=None, like=None, share=1.0))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, store=None, like=None, share=1.0, seen=Vec::new()))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -77,6 +77,7 @@ impl Plan {
         store: Option<Py<PyAny>>,
         like: Option<&Self>,
         share: f64,
+        seen: Vec<String>,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let budget = budget(method, error_db, cents, upto)?;
@@ -91,6 +92,7 @@ impl Plan {
                 like: like.map(|like| &*like.0),
                 store: store.as_ref().map(|store| store as &dyn TrialStore),
                 share,
+                seen: &seen,
             };
             plan::Plan::with(network, &timeline.inner, &budget, pins, known)
         });
@@ -124,6 +126,11 @@ impl Plan {
     /// What it does, part by part.
     fn rows(&self) -> Vec<PlanRow> {
         self.0.rows().iter().map(PlanRow::of).collect()
+    }
+
+    /// The same of what nobody hears and somebody looks at.
+    fn seen(&self) -> Vec<PlanRow> {
+        self.0.seen().iter().map(PlanRow::of).collect()
     }
 
     /// What was decided, island by island.

@@ -18,6 +18,7 @@ pub(crate) mod slow;
 mod step;
 mod stored;
 mod takeover;
+mod touched;
 pub(crate) mod written_hand;
 
 pub use build::Options;
@@ -29,6 +30,7 @@ pub use lone_key::LoneKey;
 pub use record::Record;
 pub(crate) use record::{FramedErgon, Stream};
 pub(crate) use takeover::ItemTakeover;
+pub(crate) use touched::Touch;
 
 use std::sync::Arc;
 
@@ -84,6 +86,7 @@ struct State {
     layers: Vec<f64>,
     laws: Laws,
     stream: Stream,
+    touches: touched::Touches,
     /// What is heard between frames   (n_out)
     unheard: Vec<f64>,
     bodies: Vec<inside::RunningBody>,
@@ -201,6 +204,21 @@ impl Island {
     /// Ergons since the last call.
     pub(crate) fn take_ergons(&mut self) -> Vec<FramedErgon> {
         self.state.stream.take()
+    }
+
+    /// Note the strongest push of each contact from here on.
+    pub(crate) fn watch_contacts(&mut self) {
+        self.state.touches = touched::Touches::of(&self.network);
+    }
+
+    /// Tell of contacts (link, how) that pushed since the last call.
+    pub(crate) fn take_touches(&mut self, tell: impl FnMut(usize, Touch)) {
+        self.state.touches.take(tell);
+    }
+
+    /// Its bodies as they are.
+    pub(crate) fn bodies(&self) -> &[inside::RunningBody] {
+        &self.state.bodies
     }
 
     /// The ledger, if it is kept.

@@ -25,6 +25,7 @@ use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
 use crate::island::inside::BodyPlan;
+use crate::island::modal::ComplexPart;
 use crate::network::{Error, Network};
 use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;
@@ -80,6 +81,8 @@ pub(crate) struct BankPlan {
     pub(crate) kept: Vec<u32>,
     /// Its MATs that modes of one frequency were turned towards; none where they are as they were found.
     pub(crate) turned: Option<Vec<usize>>,
+    /// Of complex modes: the body, and which part of which mode each oscillator is.
+    pub(crate) complex: Option<(Arc<Network>, Vec<ComplexPart>)>,
     /// What else may strike them is not known.
     pub(crate) is_open: bool,
 }
@@ -110,6 +113,8 @@ pub struct Known<'a> {
     pub store: Option<&'a dyn TrialStore>,
     /// The part of the allowance of work that trials may take (0 to 1).
     pub share: f64,
+    /// Parts that are looked at: what nobody hears of them is computed too, and changes no sample of what is heard.
+    pub seen: &'a [String],
 }
 
 impl Default for Known<'_> {
@@ -118,6 +123,7 @@ impl Default for Known<'_> {
             like: None,
             store: None,
             share: 1.0,
+            seen: &[],
         }
     }
 }
@@ -147,10 +153,16 @@ pub struct Plan {
     pub(crate) timeline_rate: crate::units::Rate,
     pub(crate) n_keys: usize,
     pub(crate) n_gestures: usize,
+    /// Units that are heard, then those that are looked at alone.
     pub(crate) units: Vec<Unit>,
+    pub(crate) n_heard: usize,
+    /// MATs that nothing moves, rising.
+    pub(crate) unmoved: Vec<u32>,
     /// What outputs hear of modules that never move, and of where moving ones rest   (n_out)
     pub(crate) still: Vec<f64>,
     rows: Vec<Row>,
+    /// What is looked at alone.
+    seen: Vec<Row>,
     choices: Vec<Choice>,
     /// Parts that have a rate of their own and go at every frame all the same, and why.
     stay: Vec<(String, String)>,
@@ -177,6 +189,7 @@ impl Plan {
             plan.rows.push(Row::stepped(&island_plan, certificate));
         }
         plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
+        plan.n_heard = plan.units.len();
         Ok(plan)
     }
 
@@ -194,6 +207,7 @@ impl Plan {
         let island_plan = plan.stepped(timeline, contact_substeps);
         plan.rows.push(Row::stepped(&island_plan, certificate));
         plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
+        plan.n_heard = plan.units.len();
         Ok(plan)
     }
 
@@ -262,20 +276,27 @@ impl Plan {
         make::make(network, timeline, budget, pins, known)
     }
 
-    /// The units in at most `most` groups of about the same cost, one after the other.
+    /// The units that are heard in at most `most` groups of about the same cost, one after the other; then the others. How
+    /// what is heard is grouped does not depend on what is looked at: sums are rounded in groups.
     pub(crate) fn groups(&self, most: usize) -> Vec<Range<usize>> {
-        let costs: Vec<f64> = self.units.iter().map(Unit::cost).collect();
+        let mut groups = self.grouped(0..self.n_heard, most);
+        groups.extend(self.grouped(self.n_heard..self.units.len(), most));
+        groups
+    }
+
+    fn grouped(&self, units: Range<usize>, most: usize) -> Vec<Range<usize>> {
+        let costs: Vec<f64> = self.units[units.clone()].iter().map(Unit::cost).collect();
         let fair = costs.iter().sum::<f64>() / most as f64;
-        let (mut groups, mut first, mut sum) = (Vec::new(), 0, 0.0);
-        for (at, cost) in costs.iter().enumerate() {
+        let (mut groups, mut first, mut sum) = (Vec::new(), units.start, 0.0);
+        for (at, cost) in units.clone().zip(&costs) {
             sum += cost;
             if sum >= fair && groups.len() + 1 < most {
                 groups.push(first..at + 1);
                 (first, sum) = (at + 1, 0.0);
             }
         }
-        if first < costs.len() {
-            groups.push(first..costs.len());
+        if first < units.end {
+            groups.push(first..units.end);
         }
         groups
     }
@@ -287,6 +308,9 @@ impl Plan {
             n_gestures: timeline.gestures.len(),
             still: vec![0.0; network.outputs().len()],
             rows: Vec::new(),
+            seen: Vec::new(),
+            n_heard: 0,
+            unmoved: Vec::new(),
             choices: Vec::new(),
             stay: Vec::new(),
             solved: Vec::new(),
@@ -300,6 +324,11 @@ impl Plan {
     /// What it does, part by part.
     pub fn rows(&self) -> &[Row] {
         &self.rows
+    }
+
+    /// How what nobody hears but somebody looks at is computed. [`Plan::rows`] and [`Plan::hash`] tell nothing of it.
+    pub fn seen(&self) -> &[Row] {
+        &self.seen
     }
 
     /// Parts that have a rate of their own and go at every frame all the same, and why.

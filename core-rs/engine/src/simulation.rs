@@ -5,6 +5,7 @@
 
 mod bodies;
 mod group;
+mod look;
 mod response;
 mod side;
 mod stored;
@@ -23,6 +24,7 @@ use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
 pub use crate::island::{Energy, Fault, LoneKey, OnFault, Options, Record};
+pub use look::{Contact, How, Look, Oscillation, Point, SeenBody};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
 
@@ -91,6 +93,16 @@ impl Simulation {
         let stretch = if options.threads > 1 { LONG } else { STRETCH };
         let mut groups = Vec::new();
         for range in plan.groups(GROUPS) {
+            // What nobody hears stops nothing.
+            let on_fault = if range.start < plan.n_heard {
+                options.on_fault
+            } else {
+                OnFault::Mute
+            };
+            let options = Options {
+                on_fault,
+                ..options
+            };
             groups.push(Group::new(&plan, range, n_out * stretch, options)?);
         }
         let threads = options.threads.max(1);
@@ -221,7 +233,8 @@ impl Simulation {
         for frame in out.chunks_exact_mut(n_out.max(1)) {
             frame.copy_from_slice(&plan.still);
         }
-        for group in &self.groups {
+        let heard = self.groups.iter();
+        for group in heard.filter(|group| group.first < plan.n_heard) {
             for (out, sound) in out.iter_mut().zip(&group.sum) {
                 *out += sound;
             }

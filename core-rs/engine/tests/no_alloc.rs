@@ -55,6 +55,35 @@ fn a_playing_scene_does_not_allocate() {
     }
 }
 
+/// Looking only copies: masses, cells, modes, and the strongest push of each contact.
+#[test]
+fn looking_does_not_allocate() {
+    for seed in 0..20 {
+        let scene = Scene::random(seed);
+        let network = Arc::new(scene.network.clone());
+        let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();
+        let options = Options {
+            ledger: false,
+            ..options(OnFault::Stop)
+        };
+        let mut simulation = Simulation::planned(Arc::new(plan), options).unwrap();
+        let look = simulation.looked_at();
+        simulation.watch_contacts();
+        let mut seen = vec![0.0; 2 * look.n_tracks()];
+        let mut out = vec![0.0; scene.n_frames() * simulation.n_out()];
+        for block in out.chunks_mut(100 * simulation.n_out()) {
+            assert_eq!(allocations(&mut simulation, block), 0, "{seed}");
+            reset_violation_count();
+            assert_no_alloc(|| {
+                simulation.look(&look, &mut seen);
+                simulation.take_contacts(&look, |_, _, _| ());
+            });
+            assert_eq!(violation_count(), 0, "{seed}");
+        }
+        assert!(seen.iter().any(|x| *x != 0.0), "{seed}");
+    }
+}
+
 /// A key of two masses that goes once in ten frames and a bell that it pulls; it is led, thrown by grains, struck.
 #[test]
 fn a_slow_key_does_not_allocate() {

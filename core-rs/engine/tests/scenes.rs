@@ -20,6 +20,8 @@ mod hands;
 mod ledger;
 #[path = "scenes/live.rs"]
 mod live;
+#[path = "scenes/looks.rs"]
+mod looks;
 #[path = "scenes/plans.rs"]
 mod plans;
 #[path = "scenes/scene.rs"]

@@ -253,6 +253,34 @@ class Place(NamedTuple):
     x: float
     y: float
 
+class LookRun(NamedTuple):
+    """Points of one kind in a row, and the name of their part.
+
+    `why` is why they are not computed; `modes` of a modal part are the first mode, how many are
+    looked at, and of how many.
+    """
+
+    part: str
+    first: int
+    count: int
+    kind: Literal["free", "sampled", "modal", "none"]
+    why: Literal["unheard", "unmoved"] | None
+    modes: tuple[int, int, int] | None
+
+class LookContact(NamedTuple):
+    """A link that opens and closes, and its two MATs."""
+
+    name: str
+    a: int
+    b: int
+
+class MotionChunk(NamedTuple):
+    """A chunk of a motion file: its kind, its instant [s] and the bytes of its payload."""
+
+    kind: int
+    seconds: float
+    size: int
+
 class Mode(NamedTuple):
     """A mode of a part: damped frequency [Hz], and decay [s], infinite without loss."""
 
@@ -706,6 +734,33 @@ def read_recording(path: str | PathLike[str], span: tuple[int, int] | None = Non
     rows · axes.
     """
 
+@final
+class Motion:
+    """A `.motion` file, as far as it is whole."""
+
+    scene: str
+    is_whole: bool
+    is_cut: bool
+    duration: float
+    names: list[str]
+    def places(self) -> _Floats:
+        """x, y, z and rest of each point [m], (n_points, 4)."""
+    def chunks(self) -> list[MotionChunk]:
+        """All whole chunks."""
+    def payload(self, chunk: int) -> bytes:
+        """The payload of a chunk. Raises EngineError where there is none."""
+    def displacements(self, instants: Sequence[float]) -> _Floats:
+        """Displacements of all points [m] at rising instants [s], (n_instants, n_points).
+
+        NaN where nothing is known. Raises EngineError where the file is damaged.
+        """
+
+def read_motion(path: str | PathLike[str]) -> Motion:
+    """Read what is whole of a `.motion` file.
+
+    Raises OSError, and EngineError where scene or tables are not whole.
+    """
+
 # --- what will happen ---------------------------------------------------------------------------
 
 @final
@@ -978,11 +1033,13 @@ class Plan:
         store: TrialStore | None = None,
         like: Plan | None = None,
         share: float = 1.0,
+        seen: Sequence[str] = ...,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, which are used again;
         `store`: what trials of earlier plans found, and where new ones are kept: an island whose beginning is as it was then is not
         tried again, and the plan is the same as without; `like`: a plan of another version, whose modes of unchanged bodies are used
-        again; `share` (0 to 1): the part of the allowance of work that the trials may take. What `store` raises is raised."""
+        again; `share` (0 to 1): the part of the allowance of work that the trials may take. What `store` raises is raised. `seen`: parts that are
+        looked at, which are computed even if nobody hears them; what is heard keeps its samples."""
 
     @staticmethod
     def with_fine_contacts(network: Network, timeline: Timeline) -> Plan:
@@ -991,6 +1048,8 @@ class Plan:
         A simulation of this plan records its ergons. Raises EngineError."""
     def rows(self) -> list[PlanRow]:
         """The parts of the plan."""
+    def seen(self) -> list[PlanRow]:
+        """The parts that are computed because somebody looks at them. The hash says nothing of them."""
     def choices(self) -> list[IslandChoice]:
         """The decisions, island by island."""
     def stay(self) -> list[FullRatePart]:
@@ -1031,6 +1090,47 @@ class Energy:
     produced: float
     residual: float
     flow: float  # Σ|injected|, |lost|, |produced| so far: what residual is compared with
+
+@final
+class MotionLook:
+    """What can be seen of a simulation: every mass, whatever computes it."""
+
+    def __new__(cls, simulation: Simulation) -> Self: ...
+    n_modes: int
+    def mats(self) -> list[int]:
+        """The MAT of each point, (n_points,)."""
+    def runs(self) -> list[LookRun]:
+        """The points in runs of one kind."""
+    def contacts(self) -> list[LookContact]:
+        """Links that open and close."""
+
+@final
+class MotionRecorder:
+    """A simulation on its way into the chunks of a motion file. Changes no sample."""
+
+    def __new__(
+        cls,
+        simulation: Simulation,
+        look: MotionLook,
+        timeline: Timeline,
+        *,
+        scene: str,
+        places: _Floats,
+        keys: Sequence[int],
+        n_speakers: int,
+        fps: float,
+    ) -> Self:
+        """`scene`: JSON; `places`: where points stand [m], (n_points, 3); `keys`: the MAT of each
+        key. Raises EngineError where a table would be too long."""
+    next: int
+    def look(self, simulation: Simulation) -> None:
+        """Look at the simulation as it is now, which is at frame `next`."""
+    def hear(self, mixed: _Floats) -> None:
+        """Take what loudspeakers sound since the last look, (n_frames, n_speakers)."""
+    def take(self) -> bytes:
+        """The bytes that are complete by now, once."""
+    def finish(self) -> bytes:
+        """The last bytes of the file."""
 
 @final
 class Snapshot:

@@ -9,6 +9,7 @@ use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::strike_points;
 use super::real_hands::{HandState, hand_bindings};
+use super::touched::Touches;
 use super::written_hand::framed::FramedGesture;
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
@@ -151,6 +152,7 @@ impl Island {
             targets: Vec::new(),
             laws,
             stream: Stream::new(options.record),
+            touches: Touches::default(),
             unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,

@@ -8,7 +8,7 @@ mod between;
 mod plan;
 mod script;
 
-pub(crate) use plan::{Answers, Modal, Mode, Port, Struck};
+pub(crate) use plan::{Answers, ComplexPart, Modal, Mode, Port, Struck};
 
 use std::sync::Arc;
 
@@ -298,6 +298,28 @@ impl RunningModal {
             let (a, b) = (rates[group].a.0[lane], rates[group].b.0[lane]);
             now[mode] = motion.before.0[lane];
             before[mode] = (a * now[mode] - next) / b;
+        }
+    }
+
+    /// What [`Self::amplitudes`] tells, of every mode (mode, now, before), without going back.
+    pub(crate) fn look(&self, mut tell: impl FnMut(usize, f64, f64)) {
+        let rates = if self.is_damped {
+            &self.damped
+        } else {
+            &self.script.rates
+        };
+        let n_modes = self.n_modes();
+        for (group, (saved, rates)) in self.saved.iter().zip(rates).enumerate() {
+            let mut motion = saved.clone();
+            follow(rates, &mut motion, &[], self.at + 1, &mut [], 0);
+            let first = group * LANES;
+            for lane in 0..LANES.min(n_modes - first) {
+                let (a, b) = (rates.a.0[lane], rates.b.0[lane]);
+                let next = motion.now.0[lane] + self.pending[group].0[lane];
+                let now = motion.before.0[lane];
+                let before = if b == 0.0 { now } else { (a * now - next) / b };
+                tell(first + lane, now, before);
+            }
         }
     }
 

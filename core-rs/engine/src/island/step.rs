@@ -157,6 +157,7 @@ impl Island {
             n,
             &state.body,
         );
+        state.touches.step(n, &state.body.link);
         kernel::tap(scheme, &state.body, out);
         state.bodies.iter().for_each(|body| body.tap(out));
         state.mutes.fade(n, scheme, out);

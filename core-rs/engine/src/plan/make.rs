@@ -9,13 +9,14 @@ use crate::plan::budget::Budget;
 use crate::plan::choice::{Choice, Pins, another};
 use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
-use crate::plan::passes::audible::ModeKind;
+use crate::plan::passes::audible::{Body as Found, ModeKind};
 use crate::plan::passes::body;
 use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, PortedBody as Body};
+use crate::plan::passes::seen;
 use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
@@ -39,6 +40,9 @@ struct Maker<'a> {
     allowance: Allowance,
     /// What trials of earlier plans found.
     store: Option<&'a dyn TrialStore>,
+    /// Parts that are looked at, and what is computed for that alone.
+    seen: &'a [String],
+    shown: Vec<Unit>,
 }
 
 /// How an island goes.
@@ -60,8 +64,11 @@ pub(super) fn make(
     timeline: &Timeline,
     budget: &Budget,
     pins: Option<Vec<Choice>>,
-    Known { like, store, share }: Known<'_>,
+    known: Known<'_>,
 ) -> Result<Plan, Error> {
+    let Known {
+        like, store, share, ..
+    } = known;
     let mut maker = Maker {
         plan: Plan::empty(network.clone(), timeline),
         budget,
@@ -69,7 +76,10 @@ pub(super) fn make(
         allowance: Allowance::new(network.n_mat() + network.n_lia(), share),
         memo: Memo::new(like.map_or(&[], |like| &like.solved)),
         store,
+        seen: known.seen,
+        shown: Vec::new(),
     };
+    let mut unheard = Vec::new();
     let (mut loose, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
     let glides: BTreeSet<u32> = timeline
         .glides
@@ -79,8 +89,16 @@ pub(super) fn make(
     for island in islands(&network, timeline) {
         let is_gliding = |mat: &u32| glides.contains(mat);
         let is_loose = || budget.takes_modes() && cells::is_loose(&network, &island, timeline.rate);
+        if !island.is_moved {
+            maker.plan.unmoved.extend(&island.mats);
+        }
         match (island.is_heard, island.is_moved) {
-            (false, _) => maker.drop(&island, Reason::Unheard),
+            (false, is_moved) => {
+                maker.drop(&island, Reason::Unheard);
+                if is_moved && seen::is_seen(&network, &island, known.seen) {
+                    unheard.push(island);
+                }
+            }
             (true, false) => {
                 maker.rest(&island)?;
                 maker.drop(&island, Reason::Still);
@@ -112,7 +130,37 @@ pub(super) fn make(
     maker.pins.end()?;
     maker.plan.solved = maker.memo.found();
     (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
-    Ok(maker.plan)
+    let (mut plan, shown) = (maker.plan, maker.shown);
+    plan.n_heard = plan.units.len();
+    plan.unmoved.sort_unstable();
+    if !unheard.is_empty() {
+        // No trial: what nobody hears takes nothing from what is heard, and is planned soon.
+        let mut beside = Maker {
+            plan: Plan::empty(network.clone(), timeline),
+            budget,
+            pins: Pins::new(None),
+            allowance: Allowance::new(network.n_mat() + network.n_lia(), 0.0),
+            memo: Memo::new(&[]),
+            store: None,
+            seen: &[],
+            shown: Vec::new(),
+        };
+        let is_loose = |own: &IslandMembers| {
+            budget.takes_modes() && cells::is_loose(&network, own, timeline.rate)
+        };
+        let (subsets, n_islands) = seen::subsets(&network, unheard, is_loose)?;
+        for (at, (subset, own)) in split(subsets, timeline).into_iter().enumerate() {
+            if at < n_islands {
+                beside.island(subset, own)?;
+            } else {
+                beside.cells(&subset, &own)?;
+            }
+        }
+        plan.units.extend(beside.plan.units);
+        plan.seen = beside.plan.rows;
+    }
+    plan.units.extend(shown);
+    Ok(plan)
 }
 
 impl Maker<'_> {
@@ -171,11 +219,9 @@ impl Maker<'_> {
             self.allowance.spend(self.memo.take_work());
             match bank {
                 Ok(mut found) => {
-                    found.bank.is_open = own.timeline.is_open;
-                    found.bank.kept = found.kept.numbers();
-                    // What takes over from it asks for normal modes.
-                    let is_normal = found.kind == ModeKind::Normal;
-                    found.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
+                    named(&mut found, &subset, &own);
+                    self.shown
+                        .extend(self.silent_modes(&subset, &own, &found.bank.kept));
                     for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
                         self.plan.still[output as usize] += rest;
                     }
@@ -200,6 +246,24 @@ impl Maker<'_> {
             return Err(another());
         }
         self.stepped(&subset, &own, modules, pin.as_ref(), why)
+    }
+
+    /// The modes of a body that move it and that nobody hears, where it is looked at.
+    fn silent_modes(&self, subset: &Subset, own: &OwnTimeline, heard: &[u32]) -> Option<Unit> {
+        if !seen::is_any(&subset.network.moving_parts(), self.seen) {
+            return None;
+        }
+        let watched = seen::watched(subset.clone(), &subset.mats).ok()?;
+        let memo = Memo::new(&[]);
+        let bank = |kept| body::bank(&watched, &own.timeline, self.budget, kept, &memo).ok();
+        let mut silent = bank(None)?.kept.numbers();
+        silent.retain(|mode| heard.binary_search(mode).is_err());
+        if silent.is_empty() {
+            return None;
+        }
+        let mut found = bank(Some(&[silent]))?;
+        named(&mut found, subset, own);
+        Some(Unit::Bank(found.bank))
     }
 
     /// An island frame by frame: bodies by methods of their own, the rest as it is written, as often as the budget
@@ -432,6 +496,15 @@ impl Maker<'_> {
             ..solved
         })
     }
+}
+
+/// Tell of which body a bank is, and which of its modes.
+fn named(found: &mut Found, subset: &Subset, own: &OwnTimeline) {
+    found.bank.is_open = own.timeline.is_open;
+    found.bank.kept = found.kept.numbers();
+    // What takes over from it asks for normal modes.
+    let is_normal = found.kind == ModeKind::Normal;
+    found.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
 }
 
 impl Solved {

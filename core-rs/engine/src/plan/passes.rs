@@ -14,6 +14,7 @@ pub(in crate::plan) mod mesh;
 pub(in crate::plan) mod mode_shapes;
 pub(in crate::plan) mod modes;
 pub(in crate::plan) mod ported;
+pub(in crate::plan) mod seen;
 pub(in crate::plan) mod slow;
 pub(in crate::plan) mod solved_modes;
 pub(in crate::plan) mod split;

@@ -40,11 +40,21 @@ pub(crate) struct Mode {
     pub(crate) cell: Option<Cell>,
 }
 
+/// Which part of which complex mode an oscillator is, and the sign with which it is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ComplexPart {
+    pub(crate) mode: usize,
+    pub(crate) part: usize,
+    pub(crate) sign: f64,
+}
+
 /// How parts of complex modes answer: a push moves each in another phase, by where it acts.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Answers {
     /// How many complex modes there are.
     pub(crate) n_modes: usize,
+    /// Which part of which each is   (n_modes of the body)
+    pub(crate) places: Vec<ComplexPart>,
     /// To 1 N·s at each port   (n_ports, n_modes)
     pub(crate) ports: Vec<Vec<Response>>,
     /// At each point that is struck   (n_struck, n_modes)
@@ -211,6 +221,7 @@ impl Modal {
                 };
                 Answers {
                     n_modes: answers.n_modes,
+                    places: kept.iter().map(|&mode| answers.places[mode]).collect(),
                     ports: some(&answers.ports),
                     struck: some(&answers.struck),
                 }

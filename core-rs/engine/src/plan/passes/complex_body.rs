@@ -1,7 +1,10 @@
 //! An island that is one linear body, as a bank of its complex modes.
 
+use std::sync::Arc;
+
 use crate::bank::{Oscillator, Strikes};
 use crate::cell::{Response, recurrence};
+use crate::island::modal::ComplexPart;
 use crate::kernel::bank::LANES;
 use crate::maths::{cos, exp, expm1, sin};
 use crate::network::{Network, Subset, Term};
@@ -47,8 +50,11 @@ pub(in crate::plan) fn bank(
             own.filled(kept)
         }
     };
+    let mut bank = own.bank(&kept.modes, &subset.outputs);
+    let places = places(&parts(&modes, &kept.modes, rate));
+    bank.complex = Some((Arc::new(network.clone()), places));
     Ok(Body {
-        bank: own.bank(&kept.modes, &subset.outputs),
+        bank,
         rest: modes.rest.iter().zip(held).map(|(a, b)| a + b).collect(),
         modes: modes.len(),
         kept,
@@ -190,6 +196,16 @@ pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) 
             gain: gain[1],
         },
     }
+}
+
+/// Which parts of which modes some oscillators are.
+pub(in crate::plan) fn places(all: &[Part]) -> Vec<ComplexPart> {
+    let place = |own: &Part| ComplexPart {
+        mode: own.mode,
+        part: own.part,
+        sign: own.sign,
+    };
+    all.iter().map(place).collect()
 }
 
 impl Complex<'_> {

@@ -1,6 +1,8 @@
 //! A body seen whole: where every one of its MATs is, by the amplitudes of its modes, and the other way.
 
+use crate::island::modal::ComplexPart;
 use crate::network::Network;
+use crate::plan::passes::complex_modes::{ComplexModes, Sum};
 use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
 
@@ -70,6 +72,41 @@ impl ModeShapes {
             n_modes: kept.len(),
             mats,
         })
+    }
+
+    /// Of a body by itself, for positions, by parts of its complex modes. Takes as long as finding them. `None` where it has none.
+    pub(crate) fn complex(network: &Network, parts: &[ComplexPart], rate: Rate) -> Option<Self> {
+        let kinds = network.mats().kind.iter().enumerate();
+        let moving = kinds.filter(|(_, kind)| kind.moves());
+        let mats: Vec<usize> = moving.map(|(mat, _)| mat).collect();
+        let sums: Vec<Sum> = mats.iter().map(|&mat| Sum::of(vec![(mat, 1.0)])).collect();
+        let modes = ComplexModes::new(network, &sums, &[], rate).ok()?;
+        if parts.iter().any(|own| own.mode >= modes.len()) {
+            return None;
+        }
+        let share = |own: &ComplexPart, mat: usize| own.sign * modes.seen[mat][own.mode][own.part];
+        let all = 0..mats.len();
+        let shapes = parts
+            .iter()
+            .flat_map(|own| all.clone().map(|mat| share(own, mat)).collect::<Vec<_>>());
+        Some(Self {
+            shapes: shapes.collect(),
+            rest: modes.rest.clone(),
+            mass: mats.iter().map(|&mat| network.mats().m[mat]).collect(),
+            n_modes: parts.len(),
+            mats,
+        })
+    }
+
+    /// How much each of its MATs sees of a mode   (n), where this is for positions.
+    pub(crate) fn shape(&self, mode: usize) -> &[f64] {
+        let n = self.mats.len();
+        &self.shapes[mode * n..(mode + 1) * n]
+    }
+
+    /// Where its MATs are when it rests [m]   (n)
+    pub(crate) fn rest(&self) -> &[f64] {
+        &self.rest
     }
 
     /// Where its MATs are and by what step they came there [m], from amplitudes now and one frame before.

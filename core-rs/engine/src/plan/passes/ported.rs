@@ -305,6 +305,7 @@ fn complex(
         of: Arc::new(subset.network),
         answers: Some(Answers {
             n_modes: modes.len(),
+            places: complex_body::places(&all),
             ports: (0..n_ports).map(answers).collect(),
             struck: (n_ports..points.len()).map(answers).collect(),
         }),

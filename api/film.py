@@ -1,0 +1,207 @@
+"""What is seen of a staged piece: the scene of its motion file, and where that is written."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ergon.exchange.safe import MARK
+
+from . import score as scores
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import LookRun, MotionLook, MotionRecorder, Simulation
+    from ergon.rendering.filmed import Film
+    from ergon.rendering.render import RenderJob
+    from ergon.scores.staging.stage import Stage
+
+FPS = 60.0  # looks a second
+SUFFIX = ".motion"
+_APART = 1.3  # [m] from one instrument to the next where the score places none
+_KEYS_AT = -1.3  # [m] in front of the instruments
+_KEY_WIDTH = 0.1  # [m]
+_LAYOUTS = {"BANK": "bank", "MODES": "bank", "STRING": "string", "PLATE": "plate"}
+
+
+def film(stage: Stage, job: RenderJob) -> Film:
+    """What is written beside the sound of `job`. Raises OptionError."""
+    from ergon.rendering.filmed import Film
+
+    if job.target == "-":
+        raise OptionError("motion", "sound on stdout has no name for a motion file; name one by -o")
+    stop = job.stop if job.fades_from is None else min(job.stop, stage.n_looked_at)
+
+    def begin(simulation: Simulation) -> MotionRecorder:
+        return recorder(stage, simulation, stop / stage.rate)
+
+    return Film(Path(job.target).with_suffix(SUFFIX), stop, stage.n_channels, begin)
+
+
+def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> MotionRecorder:
+    """A recorder of the motion of a simulation at frame 0. Raises EngineError."""
+    from ergon import _core
+
+    if stage.timeline is None:
+        raise OptionError("motion", "parts that were computed before have no motion")
+    look = _core.MotionLook(simulation)
+    return _core.MotionRecorder(
+        simulation,
+        look,
+        stage.timeline,
+        scene=json.dumps(scene(stage, look, duration), ensure_ascii=False),
+        places=_places(stage, look),
+        keys=[mat for _, mat, _ in _keys(stage)],
+        n_speakers=stage.n_channels,
+        fps=FPS,
+    )
+
+
+def _keys(stage: Stage) -> list[tuple[str, int, bool]]:
+    """Keys with the MAT of each and whether a real hand plays it.
+
+    First those with gestures, by the engine's numbers.
+    """
+    hands = {hand.key: hand.mat for hand in stage.live}
+    mats = stage.scene.assembly.mats
+    own = [
+        (name, mats[name, key.struck], False)
+        for name, key in stage.piece.keys.items()
+        if name not in hands
+    ]
+    return own + [(name, mat, True) for name, mat in hands.items()]
+
+
+def scene(stage: Stage, look: MotionLook, duration: float | None) -> dict[str, Any]:
+    """The scene of a motion file (docs/motion.md); `duration` [s] is None where nobody knows."""
+    from ergon import _core
+
+    piece = stage.piece
+    point = {mat: at for at, mat in enumerate(look.mats())}
+    players = {player.key: player.name for player in piece.players.values()}
+    contacts = [(one.name, point.get(one.a), point.get(one.b)) for one in look.contacts()]
+    return {
+        "made_by": f"{MARK.decode()} {_core.__version__}",
+        "format": 1,
+        "title": piece.title,
+        "score": piece.place.file,
+        "score_sha256": piece.digest(),
+        "plan_sha256": stage.plan.hash if stage.plan else None,
+        "seed": piece.seed,
+        "rate": stage.rate,
+        "fps": FPS,
+        "duration": duration,
+        "points": len(point),
+        "modes": look.n_modes,
+        "parts": [_part(stage, run.part, run) for run in look.runs()],
+        "keys": [
+            {"name": name, "point": point.get(mat), "player": players.get(name), "hand": is_real}
+            for name, mat, is_real in _keys(stage)
+        ],
+        "contacts": [{"name": name, "a": a, "b": b} for name, a, b in contacts],
+        "speakers": list(_speakers(stage)),
+        "sources": [
+            {"name": None, "file": place.file, "line": place.line} for place in stage.sources
+        ],
+        "marks": [
+            {"name": name, "seconds": piece.tempo_map.seconds(beats)}
+            for name, beats in scores.marks_of(piece)
+        ],
+    }
+
+
+def _part(stage: Stage, name: str, run: LookRun) -> dict[str, Any]:
+    modes = None
+    if run.modes is not None:
+        modes = dict(zip(("first", "count", "of"), run.modes, strict=True))
+    return {
+        "name": name,
+        "first": run.first,
+        "count": run.count,
+        "kind": run.kind,
+        "layout": _layout(stage, name),
+        "why": run.why,
+        "modes": modes,
+        "exaggeration": None,
+    }
+
+
+def _layout(stage: Stage, name: str) -> str:
+    if name in stage.piece.keys:
+        return "key"
+    instrument = stage.piece.instruments.get(name)
+    kinds = [module.kind for module in instrument.modules] if instrument else []
+    return next((_LAYOUTS[kind] for kind in kinds if kind in _LAYOUTS), "loose")
+
+
+def _speakers(stage: Stage) -> Iterator[dict[str, Any]]:
+    """Loudspeakers as the layout has them, or evenly around the front one."""
+    from ergon.space.directions import angles, point
+
+    layout = stage.piece.mix.layout
+    n = stage.n_channels
+    places = tuple(point(-360.0 * i / n, 0.0, 3.0) for i in range(n))
+    if layout is not None and len(layout.speakers) == n:
+        places = layout.speakers
+    elif n == 2:
+        places = (point(30.0, 0.0, 3.0), point(-30.0, 0.0, 3.0))
+    for channel, place in enumerate(places):
+        az, el, r = angles(place)
+        yield {
+            "name": str(channel + 1),
+            "channel": channel,
+            "az": az,
+            "el": el,
+            "r": r,
+            "xyz": list(place),
+        }
+
+
+def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
+    """Where each point stands [m], (n_points, 3).
+
+    In a room instruments lie where the score places them; without one they lie side by side.
+    """
+    import numpy as np
+
+    piece, network = stage.piece, stage.network
+    mats = look.mats()
+    places = np.zeros((len(mats), 3))
+    bench = [network.position_of(mat) for mat in mats]
+    members: dict[str, list[int]] = {}
+    for run in look.runs():
+        members.setdefault(run.part, []).extend(range(run.first, run.first + run.count))
+    instruments = [name for name in members if name not in piece.keys]
+    in_room = piece.mix.layout is not None
+    columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
+    for name, points in members.items():
+        points.sort(key=lambda at: mats[at])
+        if name in piece.keys:
+            number = list(piece.keys).index(name)
+            x = (number - 0.5 * (len(piece.keys) - 1)) * _KEY_WIDTH
+            for row, at in enumerate(points):
+                places[at] = (x, _KEYS_AT - 0.5 * _KEY_WIDTH * row, 0.0)
+            continue
+        instrument = piece.instruments.get(name)
+        placing = instrument.placing if instrument else None
+        number = instruments.index(name)
+        across, (x, y), height = 1.0, (0.0, 0.0), 0.0
+        if placing is not None:
+            across, (x, y), height = placing.across, placing.at, placing.height or 0.0
+        elif not in_room:
+            x = (number % columns - 0.5 * (columns - 1)) * _APART
+            y = number // columns * _APART
+        # Modules that no generator placed all lie in the middle: they are set in a row.
+        loose = [at for at in points if bench[at].x == 0.0 and bench[at].y == 0.0]
+        spread = {at: i / (len(loose) - 1) - 0.5 for i, at in enumerate(loose) if len(loose) > 1}
+        for at in points:
+            places[at, 0] = across * (bench[at].x + 0.6 * spread.get(at, 0.0)) + x
+            places[at, 1] = across * bench[at].y + y
+            places[at, 2] = height
+    return places

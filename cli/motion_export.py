@@ -1,0 +1,102 @@
+"""`ergon motion export`: a motion file for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .motion_info import read
+from .outcome import Refused
+from .units import seconds
+
+if TYPE_CHECKING:
+    from typing import BinaryIO
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import Motion
+
+_FORMS = (".csv", ".npz", ".gltf")
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.target("The file to write: .npz, .csv or .gltf, by its ending; - writes CSV to stdout.")
+@click.option(
+    "--fps",
+    type=click.FloatRange(0.1, 192_000.0),
+    help="Instants a second; between looks of the engine free oscillations are exact.",
+)
+@click.option(
+    "--exaggeration",
+    type=click.FloatRange(1e-6, 1e12),
+    help="How many times as far as it moves a point of a glTF moves. Default: 5 cm at most.",
+)
+@options.dry_run
+@options.force
+@options.speaking
+def export(
+    console: Console,
+    file: str,
+    output: str | None,
+    fps: float | None,
+    exaggeration: float | None,
+    dry: bool,
+    force: bool,
+) -> None:
+    """Write a motion file as npz, CSV or glTF.
+
+    npz and CSV hold the displacement of every point at every instant [m]; empty, or NaN, is what
+    nobody computed. glTF 2.0 holds an animated node for each point, for Blender and its like.
+    """
+    from ergon.exchange.motion import NotMotionError, instants
+    from ergon.exchange.safe import check_target, writing
+
+    if output is None:
+        raise Refused("name the file to write, by -o x.npz, x.csv or x.gltf")
+    form = ".csv" if output == "-" else Path(output).suffix.lower()
+    if form not in _FORMS:
+        raise Refused(f"{output}: a motion file is exported as {', '.join(_FORMS)}")
+    if exaggeration is not None and form != ".gltf":
+        raise Refused("--exaggeration is for glTF; npz and CSV hold metres")
+    motion = read(Path(file))
+    inputs = (Path(file),)
+    try:
+        at = instants(motion, fps)
+        if dry:
+            check_target(Path(output), force=force, inputs=inputs)
+        else:
+            with writing(output, binary=form == ".npz", force=force, inputs=inputs) as to:
+                _write(to, motion, form, at, exaggeration)
+    except NotMotionError as error:
+        raise Refused(f"{file}: {error}") from None
+    if output == "-":
+        return
+    points, n_instants = len(motion.names), len(at)
+    if console.json:
+        console.record(
+            "would_write" if dry else "wrote", file=output, points=points, instants=n_instants
+        )
+    else:
+        verb = "would write" if dry else "wrote"
+        length = seconds(motion.duration)
+        console.say(f"{verb} {output}: {points:,} points at {n_instants:,} instants, {length}")
+
+
+def _write(
+    to: BinaryIO, motion: Motion, form: str, at: NDArray[np.float64], exaggeration: float | None
+) -> None:
+    from ergon.exchange.motion import automatic, csv_rows, gltf, write_npz
+
+    if form == ".npz":
+        write_npz(to, motion, at)
+    elif form == ".gltf":
+        to.write(gltf(motion, at, exaggeration or automatic(motion)).encode())
+    else:
+        for text in csv_rows(motion, at):
+            to.write(text.encode())

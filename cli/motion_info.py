@@ -1,0 +1,92 @@
+"""What `ergon info` says of a motion file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .console import Console, plural
+from .outcome import Refused
+from .units import octets, seconds
+
+if TYPE_CHECKING:
+    from ergon._core import Motion
+
+_FLIGHTS, _FRAMES, _ERGONS, _CONTACTS = 3, 4, 5, 6
+_WORDS = {
+    "free": "free",
+    "sampled": "sampled",
+    "modal": "by modes",
+    "none": "not computed",
+}
+
+
+def read(path: Path) -> Motion:
+    """What is whole of a motion file. Raises Refused."""
+    from ergon import _core
+    from ergon.common.regular import open_regular
+
+    try:
+        open_regular(path).close()  # the core would wait for a pipe's other end
+        return _core.read_motion(path)
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror or error}") from None
+    except _core.EngineError as error:
+        raise Refused(f"{path}: {error}") from None
+
+
+def motion(console: Console, path: Path) -> None:
+    """Say what a motion file holds, and whether it is whole."""
+    from ergon.exchange.motion import NotMotionError, about
+
+    found = read(path)
+    try:
+        scene = about(found)
+    except NotMotionError as error:
+        raise Refused(f"{path}: {error}") from None
+    sizes: dict[int, int] = {}
+    for chunk in found.chunks():
+        sizes[chunk.kind] = sizes.get(chunk.kind, 0) + chunk.size
+    counts = {
+        "flights": sizes.get(_FLIGHTS, 0) // 12,
+        "ergons": sizes.get(_ERGONS, 0) // 20,
+        "contacts": sizes.get(_CONTACTS, 0) // 12,
+    }
+    state = "whole" if found.is_whole else "cut" if found.is_cut else "damaged"
+    size = path.stat().st_size
+    if console.json:
+        console.record(
+            "motion",
+            file=str(path),
+            state=state,
+            title=scene.get("title"),
+            score_sha256=scene.get("score_sha256"),
+            plan_sha256=scene.get("plan_sha256"),
+            seed=scene.get("seed"),
+            duration_s=found.duration,
+            fps=scene["fps"],
+            points=len(found.names),
+            modes=scene["modes"],
+            bytes=size,
+            **counts,
+            parts=scene["parts"],
+        )
+        return
+    lines = [
+        f"{path}: {seconds(found.duration)} at {scene['fps']:g} frames a second, "
+        f"{plural(len(found.names), 'point')}, {octets(size)}, {state}"
+    ]
+    if scene.get("title"):
+        lines.append(f"title:   {scene['title']}")
+    for name in ("score", "plan"):
+        if scene.get(f"{name}_sha256"):
+            lines.append(f"{name + ':':8} sha256 {scene[f'{name}_sha256']}")
+    lines.append("holds:   " + ", ".join(f"{n:,} {name}" for name, n in counts.items()))
+    for part in scene["parts"]:
+        why = f" ({part['why']})" if part["why"] else ""
+        modes = part["modes"]
+        seen = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""
+        lines.append(
+            f"  {part['name']}: {plural(part['count'], 'point')}, {_WORDS[part['kind']]}{why}{seen}"
+        )
+    console.data("\n".join(lines) + "\n")

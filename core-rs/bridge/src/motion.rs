@@ -1,0 +1,231 @@
+//! What moves, as chunks of bytes; motion files.
+
+use std::path::PathBuf;
+
+use ergon_engine::simulation::Look;
+use ergon_view::read::{MotionFile, ReadError};
+use ergon_view::record::{self, Recorder, Setup};
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::error::said;
+use crate::frames::rows;
+use crate::named::{LookContact, LookRun, MotionChunk};
+use crate::simulation::Simulation;
+use crate::timeline::Timeline;
+
+/// What can be seen of a simulation.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct MotionLook(Look, Vec<String>);
+
+#[pymethods]
+impl MotionLook {
+    /// Of a simulation, which is not changed.
+    #[new]
+    fn new(py: Python<'_>, simulation: &Simulation) -> Self {
+        let parts = simulation.0.network().parts().iter();
+        let names = parts.map(|part| part.name.clone()).collect();
+        Self(py.detach(|| simulation.0.looked_at()), names)
+    }
+
+    #[getter]
+    fn n_modes(&self) -> usize {
+        self.0.n_modes()
+    }
+
+    /// The MAT of each point.
+    fn mats(&self) -> Vec<usize> {
+        self.0.points.iter().map(|point| point.mat).collect()
+    }
+
+    /// The parts of a scene.
+    fn runs(&self) -> Vec<LookRun> {
+        let run = |run: record::Run| {
+            let body = run.body.map(|body| &self.0.bodies[body]);
+            LookRun {
+                part: self.1[run.part].clone(),
+                first: run.points.start,
+                count: run.points.len(),
+                kind: run.kind,
+                why: run.why,
+                modes: body.map(|body| (body.first, body.modes.len(), body.of)),
+            }
+        };
+        record::runs(&self.0).into_iter().map(run).collect()
+    }
+
+    /// Links that open and close: name and MATs.
+    fn contacts(&self) -> Vec<LookContact> {
+        let contacts = self.0.contacts.iter();
+        contacts
+            .map(|contact| LookContact {
+                name: contact.name.clone(),
+                a: contact.ends.0,
+                b: contact.ends.1,
+            })
+            .collect()
+    }
+}
+
+/// A simulation on its way into the chunks of a motion file.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct MotionRecorder {
+    recorder: Recorder,
+    n_speakers: usize,
+}
+
+#[pymethods]
+impl MotionRecorder {
+    #[new]
+    #[pyo3(signature = (simulation, look, timeline, *, scene, places, keys, n_speakers, fps))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        mut simulation: PyRefMut<'_, Simulation>,
+        look: &MotionLook,
+        timeline: &Timeline,
+        scene: String,
+        places: PyReadonlyArray2<'_, f64>,
+        keys: Vec<usize>,
+        n_speakers: usize,
+        fps: f64,
+    ) -> PyResult<Self> {
+        let own = &mut simulation.0;
+        if !(fps >= 1.0 && fps <= own.rate()) {
+            return Err(said(format!("fps is {fps}: it must be from 1 to the rate")));
+        }
+        let places = rows(&places, "places", 3)?;
+        let setup = Setup {
+            scene,
+            places: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
+            ergons: own.written(&timeline.inner),
+            keys,
+            n_speakers,
+            fps,
+        };
+        own.watch_contacts();
+        let recorder = Recorder::new(own, look.0.clone(), setup).map_err(said)?;
+        Ok(Self {
+            recorder,
+            n_speakers,
+        })
+    }
+
+    /// The frame of the simulation at which it is to be looked at next.
+    #[getter]
+    fn next(&self) -> u64 {
+        self.recorder.next()
+    }
+
+    /// Look at the simulation as it is now.
+    fn look(&mut self, py: Python<'_>, mut simulation: PyRefMut<'_, Simulation>) {
+        let own = &mut simulation.0;
+        py.detach(|| self.recorder.look(own));
+    }
+
+    /// Take what loudspeakers sound since the last look (n_frames, n_speakers).
+    fn hear(&mut self, mixed: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        self.recorder.hear(rows(&mixed, "mixed", self.n_speakers)?);
+        Ok(())
+    }
+
+    /// The bytes that are complete by now, once.
+    fn take<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.recorder.take())
+    }
+
+    /// The last bytes.
+    fn finish<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.recorder.finish())
+    }
+}
+
+/// A motion file, as far as it is whole.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Motion(MotionFile);
+
+/// What is whole of the `.motion` file at `path`.
+#[pyfunction]
+pub(crate) fn read_motion(py: Python<'_>, path: PathBuf) -> PyResult<Motion> {
+    let bytes = py.detach(|| std::fs::read(&path))?;
+    py.detach(|| MotionFile::new(bytes))
+        .map(Motion)
+        .map_err(from_read)
+}
+
+fn from_read(error: ReadError) -> PyErr {
+    said(error)
+}
+
+#[pymethods]
+impl Motion {
+    #[getter]
+    fn scene(&self) -> &str {
+        &self.0.scene
+    }
+
+    #[getter]
+    fn is_whole(&self) -> bool {
+        self.0.is_whole
+    }
+
+    #[getter]
+    fn is_cut(&self) -> bool {
+        self.0.is_cut()
+    }
+
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.0.duration()
+    }
+
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.0.names.clone()
+    }
+
+    /// x, y, z and rest of each point (n_points, 4) [m].
+    fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let all = self.0.places.concat();
+        let array = Array2::from_shape_vec((self.0.n_points, 4), all).map_err(said)?;
+        Ok(array.into_pyarray(py))
+    }
+
+    /// All whole chunks: kind, instant, payload size.
+    fn chunks(&self) -> Vec<MotionChunk> {
+        let chunks = self.0.chunks.iter();
+        chunks
+            .map(|chunk| MotionChunk {
+                kind: chunk.kind,
+                seconds: chunk.seconds,
+                size: chunk.len,
+            })
+            .collect()
+    }
+
+    /// The payload of a chunk.
+    fn payload<'py>(&self, py: Python<'py>, chunk: usize) -> PyResult<Bound<'py, PyBytes>> {
+        let place = self.0.chunks.get(chunk);
+        let place = place.ok_or_else(|| said(format!("there is no chunk {chunk}")))?;
+        Ok(PyBytes::new(py, self.0.payload(place)))
+    }
+
+    /// Displacements at rising instants (n_instants, n_points) [m].
+    fn displacements<'py>(
+        &self,
+        py: Python<'py>,
+        instants: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        if !instants.is_sorted() {
+            return Err(said("instants must rise"));
+        }
+        let all = py
+            .detach(|| self.0.displacements(&instants))
+            .map_err(from_read)?;
+        let shape = (instants.len(), self.0.n_points);
+        Ok(Array2::from_shape_vec(shape, all)
+            .map_err(said)?
+            .into_pyarray(py))
+    }
+}

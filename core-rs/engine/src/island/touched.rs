@@ -1,0 +1,59 @@
+//! The strongest push of each contact since somebody last looked.
+
+use crate::network::{LinkKind, Network};
+
+/// One contact that pushed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Touch {
+    /// Step of the island in which it pushed most.
+    pub(crate) frame: u64,
+    /// Force then, of the largest size [N].
+    pub(crate) force: f64,
+}
+
+const NONE: Touch = Touch {
+    frame: 0,
+    force: 0.0,
+};
+
+/// The contacts of an island, while they are watched.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Touches {
+    /// The link that each is; empty: nobody looks.
+    links: Vec<u32>,
+    /// (n_links)
+    most: Vec<Touch>,
+}
+
+impl Touches {
+    pub(super) fn of(network: &Network) -> Self {
+        let runs = network.runs().iter();
+        let contacts = runs.filter(|run| matches!(run.kind, LinkKind::But(_)));
+        let links: Vec<u32> = contacts
+            .flat_map(|run| (run.first..run.first + run.len).map(|link| link as u32))
+            .collect();
+        Self {
+            most: vec![NONE; links.len()],
+            links,
+        }
+    }
+
+    /// Note the forces of a step (n_lia).
+    pub(super) fn step(&mut self, frame: u64, forces: &[f64]) {
+        for (&link, most) in self.links.iter().zip(&mut self.most) {
+            let force = forces[link as usize];
+            if force.abs() > most.force.abs() {
+                *most = Touch { frame, force };
+            }
+        }
+    }
+
+    /// Tell of those that pushed (link, how), and begin anew.
+    pub(super) fn take(&mut self, mut tell: impl FnMut(usize, Touch)) {
+        for (&link, most) in self.links.iter().zip(&mut self.most) {
+            if most.force != 0.0 {
+                tell(link as usize, std::mem::replace(most, NONE));
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! What nobody hears and somebody looks at: computed as if one output heard all of it.
+
+use crate::network::{Error, Network, Subset, Term};
+use crate::plan::passes::islands::IslandMembers;
+
+/// Whether anything of an island belongs to a part that is looked at.
+pub(in crate::plan) fn is_seen(network: &Network, island: &IslandMembers, seen: &[String]) -> bool {
+    !seen.is_empty() && is_any(&network.parts_of(&island.mats), seen)
+}
+
+/// Whether any of some parts is looked at.
+pub(in crate::plan) fn is_any(parts: &[String], seen: &[String]) -> bool {
+    parts.iter().any(|name| seen.contains(name))
+}
+
+/// The islands by themselves, and how many they are: loose cells are one subset more, behind them.
+pub(in crate::plan) fn subsets(
+    network: &Network,
+    islands: Vec<IslandMembers>,
+    is_loose: impl Fn(&IslandMembers) -> bool,
+) -> Result<(Vec<Subset>, usize), Error> {
+    let (mut all, mut loose) = (Vec::new(), Vec::new());
+    for island in islands {
+        if is_loose(&island) {
+            loose.extend(island.mats);
+        } else {
+            let subset = network.subset(&island.mats, &island.guests, &island.links);
+            all.push(watched(subset, &island.mats)?);
+        }
+    }
+    let n_islands = all.len();
+    if !loose.is_empty() {
+        all.push(watched(network.subset(&loose, &[], &[]), &loose)?);
+    }
+    Ok((all, n_islands))
+}
+
+/// With one output that hears every mass of it, each by a weight of its own: no mode is silent there.
+pub(in crate::plan) fn watched(mut subset: Subset, own: &[u32]) -> Result<Subset, Error> {
+    let terms = own.iter().filter_map(|&mat| {
+        let first = subset.mat(mat as usize)?;
+        subset.network.mats().kind[first].moves().then(|| {
+            let drawn = mat.wrapping_mul(0x9e37_79b9).rotate_left(15) >> 8;
+            let size = 0.5 + f64::from(drawn) / f64::from(1 << 24);
+            Term::Position {
+                first,
+                len: 1,
+                weight: if drawn & 1 == 0 { size } else { -size },
+            }
+        })
+    });
+    let terms: Vec<Term> = terms.collect();
+    subset.network.listen("what is looked at", terms)?;
+    // Units that are looked at alone are added to no output.
+    subset.outputs.push(0);
+    Ok(subset)
+}

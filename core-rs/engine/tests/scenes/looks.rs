@@ -1,0 +1,308 @@
+//! Every mass is seen, whatever computes it and whether anybody hears it; and looking changes no sample.
+
+use std::sync::Arc;
+
+use ergon_engine::generator::{Rim, Shape, plate};
+use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::plan::{Budget, Known, Plan};
+use ergon_engine::simulation::{How, Look, OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+use super::scene::options;
+
+const RATE: f64 = 44_100.0;
+const N: usize = 4_410;
+/// A mass in algorithmic units [kg] → M.
+const M: f64 = RATE * RATE;
+
+/// Bells, a linear plate, a gong that stiffens, a body with a damper of its own and a hammer: one of each is heard, one is
+/// not. In discrete parts what a plan computes is what steps compute, but for rounding.
+fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
+    let rate = Rate::new(RATE).unwrap();
+    let (part_rate, m) = if discrete {
+        (Some(rate), M)
+    } else {
+        (None, 1.0)
+    };
+    let z = if discrete { RATE } else { 1.0 };
+    let mut network = Network::new();
+    let mut timeline = Timeline::new(rate);
+    let mut struck = Vec::new();
+    for side in ["heard", "unheard"] {
+        let first = network.n_mat();
+        network.part(&format!("bells {side}"), part_rate);
+        for f in [220.0, 1_310.0] {
+            let tie = Tie::Tuned { f, t60: Some(0.8) };
+            struck.push(
+                network
+                    .cel(&format!("b{f}"), 2e-3 * m, tie, 0.0, 0.0, 0.0)
+                    .unwrap(),
+            );
+        }
+        network.part(&format!("plate {side}"), part_rate);
+        let topology = plate(Shape::Hex, 3, Rim::Fixed).unwrap();
+        let own = network
+            .mesh("p", &topology, 0.3 * m, 180.0, Some(1.0), 0.0)
+            .unwrap();
+        struck.push(own + 12);
+        network.part(&format!("gong {side}"), part_rate);
+        let own = network
+            .mesh("g", &topology, 0.3 * m, 150.0, Some(1.0), 1e11)
+            .unwrap();
+        struck.push(own + 14);
+        network.part(&format!("frame {side}"), part_rate);
+        let tie = |k: f64, zed: f64| Tie::Physical { k, z: zed * z };
+        let a = network
+            .cel("a", 0.01 * m, tie(4e3, 0.05), 0.0, 0.0, 0.0)
+            .unwrap();
+        let b = network
+            .cel("b", 0.02 * m, tie(5e3, 0.9), 0.0, 0.0, 0.0)
+            .unwrap();
+        network.spring("s", a, b, 3e3, 0.2 * z, 0.0).unwrap();
+        struck.push(a);
+        network.part(&format!("hammer {side}"), part_rate);
+        let topology = plate(Shape::Hex, 2, Rim::Fixed).unwrap();
+        let skin = network
+            .mesh("p", &topology, 0.1 * m, 200.0, Some(0.5), 0.0)
+            .unwrap();
+        let hammer = network.mas("m", 5e-3 * m, -1e-3, 1.5).unwrap();
+        let but = But {
+            k: 4e4,
+            z: 0.0,
+            gap: 0.0,
+            side: Side::Below,
+            contact: Contact::Plain,
+            restitution: 1.0,
+            steps: 2,
+            exponent: 1.0,
+            clamp: false,
+        };
+        network.but("hits", hammer, skin + 5, but).unwrap();
+        if side == "heard" {
+            let len = network.n_mat() - first;
+            let weight = 1.0;
+            let all = vec![Term::Position { first, len, weight }];
+            network.listen("all", all).unwrap();
+            let few = vec![Term::Position {
+                first: first + 8,
+                len: 1,
+                weight,
+            }];
+            network.listen("few", few).unwrap();
+        }
+    }
+    for (i, mat) in struck.into_iter().enumerate() {
+        for k in 0..4_u32 {
+            let at = 1e-3 + 0.013 * f64::from(k) + 1e-4 * i as f64;
+            timeline
+                .strike(&network, mat, at, 2e-3 * f64::from(k + 1), 0)
+                .unwrap();
+        }
+    }
+    (Arc::new(network), timeline)
+}
+
+fn plan(
+    network: &Arc<Network>,
+    timeline: &Timeline,
+    seen: &[String],
+    budget: &Budget,
+) -> Arc<Plan> {
+    let known = Known {
+        seen,
+        ..Known::default()
+    };
+    Arc::new(Plan::with(network.clone(), timeline, budget, None, known).unwrap())
+}
+
+fn all(network: &Network) -> Vec<String> {
+    network
+        .parts()
+        .iter()
+        .map(|part| part.name.clone())
+        .collect()
+}
+
+fn running(plan: &Arc<Plan>, threads: usize) -> Simulation {
+    let options = Options {
+        ledger: false,
+        threads,
+        ..options(OnFault::Stop)
+    };
+    Simulation::planned(plan.clone(), options).unwrap()
+}
+
+fn sound(plan: &Arc<Plan>, threads: usize) -> Vec<u64> {
+    let mut simulation = running(plan, threads);
+    let look = simulation.looked_at();
+    simulation.watch_contacts();
+    let mut tracks = vec![0.0; 2 * look.n_tracks()];
+    let mut out = vec![0.0; N * simulation.n_out()];
+    for block in out.chunks_mut(735 * simulation.n_out()) {
+        simulation.process(block).unwrap();
+        simulation.look(&look, &mut tracks);
+        simulation.take_contacts(&look, |_, _, _| ());
+    }
+    out.iter().map(|x| x.to_bits()).collect()
+}
+
+/// Where all points are by what is seen of a simulation [m].
+fn positions(look: &Look, tracks: &[f64]) -> Vec<f64> {
+    let n = look.points.len();
+    let mut x: Vec<f64> = (0..n).map(|i| tracks[i] + look.points[i].rest).collect();
+    for body in &look.bodies {
+        for (row, &point) in body.shapes.chunks(body.modes.len()).zip(&body.points) {
+            let modes = row.iter().zip(&tracks[n + body.first..]);
+            x[point] = look.points[point].rest + modes.map(|(share, q)| share * q).sum::<f64>();
+        }
+    }
+    x
+}
+
+#[test]
+fn every_mass_is_seen_where_it_is() {
+    let (network, timeline) = scene(true);
+    let plain = Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    };
+    let mut truth = Simulation::new(network.clone(), &timeline, plain).unwrap();
+    let plan = plan(&network, &timeline, &all(&network), &Budget::Error(-120.0));
+    let mut simulation = running(&plan, 1);
+    let look = simulation.looked_at();
+    let kinds = |of: fn(&How) -> bool| look.points.iter().filter(|point| of(&point.how)).count();
+    assert_eq!(kinds(|how| matches!(how, How::NotComputed { .. })), 0);
+    assert_eq!(kinds(|how| matches!(how, How::Free(_))), 4);
+    assert!(kinds(|how| matches!(how, How::Sampled)) >= 2 * 37);
+    assert!(kinds(|how| matches!(how, How::Modal(_))) >= 2 * 37);
+    let (mut a, mut b) = (vec![0.0; 441 * 2], vec![0.0; 441 * 2]);
+    let mut tracks = vec![0.0; 2 * look.n_tracks()];
+    let mut most = vec![0.0_f64; network.parts().len()];
+    let mut worst = vec![0.0_f64; network.parts().len()];
+    for _ in 0..10 {
+        truth.process(&mut a).unwrap();
+        simulation.process(&mut b).unwrap();
+        simulation.look(&look, &mut tracks);
+        let (seen, true_x) = (positions(&look, &tracks), truth.positions());
+        for (point, x) in look.points.iter().zip(seen) {
+            let is = true_x[point.mat];
+            most[point.part] = most[point.part].max((is - point.rest).abs());
+            worst[point.part] = worst[point.part].max((x - is).abs());
+        }
+    }
+    for (part, (most, worst)) in network.parts().iter().zip(most.iter().zip(&worst)) {
+        assert!(*most > 1e-7, "{} stands still", part.name);
+        assert!(worst < &(2e-3 * most), "{}: {worst} of {most}", part.name);
+    }
+}
+
+#[test]
+fn looking_changes_no_sample() {
+    for discrete in [true, false] {
+        let (network, timeline) = scene(discrete);
+        let budget = Budget::default();
+        let heard = plan(&network, &timeline, &[], &budget);
+        let mut blind = running(&heard, 1);
+        let mut out = vec![0.0; N * blind.n_out()];
+        blind.process(&mut out).unwrap();
+        let out: Vec<u64> = out.iter().map(|x| x.to_bits()).collect();
+        let seen = plan(&network, &timeline, &all(&network), &budget);
+        assert_eq!(heard.hash(), seen.hash());
+        assert_eq!(heard.rows().len(), seen.rows().len());
+        assert!(!seen.seen().is_empty() && heard.seen().is_empty());
+        for threads in [1, 3] {
+            assert!(
+                sound(&heard, threads) == out,
+                "{discrete}, {threads} threads"
+            );
+            assert!(
+                sound(&seen, threads) == out,
+                "{discrete}, {threads} threads, all seen"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_free_goes_where_two_frames_say() {
+    for discrete in [true, false] {
+        let (network, timeline) = scene(discrete);
+        let plan = plan(&network, &timeline, &all(&network), &Budget::Error(-100.0));
+        let mut simulation = running(&plan, 1);
+        let look = simulation.looked_at();
+        let n = look.n_tracks();
+        let mut now = vec![0.0; 2 * n];
+        simulation.skip(3_000).unwrap();
+        simulation.look(&look, &mut now);
+        simulation.skip(1_000).unwrap();
+        let mut then = vec![0.0; 2 * n];
+        simulation.look(&look, &mut then);
+        let step = 1.0 / RATE;
+        let mut free = Vec::new();
+        for (track, point) in look.points.iter().enumerate() {
+            if let How::Free(own) = point.how {
+                free.push((track, own));
+            }
+        }
+        // Bodies that nothing touches: the hammers bounce for a while.
+        for body in &look.bodies {
+            let part = look.points[body.points[0]].part;
+            if !network.parts()[part].name.starts_with("hammer") {
+                free.extend(
+                    body.modes
+                        .iter()
+                        .enumerate()
+                        .map(|(i, own)| (look.points.len() + body.first + i, *own)),
+                );
+            }
+        }
+        assert!(free.len() > 30);
+        for (track, own) in free {
+            let begun = own.phase(now[track], now[n + track], step);
+            let (x, y) = own.later(begun, 1_000.0 * step);
+            let size = begun.0.hypot(begun.1) + 1e-12;
+            assert!(
+                (x - then[track]).abs() < 1e-6 * size,
+                "{track}: {x} {}",
+                then[track]
+            );
+            let there = own.phase(then[track], then[n + track], step);
+            assert!((y - there.1).abs() < 1e-5 * size);
+        }
+    }
+}
+
+#[test]
+fn a_contact_tells_how_hard_it_pushed() {
+    let (network, timeline) = scene(true);
+    let plan = plan(&network, &timeline, &all(&network), &Budget::default());
+    let mut simulation = running(&plan, 1);
+    let look = simulation.looked_at();
+    assert_eq!(look.contacts.len(), 2);
+    assert_eq!(look.contacts[0].name, "hammer heard.hits");
+    simulation.watch_contacts();
+    let mut told = Vec::new();
+    for _ in 0..10 {
+        simulation.skip(441).unwrap();
+        let until = simulation.frame();
+        simulation.take_contacts(&look, |contact, frame, force| {
+            assert!(frame < until && frame + 441 >= until);
+            told.push((contact, frame, force));
+        });
+    }
+    // The hammer comes from below at 1.5 m/s over 1 mm, and is pushed down.
+    let first = told.iter().find(|touch| touch.0 == 0).unwrap();
+    assert!((25..60).contains(&first.1), "{told:?}");
+    // m v √(k/m) at most, where the skin gives way less.
+    let most = 1.5 * (4e4_f64 * 5e-3).sqrt();
+    assert!(
+        first.2.abs() > 0.3 * most && first.2.abs() < 1.05 * most,
+        "{told:?}"
+    );
+    assert!(first.2 < 0.0);
+    assert_eq!(
+        told.iter().filter(|touch| touch.0 == 0).count(),
+        told.iter().filter(|touch| touch.0 == 1).count()
+    );
+}

@@ -1,0 +1,193 @@
+//! What the payload of each kind of chunk holds, as bytes. `docs/motion.md` is the page of it.
+
+use crate::motion::{self, Chunk};
+
+/// The version of every payload here.
+pub const VERSION: u16 = 1;
+/// No source, no track.
+pub const NONE: u32 = u32::MAX;
+
+/// Kinds of chunks.
+pub mod kind {
+    /// JSON.
+    pub const SCENE: u16 = 1;
+    /// Table of points.
+    pub const POINTS: u16 = 2;
+    /// Free oscillations that begin.
+    pub const FLIGHTS: u16 = 3;
+    /// Sampled displacements.
+    pub const FRAMES: u16 = 4;
+    /// What strikes.
+    pub const ERGONS: u16 = 5;
+    /// What touched.
+    pub const CONTACTS: u16 = 6;
+    /// Loudspeakers.
+    pub const LEVELS: u16 = 7;
+    /// Keys.
+    pub const HANDS: u16 = 8;
+    /// When an instant is heard.
+    pub const CLOCK: u16 = 9;
+    /// All flights under way.
+    pub const STATE: u16 = 10;
+    /// Where segments begin.
+    pub const INDEX: u16 = 11;
+    /// Pairs of points.
+    pub const LINKS: u16 = 12;
+    /// Modes of a part.
+    pub const SHAPES: u16 = 13;
+    /// Names of points.
+    pub const NAMES: u16 = 14;
+    /// Largest displacements.
+    pub const PEAKS: u16 = 15;
+}
+
+/// Bytes in the making.
+#[derive(Clone, Debug, Default)]
+pub struct Bytes(pub Vec<u8>);
+
+impl Bytes {
+    /// Append a number.
+    pub fn u16(&mut self, value: u16) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    /// Append a number.
+    pub fn u32(&mut self, value: u32) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    /// Append a number.
+    pub fn u64(&mut self, value: u64) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    /// Append a number, rounded to single precision.
+    pub fn f32(&mut self, value: f64) {
+        self.0.extend_from_slice(&(value as f32).to_le_bytes());
+    }
+
+    /// Append a number.
+    pub fn f64(&mut self, value: f64) {
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+}
+
+/// Bytes that are read from the front; `None` where they end.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading<'a>(pub &'a [u8]);
+
+impl<'a> Reading<'a> {
+    /// The next so many bytes.
+    pub fn take(&mut self, n: usize) -> Option<&'a [u8]> {
+        let (own, rest) = self.0.split_at_checked(n)?;
+        self.0 = rest;
+        Some(own)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.take(N)?.try_into().ok()
+    }
+
+    /// The next number.
+    pub fn u16(&mut self) -> Option<u16> {
+        self.array().map(u16::from_le_bytes)
+    }
+
+    /// The next number.
+    pub fn u32(&mut self) -> Option<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    /// The next number.
+    pub fn u64(&mut self) -> Option<u64> {
+        self.array().map(u64::from_le_bytes)
+    }
+
+    /// The next number, of single precision.
+    pub fn f32(&mut self) -> Option<f64> {
+        self.array().map(f32::from_le_bytes).map(f64::from)
+    }
+
+    /// The next number.
+    pub fn f64(&mut self) -> Option<f64> {
+        self.array().map(f64::from_le_bytes)
+    }
+}
+
+/// Append a chunk of a kind.
+pub fn put(out: &mut Vec<u8>, kind: u16, seconds: f64, payload: &[u8]) {
+    let chunk = Chunk {
+        kind,
+        version: VERSION,
+        seconds,
+        payload,
+    };
+    motion::write(out, &chunk);
+}
+
+/// A number of half precision (IEEE 754), to the nearest, ties to even; what is too large becomes the largest.
+pub fn half(value: f64) -> u16 {
+    let sign = if value.is_sign_negative() { 0x8000 } else { 0 };
+    let size = value.abs();
+    if size.is_nan() {
+        return 0x7e00;
+    }
+    if size >= 65_504.0 {
+        return sign | 0x7bff;
+    }
+    // Multiples of 2^−24 below 2^−14; above, eleven bits of the fraction.
+    let exponent = if size < 6.103_515_625e-5 {
+        -14
+    } else {
+        ((size.to_bits() >> 52) as i32) - 1023
+    };
+    let unit = f64::from_bits(((exponent - 10 + 1023) as u64) << 52);
+    let steps = (size / unit).round_ties_even() as u16; // 1024 ≤ steps ≤ 2048 where it is normal
+    // A carry goes into the exponent by itself.
+    sign | ((((exponent + 14) as u16) << 10) + steps)
+}
+
+/// The value of a number of half precision.
+pub fn whole(bits: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
+    let unit = |exponent: i32| f64::from_bits(((exponent + 1023) as u64) << 52);
+    let size = match exponent {
+        0 => fraction * unit(-24),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        normal => (1024.0 + fraction) * unit(normal - 25),
+    };
+    if bits & 0x8000 == 0 { size } else { -size }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_precision_keeps_eleven_bits() {
+        for (value, bits) in [
+            (0.0, 0x0000),
+            (1.0, 0x3c00),
+            (-2.0, 0xc000),
+            (65_504.0, 0x7bff),
+            (1e9, 0x7bff),
+            (6.103_515_625e-5, 0x0400),
+            (5.960_464_477_539_063e-8, 0x0001),
+            (0.333_251_953_125, 0x3555),
+            (2047.5, 0x6800), // a tie, to even: 2048
+        ] {
+            assert_eq!(half(value), bits, "{value}");
+        }
+        for bits in 0..0x7c00_u16 {
+            assert_eq!(half(whole(bits)), bits);
+            assert_eq!(half(-whole(bits)), bits | 0x8000);
+            let between = 0.5 * (whole(bits) + whole((bits + 1).min(0x7bff)));
+            assert_eq!(
+                half(between) & 1,
+                if bits == 0x7bff { 1 } else { 0 },
+                "{bits}"
+            );
+        }
+    }
+}

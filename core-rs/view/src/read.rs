@@ -1,0 +1,407 @@
+//! A motion file as far as it is whole, and where its points are at any instant.
+
+use ergon_engine::simulation::Oscillation;
+use serde_json::Value;
+use thiserror::Error;
+
+use crate::frames::Frames;
+use crate::motion::{self, ChunkError, MAGIC};
+use crate::payload::{Reading, VERSION, kind, whole};
+
+/// Why a file is not read.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum ReadError {
+    /// It begins otherwise.
+    #[error("this is no motion file: it does not begin with ERGM and version 1")]
+    Magic,
+    /// Its scene or a table is not whole, or damaged.
+    #[error("the {0} of this motion file is missing or damaged")]
+    Table(&'static str),
+    /// A payload that another program version wrote.
+    #[error("this motion file was written by a newer ergon: kind {0} has version {1}")]
+    Version(u16, u16),
+    /// A payload does not hold what its kind says.
+    #[error("a chunk of kind {0} at byte {1} of this motion file is damaged")]
+    Payload(u16, usize),
+}
+
+/// One chunk, by its place in the file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// What it is.
+    pub kind: u16,
+    /// Its instant [s].
+    pub seconds: f64,
+    /// Where its payload begins.
+    pub at: usize,
+    /// How long its payload is.
+    pub len: usize,
+}
+
+/// What a file holds, up to its last whole chunk.
+#[derive(Clone, Debug)]
+pub struct MotionFile {
+    bytes: Vec<u8>,
+    /// All chunks that are whole.
+    pub chunks: Vec<Place>,
+    /// The scene, as JSON.
+    pub scene: String,
+    /// Whether the last chunk is the index: the file was ended.
+    pub is_whole: bool,
+    /// Points.
+    pub n_points: usize,
+    /// Modes.
+    pub n_modes: usize,
+    /// x, y, z, rest of each point [m]   (n_points)
+    pub places: Vec<[f64; 4]>,
+    /// Names of points.
+    pub names: Vec<String>,
+    parts: Vec<Part>,
+    /// (n_points + n_modes)
+    oscillations: Vec<Oscillation>,
+}
+
+#[derive(Clone, Debug)]
+struct Part {
+    first: usize,
+    count: usize,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Free,
+    Sampled,
+    /// First mode, and how much each point sees of each   (n, n_modes)
+    Modal(usize, usize, Vec<f64>),
+    None,
+}
+
+/// Most points and modes: more is damage.
+const MOST: usize = 1 << 24;
+
+impl MotionFile {
+    /// Read what is whole of a file.
+    ///
+    /// # Errors
+    /// [`ReadError`] where its scene and tables are not whole, or a chunk that is whole does not hold what it should.
+    pub fn new(bytes: Vec<u8>) -> Result<Self, ReadError> {
+        if !bytes.starts_with(&MAGIC) {
+            return Err(ReadError::Magic);
+        }
+        let (mut chunks, mut at) = (Vec::new(), MAGIC.len());
+        // A damaged chunk ends what can be trusted, as a cut does.
+        while let Ok((chunk, n)) = motion::read(&bytes[at..]) {
+            let known = (kind::SCENE..=kind::PEAKS).contains(&chunk.kind);
+            if known && chunk.version != VERSION {
+                return Err(ReadError::Version(chunk.kind, chunk.version));
+            }
+            chunks.push(Place {
+                kind: chunk.kind,
+                seconds: chunk.seconds,
+                at: at + n - 4 - chunk.payload.len(),
+                len: chunk.payload.len(),
+            });
+            at += n;
+        }
+        let is_ended = chunks.last().is_some_and(|last| last.kind == kind::INDEX);
+        let mut own = Self {
+            is_whole: is_ended && at == bytes.len(),
+            bytes,
+            chunks,
+            scene: String::new(),
+            n_points: 0,
+            n_modes: 0,
+            places: Vec::new(),
+            names: Vec::new(),
+            parts: Vec::new(),
+            oscillations: Vec::new(),
+        };
+        own.scene().ok_or(ReadError::Table("scene"))?;
+        own.points().ok_or(ReadError::Table("table of points"))?;
+        own.names().ok_or(ReadError::Table("list of names"))?;
+        own.shapes().ok_or(ReadError::Table("table of shapes"))?;
+        own.check()?;
+        Ok(own)
+    }
+
+    /// Whether the bytes behind the last whole chunk end within a chunk: the file was cut, not damaged.
+    pub fn is_cut(&self) -> bool {
+        let end = self
+            .chunks
+            .last()
+            .map_or(MAGIC.len(), |last| last.at + last.len + 4);
+        end < self.bytes.len() && motion::read(&self.bytes[end..]) == Err(ChunkError::Cut)
+    }
+
+    /// The payload of a chunk.
+    pub fn payload(&self, place: &Place) -> &[u8] {
+        &self.bytes[place.at..place.at + place.len]
+    }
+
+    /// How long it is [s]: to the last frame or event.
+    pub fn duration(&self) -> f64 {
+        let end = |place: &Place| match place.kind {
+            kind::FRAMES => {
+                let mut head = Reading(&self.payload(place)[4..]);
+                let count = head.u32().unwrap_or(1).max(1);
+                place.seconds + f64::from(count - 1) * head.f64().unwrap_or(0.0)
+            }
+            _ => place.seconds,
+        };
+        self.chunks.iter().map(end).fold(0.0, f64::max)
+    }
+
+    fn first(&self, kind: u16) -> Option<&[u8]> {
+        let place = self.chunks.iter().find(|place| place.kind == kind)?;
+        Some(self.payload(place))
+    }
+
+    fn scene(&mut self) -> Option<()> {
+        let text = std::str::from_utf8(self.first(kind::SCENE)?)
+            .ok()?
+            .to_owned();
+        let scene: Value = serde_json::from_str(&text).ok()?;
+        let count = |value: &Value, name: &str| -> Option<usize> {
+            usize::try_from(value.get(name)?.as_u64()?)
+                .ok()
+                .filter(|n| *n <= MOST)
+        };
+        (self.n_points, self.n_modes) = (count(&scene, "points")?, count(&scene, "modes")?);
+        let mut until = 0;
+        for part in scene.get("parts")?.as_array()? {
+            let (first, count_here) = (count(part, "first")?, count(part, "count")?);
+            if first != until {
+                return None;
+            }
+            until += count_here;
+            let kind = match part.get("kind")?.as_str()? {
+                "free" => Kind::Free,
+                "sampled" => Kind::Sampled,
+                "modal" => {
+                    let modes = part.get("modes")?;
+                    let (first, m) = (count(modes, "first")?, count(modes, "count")?);
+                    if first + m > self.n_modes || m * count_here > 8 * MOST {
+                        return None;
+                    }
+                    Kind::Modal(first, m, vec![0.0; m * count_here])
+                }
+                "none" => Kind::None,
+                _ => return None,
+            };
+            self.parts.push(Part {
+                first,
+                count: count_here,
+                kind,
+            });
+        }
+        self.scene = text;
+        (until == self.n_points).then_some(())
+    }
+
+    fn points(&mut self) -> Option<()> {
+        let n = self.n_points;
+        let table = self.first(kind::POINTS)?;
+        if table.len() != 4 + 32 * n {
+            return None;
+        }
+        let mut from = Reading(table);
+        if from.u32()? as usize != n {
+            return None;
+        }
+        let mut places = vec![[0.0; 4]; n];
+        for axis in 0..4 {
+            for place in &mut places {
+                place[axis] = from.f32()?;
+            }
+        }
+        let still = Oscillation {
+            omega: 0.0,
+            sigma: 0.0,
+        };
+        let mut oscillations = vec![still; n + self.n_modes];
+        for own in &mut oscillations[..n] {
+            own.omega = from.f64()?;
+        }
+        for own in &mut oscillations[..n] {
+            own.sigma = from.f64()?;
+        }
+        (self.places, self.oscillations) = (places, oscillations);
+        Some(())
+    }
+
+    fn names(&mut self) -> Option<()> {
+        let text = std::str::from_utf8(self.first(kind::NAMES)?).ok()?;
+        let names: Vec<String> = text.lines().map(str::to_owned).collect();
+        (names.len() == self.n_points).then(|| self.names = names)
+    }
+
+    fn shapes(&mut self) -> Option<()> {
+        let places: Vec<Place> = self.chunks.iter().copied().collect();
+        for place in places.iter().filter(|place| place.kind == kind::SHAPES) {
+            let mut from = Reading(&self.bytes[place.at..place.at + place.len]);
+            let (part, _) = (from.u16()? as usize, from.u16()?);
+            let (first, m, n) = (
+                from.u32()? as usize,
+                from.u32()? as usize,
+                from.u32()? as usize,
+            );
+            let part = self.parts.get_mut(part)?;
+            let Kind::Modal(own, all, shapes) = &mut part.kind else {
+                return None;
+            };
+            let at = first.checked_sub(*own)?;
+            let size = m.checked_mul(n)?.checked_mul(2)?.checked_add(16 * m)?;
+            if n != part.count || at + m > *all || from.0.len() != size {
+                return None;
+            }
+            for own in &mut self.oscillations[self.n_points + first..][..m] {
+                own.omega = from.f64()?;
+            }
+            for own in &mut self.oscillations[self.n_points + first..][..m] {
+                own.sigma = from.f64()?;
+            }
+            for row in shapes.chunks_mut((*all).max(1)) {
+                for share in &mut row[at..at + m] {
+                    *share = whole(from.u16()?);
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// Whether every chunk that a player reads holds what its kind says.
+    fn check(&self) -> Result<(), ReadError> {
+        for place in &self.chunks {
+            let payload = self.payload(place);
+            let is_right = match place.kind {
+                kind::FLIGHTS | kind::STATE => self.flights(payload).is_some(),
+                kind::FRAMES => payload.len() >= 16,
+                kind::ERGONS => payload.len().is_multiple_of(20),
+                kind::CONTACTS | kind::HANDS => payload.len().is_multiple_of(12),
+                _ => true,
+            };
+            if !is_right || !place.seconds.is_finite() {
+                return Err(ReadError::Payload(place.kind, place.at));
+            }
+        }
+        Ok(())
+    }
+
+    fn flights(&self, payload: &[u8]) -> Option<Vec<(usize, f64, f64)>> {
+        let mut from = Reading(payload);
+        let mut all = Vec::with_capacity(payload.len() / 12);
+        while !from.0.is_empty() {
+            let number = from.u32()? as usize;
+            if number >= self.oscillations.len() {
+                return None;
+            }
+            all.push((number, from.f32()?, from.f32()?));
+        }
+        Some(all)
+    }
+
+    fn frames(&self, place: &Place) -> Option<Frames> {
+        let points = |part: u16| self.parts.get(usize::from(part)).map(|part| part.count);
+        Frames::read(self.payload(place), points)
+    }
+
+    /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN where nothing is known.
+    ///
+    /// # Errors
+    /// [`ReadError`] where frames are damaged.
+    pub fn displacements(&self, instants: &[f64]) -> Result<Vec<f64>, ReadError> {
+        let n = self.n_points;
+        let mut out = vec![f64::NAN; instants.len() * n];
+        self.swing(instants, &mut out);
+        self.interpolate(instants, &mut out)?;
+        Ok(out)
+    }
+
+    /// What goes by flights.
+    fn swing(&self, instants: &[f64], out: &mut [f64]) {
+        let n = self.n_points;
+        let mut now = vec![(0.0, 0.0, 0.0); self.oscillations.len()];
+        let told = self.chunks.iter();
+        let mut told = told
+            .filter(|place| matches!(place.kind, kind::FLIGHTS | kind::STATE))
+            .peekable();
+        for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
+            while let Some(place) = told.next_if(|place| place.seconds <= instant) {
+                if place.kind == kind::STATE {
+                    now.fill((0.0, 0.0, 0.0));
+                }
+                for (number, a, b) in self.flights(self.payload(place)).unwrap_or_default() {
+                    now[number] = (a, b, place.seconds);
+                }
+            }
+            let at = |number: usize| {
+                let (a, b, since) = now[number];
+                self.oscillations[number].later((a, b), instant - since).0
+            };
+            for part in &self.parts {
+                let own = &mut row[part.first..part.first + part.count];
+                match &part.kind {
+                    Kind::Free => {
+                        own.iter_mut()
+                            .zip(part.first..)
+                            .for_each(|(x, number)| *x = at(number));
+                    }
+                    Kind::Modal(first, m, shapes) => {
+                        let modes: Vec<f64> = (0..*m).map(|mode| at(n + first + mode)).collect();
+                        for (x, shape) in own.iter_mut().zip(shapes.chunks((*m).max(1))) {
+                            *x = shape.iter().zip(&modes).map(|(share, q)| share * q).sum();
+                        }
+                    }
+                    Kind::Sampled | Kind::None => {}
+                }
+            }
+        }
+    }
+
+    /// What goes by frames: straight from one to the next.
+    fn interpolate(&self, instants: &[f64], out: &mut [f64]) -> Result<(), ReadError> {
+        let n = self.n_points;
+        for (number, part) in self.parts.iter().enumerate() {
+            if !matches!(part.kind, Kind::Sampled) {
+                continue;
+            }
+            let is_own = |place: &&Place| {
+                let own = Reading(self.payload(place)).u16();
+                place.kind == kind::FRAMES && own == Some(number as u16)
+            };
+            let (mut known, mut at): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
+            let mut blocks = self.chunks.iter().filter(is_own);
+            for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
+                while known.last().is_none_or(|last| last.0 <= instant) {
+                    let Some(place) = blocks.next() else { break };
+                    let damaged = ReadError::Payload(place.kind, place.at);
+                    let frames = self.frames(place).ok_or(damaged)?;
+                    // Of what is past one frame is enough.
+                    known.drain(..known.len().saturating_sub(1));
+                    at = 0;
+                    for (i, x) in frames.rows.chunks(part.count.max(1)).enumerate() {
+                        known.push((place.seconds + i as f64 * frames.hop, x.to_vec()));
+                    }
+                }
+                while at + 1 < known.len() && known[at + 1].0 <= instant {
+                    at += 1;
+                }
+                let own = &mut row[part.first..part.first + part.count];
+                let Some((since, x)) = known.get(at).filter(|frame| frame.0 <= instant) else {
+                    continue;
+                };
+                match known.get(at + 1) {
+                    Some((until, y)) => {
+                        let s = (instant - since) / (until - since);
+                        for (own, (x, y)) in own.iter_mut().zip(x.iter().zip(y)) {
+                            *own = x + s * (y - x);
+                        }
+                    }
+                    None => own.copy_from_slice(x),
+                }
+            }
+        }
+        Ok(())
+    }
+}

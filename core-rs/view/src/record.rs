@@ -1,0 +1,634 @@
+//! A simulation into chunks: it is looked at once a video frame, and what a reader knows by itself is not told.
+//!
+//! What swings freely is an oscillation that a reader goes on computing. The recorder computes it as the reader does, and tells a
+//! new one, a flight, only where the engine is elsewhere: after an ergon, from the instant of the ergon on.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use ergon_engine::network::{LinkKind, Network};
+use ergon_engine::simulation::{How, Look, Oscillation, Record, Simulation};
+
+use crate::frames::Frames;
+use crate::motion::{MAGIC, MOST};
+use crate::payload::{Bytes, NONE, half, kind, put};
+
+/// A flight is told where the last is off by this part of the amplitude.
+const OFF: f64 = 2e-3;
+/// What nobody could see [m].
+const FAINT: f64 = 1e-12;
+/// What is written is told so long before it strikes [s].
+const AHEAD: f64 = 1.0;
+/// Where an oscillation fades faster than this in a frame, it is not followed back to the ergon.
+const STEEP: f64 = 20.0;
+/// Frames from one look at the shape of a modal part, for its peak, to the next.
+const SHAPED: u64 = 4;
+
+/// A run of points of one kind: a part of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// Its part in the network.
+    pub part: usize,
+    /// Its points.
+    pub points: Range<usize>,
+    /// `free`, `sampled`, `modal` or `none`.
+    pub kind: &'static str,
+    /// Why it is not computed.
+    pub why: Option<&'static str>,
+    /// The body of [`Look::bodies`] that it is.
+    pub body: Option<usize>,
+}
+
+/// The parts of what is looked at, in the order of the points.
+pub fn runs(look: &Look) -> Vec<Run> {
+    let mut all: Vec<Run> = Vec::new();
+    for (at, point) in look.points.iter().enumerate() {
+        let (kind, why, body) = match point.how {
+            How::Free(_) => ("free", None, None),
+            How::Sampled => ("sampled", None, None),
+            How::Modal(body) => ("modal", None, Some(body)),
+            How::NotComputed { is_moved: true } => ("none", Some("unheard"), None),
+            How::NotComputed { is_moved: false } => ("none", Some("unmoved"), None),
+        };
+        match all.last_mut() {
+            Some(run)
+                if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) =>
+            {
+                run.points.end = at + 1;
+            }
+            _ => all.push(Run {
+                part: point.part,
+                points: at..at + 1,
+                kind,
+                why,
+                body,
+            }),
+        }
+    }
+    all
+}
+
+/// What is recorded beside what moves.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The scene, as JSON.
+    pub scene: String,
+    /// Where each point stands [m]   (n_points)
+    pub places: Vec<[f64; 3]>,
+    /// Ergons that are known beforehand, by rising instant.
+    pub ergons: Vec<Record>,
+    /// The MAT of each key, by its number in the timeline.
+    pub keys: Vec<usize>,
+    /// Loudspeakers.
+    pub n_speakers: usize,
+    /// Looks a second [Hz].
+    pub fps: f64,
+}
+
+/// What a reader computes by itself of one point or mode.
+#[derive(Clone, Copy, Debug, Default)]
+struct Flight {
+    a: f64,
+    b: f64,
+    since: f64,
+}
+
+/// A point or mode that swings freely.
+struct Track {
+    number: usize,
+    own: Oscillation,
+    /// Whose blows are its.
+    struck: usize,
+    run: usize,
+}
+
+/// One second of chunks, which is written when it is over.
+#[derive(Default)]
+struct Segment {
+    start: f64,
+    state: Bytes,
+    /// Of each sampled run   (count · n)
+    rows: Vec<Vec<f64>>,
+    count: usize,
+    events: Vec<(f64, u16, Bytes)>,
+}
+
+/// A simulation on its way into chunks.
+pub struct Recorder {
+    look: Look,
+    setup: Setup,
+    rate: f64,
+    runs: Vec<Run>,
+    tracks: Vec<Track>,
+    /// (n_tracks)
+    flights: Vec<Flight>,
+    /// Instants at which each point, and behind them each body, is struck: rising.
+    blows: Vec<Vec<f64>>,
+    seen: Vec<f64>,
+    /// Displacements of modal points, as far as they are asked for   (n_points)
+    shaped: Vec<f64>,
+    peaks: Vec<f64>,
+    /// Points by MAT.
+    points: HashMap<usize, usize>,
+    frame: u64,
+    last: f64,
+    told: usize,
+    squares: Vec<f64>,
+    heard: u64,
+    segment: Segment,
+    index: Vec<(f64, u64)>,
+    out: Vec<u8>,
+    /// Bytes that were taken.
+    taken: u64,
+}
+
+impl Recorder {
+    /// The file begins: scene and tables.
+    ///
+    /// # Errors
+    /// A sentence where a table would be too long.
+    pub fn new(simulation: &Simulation, look: Look, setup: Setup) -> Result<Self, String> {
+        let network = simulation.network();
+        let runs = runs(&look);
+        if setup.places.len() != look.points.len() {
+            return Err(format!(
+                "{} places for {} points",
+                setup.places.len(),
+                look.points.len()
+            ));
+        }
+        if runs.len() >= usize::from(u16::MAX) || 48 * look.points.len() > MOST {
+            return Err("a motion file holds a million masses at most".into());
+        }
+        let points: HashMap<usize, usize> = (look.points.iter().enumerate())
+            .map(|(at, point)| (point.mat, at))
+            .collect();
+        let blows = blows(&look, network, &points, &setup.ergons, simulation.rate());
+        let n_tracks = look.n_tracks();
+        let mut own = Self {
+            tracks: tracks(&look, &runs),
+            flights: vec![Flight::default(); n_tracks],
+            blows,
+            seen: vec![0.0; 2 * n_tracks],
+            shaped: vec![0.0; look.points.len()],
+            peaks: vec![0.0; runs.len()],
+            points,
+            rate: simulation.rate(),
+            frame: 0,
+            last: 0.0,
+            told: 0,
+            squares: vec![0.0; setup.n_speakers],
+            heard: 0,
+            segment: Segment::default(),
+            index: Vec::new(),
+            out: MAGIC.to_vec(),
+            taken: 0,
+            runs,
+            look,
+            setup,
+        };
+        own.tables(network);
+        if own.out.len() > MOST {
+            return Err("the tables of this scene are too long for a motion file".into());
+        }
+        Ok(own)
+    }
+
+    fn tables(&mut self, network: &Network) {
+        put(&mut self.out, kind::SCENE, 0.0, self.setup.scene.as_bytes());
+        let mut table = Bytes::default();
+        table.u32(self.look.points.len() as u32);
+        for axis in 0..3 {
+            self.setup
+                .places
+                .iter()
+                .for_each(|place| table.f32(place[axis]));
+        }
+        self.look
+            .points
+            .iter()
+            .for_each(|point| table.f32(point.rest));
+        let free = |point: &ergon_engine::simulation::Point| match point.how {
+            How::Free(own) => own,
+            _ => Oscillation {
+                omega: 0.0,
+                sigma: 0.0,
+            },
+        };
+        self.look
+            .points
+            .iter()
+            .for_each(|point| table.f64(free(point).omega));
+        self.look
+            .points
+            .iter()
+            .for_each(|point| table.f64(free(point).sigma));
+        put(&mut self.out, kind::POINTS, 0.0, &table.0);
+        let names = self.look.points.iter();
+        let names: String = names
+            .map(|point| network.mat_name(point.mat) + "\n")
+            .collect();
+        put(&mut self.out, kind::NAMES, 0.0, names.as_bytes());
+        let mut links = Bytes::default();
+        let mut pairs = Vec::new();
+        for run in network.runs() {
+            if !matches!(run.kind, LinkKind::But(_)) {
+                let ends = (0..run.len).map(|i| (run.a + i, run.b + i));
+                pairs.extend(
+                    ends.filter_map(|(a, b)| Some((*self.points.get(&a)?, *self.points.get(&b)?))),
+                );
+            }
+        }
+        links.u32(pairs.len() as u32);
+        for (a, b) in pairs {
+            links.u32(a as u32);
+            links.u32(b as u32);
+        }
+        put(&mut self.out, kind::LINKS, 0.0, &links.0);
+        for (part, run) in self.runs.iter().enumerate() {
+            let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
+                continue;
+            };
+            let (n, m) = (body.points.len(), body.modes.len());
+            // As many modes at once as a chunk holds.
+            for some in chunks(m, (MOST / 4) / (2 * n.max(1)).max(1)) {
+                let mut shapes = Bytes::default();
+                shapes.u16(part as u16);
+                shapes.u16(0);
+                shapes.u32((body.first + some.start) as u32);
+                shapes.u32(some.len() as u32);
+                shapes.u32(n as u32);
+                body.modes[some.clone()]
+                    .iter()
+                    .for_each(|own| shapes.f64(own.omega));
+                body.modes[some.clone()]
+                    .iter()
+                    .for_each(|own| shapes.f64(own.sigma));
+                for row in body.shapes.chunks(m.max(1)) {
+                    row[some.clone()]
+                        .iter()
+                        .for_each(|share| shapes.u16(half(*share)));
+                }
+                put(&mut self.out, kind::SHAPES, 0.0, &shapes.0);
+            }
+        }
+    }
+
+    /// The sample of the simulation at which it is to be looked at next.
+    pub fn next(&self) -> u64 {
+        (self.frame as f64 * self.rate / self.setup.fps + 0.5) as u64
+    }
+
+    /// Look at the simulation as it is now.
+    pub fn look(&mut self, simulation: &mut Simulation) {
+        let now = simulation.frame() as f64 / self.rate;
+        simulation.look(&self.look, &mut self.seen);
+        let per_segment = (self.setup.fps + 0.5) as u64;
+        let is_first = self.frame.is_multiple_of(per_segment.max(1));
+        self.fly(now, is_first);
+        self.touch(simulation);
+        if is_first {
+            self.end_segment();
+            self.begin_segment(now);
+        }
+        self.sample();
+        self.foretell(now);
+        self.hands(simulation, now);
+        self.levels(now);
+        self.last = now;
+        self.frame += 1;
+    }
+
+    /// Take what loudspeakers sound since the last look   (n_frames · n_speakers)
+    pub fn hear(&mut self, mixed: &[f64]) {
+        for frame in mixed.chunks_exact(self.squares.len().max(1)) {
+            for (square, x) in self.squares.iter_mut().zip(frame) {
+                *square += x * x;
+            }
+            self.heard += 1;
+        }
+    }
+
+    /// The bytes that are complete by now, once.
+    pub fn take(&mut self) -> Vec<u8> {
+        self.taken += self.out.len() as u64;
+        std::mem::take(&mut self.out)
+    }
+
+    /// The last bytes: the segment that runs, and the index.
+    pub fn finish(&mut self) -> Vec<u8> {
+        self.end_segment();
+        let at = self.taken + self.out.len() as u64;
+        let mut index = Bytes::default();
+        index.u32(self.index.len() as u32);
+        index.u32(self.peaks.len() as u32);
+        index.f64(self.last);
+        self.peaks.iter().for_each(|peak| index.f32(*peak));
+        for &(seconds, byte) in &self.index {
+            index.f64(seconds);
+            index.u64(byte);
+        }
+        index.u64(at);
+        put(&mut self.out, kind::INDEX, self.last, &index.0);
+        self.take()
+    }
+
+    fn event(&mut self, seconds: f64, kind: u16) -> &mut Bytes {
+        let events = &mut self.segment.events;
+        let is_same = |last: &(f64, u16, Bytes)| (last.0, last.1) == (seconds, kind);
+        if !events.last().is_some_and(is_same) {
+            events.push((seconds, kind, Bytes::default()));
+        }
+        let last = events.len() - 1;
+        &mut events[last].2
+    }
+
+    /// Flights that are not where a reader has them.
+    fn fly(&mut self, now: f64, is_first: bool) {
+        let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
+        let mut found: Vec<(f64, usize, Flight)> = Vec::new();
+        for track in &self.tracks {
+            let is = track
+                .own
+                .phase(self.seen[track.number], self.seen[n + track.number], step);
+            let flight = &self.flights[track.number];
+            let told = track.own.later((flight.a, flight.b), now - flight.since);
+            let scale = if track.own.omega == 0.0 {
+                1.0 / self.setup.fps
+            } else {
+                1.0
+            };
+            let size = |(a, b): (f64, f64)| a.hypot(b * scale);
+            let off = size((is.0 - told.0, is.1 - told.1));
+            let amplitude = size(is).max(size(told));
+            let peak = &mut self.peaks[track.run];
+            if track.number < self.look.points.len() {
+                *peak = peak.max(if track.own.omega == 0.0 {
+                    is.0.abs()
+                } else {
+                    size(is)
+                });
+            }
+            if !(off > OFF * amplitude + FAINT) {
+                continue;
+            }
+            // What strikes at the instant of a look acts after it.
+            let blows = &self.blows[track.struck];
+            let blow = blows[..blows.partition_point(|blow| *blow < now)].last();
+            let since = match blow {
+                Some(&blow) if blow >= self.last && track.own.sigma * (now - blow) < STEEP => blow,
+                _ => now,
+            };
+            let (a, b) = track.own.later(is, since - now);
+            let (a, b) = (f64::from(a as f32), f64::from(b as f32));
+            found.push((since, track.number, Flight { a, b, since }));
+        }
+        found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+        for (since, number, flight) in found {
+            self.flights[number] = flight;
+            // What begins now is in the key state.
+            if !(is_first && since == now) {
+                write(self.event(since, kind::FLIGHTS), number, &flight);
+            }
+        }
+        if self.frame.is_multiple_of(SHAPED) {
+            self.shape();
+        }
+    }
+
+    /// The peaks of modal parts.
+    fn shape(&mut self) {
+        let n = self.look.points.len();
+        for (run, peak) in self.runs.iter().zip(&mut self.peaks) {
+            let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
+                continue;
+            };
+            let modes = &self.seen[n + body.first..][..body.modes.len()];
+            for (row, &point) in body.shapes.chunks(modes.len().max(1)).zip(&body.points) {
+                self.shaped[point] = row.iter().zip(modes).map(|(share, q)| share * q).sum();
+                *peak = peak.max(self.shaped[point].abs());
+            }
+        }
+    }
+
+    /// Contacts since the last look.
+    fn touch(&mut self, simulation: &mut Simulation) {
+        let mut touches = Vec::new();
+        simulation.take_contacts(&self.look, |contact, frame, force| {
+            touches.push((contact, frame, force));
+        });
+        let (last, rate) = (self.last, self.rate);
+        for (contact, frame, force) in touches {
+            let to = self.event(last, kind::CONTACTS);
+            to.f32(frame as f64 / rate - last);
+            to.u32(contact as u32);
+            to.f32(force);
+        }
+    }
+
+    fn begin_segment(&mut self, now: f64) {
+        self.segment.start = now;
+        for track in &self.tracks {
+            let flight = &mut self.flights[track.number];
+            let (a, b) = track.own.later((flight.a, flight.b), now - flight.since);
+            let is_faint = a.hypot(b) <= FAINT;
+            let kept = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
+            *flight = Flight {
+                a: kept(a),
+                b: kept(b),
+                since: now,
+            };
+            if !is_faint {
+                write(&mut self.segment.state, track.number, flight);
+            }
+        }
+    }
+
+    fn sample(&mut self) {
+        self.segment.rows.resize(self.runs.len(), Vec::new());
+        let all = self
+            .runs
+            .iter()
+            .zip(&mut self.segment.rows)
+            .zip(&mut self.peaks);
+        for ((run, rows), peak) in all.filter(|((run, _), _)| run.kind == "sampled") {
+            let row = &self.seen[run.points.clone()];
+            *peak = row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
+            rows.extend_from_slice(row);
+        }
+        self.segment.count += 1;
+    }
+
+    /// What will strike within a second.
+    fn foretell(&mut self, now: f64) {
+        while let Some(ergon) = self.setup.ergons.get(self.told).copied() {
+            if ergon.time >= now + AHEAD {
+                break;
+            }
+            self.told += 1;
+            let Some(&point) = self.points.get(&(ergon.mat as usize)) else {
+                continue;
+            };
+            let to = self.event(now, kind::ERGONS);
+            to.f32(ergon.time - now);
+            to.u32(point as u32);
+            to.f32(ergon.impulse);
+            to.f32(ergon.speed);
+            to.u32(ergon.source);
+        }
+    }
+
+    fn hands(&mut self, simulation: &Simulation, now: f64) {
+        if self.setup.keys.is_empty() {
+            return;
+        }
+        let asked = simulation.asked();
+        let all: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
+            .map(|(key, mat)| {
+                let at = self
+                    .points
+                    .get(mat)
+                    .map(|&point| (point, &self.look.points[point]));
+                let x = match at {
+                    Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
+                    Some((number, point)) => self.seen[number] + point.rest,
+                    None => f64::NAN,
+                };
+                (x, asked.get(key).copied().unwrap_or(f64::NAN))
+            })
+            .collect();
+        let to = self.event(now, kind::HANDS);
+        for (key, (x, asked)) in all.into_iter().enumerate() {
+            to.u32(key as u32);
+            to.f32(x);
+            to.f32(asked);
+        }
+    }
+
+    fn levels(&mut self, now: f64) {
+        if self.heard == 0 {
+            return;
+        }
+        let n = self.heard as f64;
+        let squares = std::mem::replace(&mut self.squares, vec![0.0; self.setup.n_speakers]);
+        self.heard = 0;
+        let to = self.event(now, kind::LEVELS);
+        squares
+            .iter()
+            .for_each(|square| to.f32((square / n).sqrt()));
+    }
+
+    /// The segment that runs into bytes.
+    fn end_segment(&mut self) {
+        let mut segment = std::mem::take(&mut self.segment);
+        if segment.count == 0 {
+            // What happened before the first look belongs to it.
+            self.segment.events = segment.events;
+            return;
+        }
+        self.index
+            .push((segment.start, self.taken + self.out.len() as u64));
+        put(&mut self.out, kind::STATE, segment.start, &segment.state.0);
+        let mut peaks = Bytes::default();
+        self.peaks.iter().for_each(|peak| peaks.f32(*peak));
+        put(&mut self.out, kind::PEAKS, segment.start, &peaks.0);
+        for (part, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
+            // As many frames at once as a chunk holds.
+            for some in chunks(segment.count, (MOST / 16) / run.points.len().max(1)) {
+                if run.kind != "sampled" {
+                    break;
+                }
+                let n = run.points.len();
+                let frames = Frames {
+                    part: part as u16,
+                    hop: 1.0 / self.setup.fps,
+                    rows: rows[some.start * n..some.end * n].to_vec(),
+                    count: some.len(),
+                };
+                let at = segment.start + some.start as f64 / self.setup.fps;
+                put(&mut self.out, kind::FRAMES, at, &frames.bytes(true));
+            }
+        }
+        segment
+            .events
+            .sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for (seconds, kind, payload) in segment.events {
+            put(&mut self.out, kind, seconds, &payload.0);
+        }
+    }
+}
+
+fn write(to: &mut Bytes, number: usize, flight: &Flight) {
+    to.u32(number as u32);
+    to.f32(flight.a);
+    to.f32(flight.b);
+}
+
+/// `n` in pieces of at most `most`.
+fn chunks(n: usize, most: usize) -> impl Iterator<Item = Range<usize>> {
+    let most = most.max(1);
+    (0..n)
+        .step_by(most)
+        .map(move |from| from..n.min(from + most))
+}
+
+fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
+    let mut all = Vec::new();
+    for (run, own) in runs.iter().enumerate() {
+        for number in own.points.clone() {
+            if let How::Free(own) = look.points[number].how {
+                all.push(Track {
+                    number,
+                    own,
+                    struck: number,
+                    run,
+                });
+            }
+        }
+        if let Some(body) = own.body {
+            let modes = look.bodies[body].modes.iter();
+            for (number, own) in (look.points.len() + look.bodies[body].first..).zip(modes) {
+                let struck = look.points.len() + body;
+                all.push(Track {
+                    number,
+                    own: *own,
+                    struck,
+                    run,
+                });
+            }
+        }
+    }
+    all
+}
+
+/// Instants at which points and bodies are struck. Where the discrete network is the truth a strike acts on a sample.
+fn blows(
+    look: &Look,
+    network: &Network,
+    points: &HashMap<usize, usize>,
+    ergons: &[Record],
+    rate: f64,
+) -> Vec<Vec<f64>> {
+    let n = look.points.len();
+    let mut all = vec![Vec::new(); n + look.bodies.len()];
+    for ergon in ergons {
+        let Some(&at) = points.get(&(ergon.mat as usize)) else {
+            continue;
+        };
+        let point = &look.points[at];
+        let is_discrete = network.parts()[point.part].ca_rate.is_some();
+        let frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
+        let instant = if is_discrete {
+            frame / rate
+        } else {
+            ergon.time
+        };
+        match point.how {
+            How::Free(_) => all[at].push(instant),
+            How::Modal(body) => all[n + body].push(instant),
+            How::Sampled | How::NotComputed { .. } => {}
+        }
+    }
+    debug_assert!(NONE as usize > n);
+    all
+}

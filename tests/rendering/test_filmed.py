@@ -1,0 +1,209 @@
+"""`ergon render --motion`, `ergon info`, `ergon motion export`: from a score to other programs."""
+
+import base64
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import records
+from motion_reader import CONTACTS, HAND, HANDS, LEVELS, Replica
+from one_bell import SCORE
+
+from ergon.cli import app
+
+Capture = pytest.CaptureFixture[str]
+UNHEARD = SCORE.replace(
+    "gestures:",
+    """  dark:
+    modules:
+      s: {STRING: {masses: 12, f: 110Hz, t60: 3s, M: 10g}}
+gestures:""",
+).replace(
+    "mix:",
+    """strikes:
+  pluck: {to: dark.s.3, at: 1|2, impulse: 1mNs}
+mix:""",
+)
+
+
+@pytest.fixture(autouse=True)
+def folder(own_folder: Path) -> Path:
+    (own_folder / "bell.yaml").write_text(UNHEARD)
+    return own_folder
+
+
+def render(name: str, *options: str) -> tuple[bytes, bytes]:
+    """The sound, and what moved."""
+    assert app.run(["render", "-q", "bell.yaml", "-o", f"{name}.wav", *options]) == 0
+    motion = Path(f"{name}.motion")
+    return Path(f"{name}.wav").read_bytes(), motion.read_bytes() if motion.exists() else b""
+
+
+def test_sound_and_motion_have_the_same_bytes_however_they_are_computed() -> None:
+    sound, none = render("blind")
+    assert none == b""
+    plain, motion = render("a", "--motion")
+    assert plain == sound
+    seen, all_of_it = render("b", "--motion", "--see", "all")
+    assert seen == sound
+    assert all_of_it != motion
+    for i, how in enumerate((["--threads", "1"], ["--threads", "3"], ["--block", "100"])):
+        assert render(f"c{i}", "--motion", "--see", "all", *how) == (sound, all_of_it)
+    replica = Replica(all_of_it)
+    kinds = {(part["name"], part["kind"]) for part in replica.scene["parts"]}
+    assert {("dark", "modal"), ("bell", "sampled"), ("k1", "sampled")} <= kinds
+    unseen = {part["name"]: part["why"] for part in Replica(motion).scene["parts"]}
+    assert unseen["dark"] == "unheard"
+    assert unseen["bell"] is None
+
+
+def test_keys_contacts_and_levels_are_told() -> None:
+    _, motion = render("a", "--motion")
+    replica = Replica(motion)
+    assert replica.scene["keys"] == [
+        {"name": "k1", "point": replica.names.index("k1"), "player": "ada", "hand": False}
+    ]
+    (key,) = (part for part in replica.scene["parts"] if part["name"] == "k1")
+    number = replica.scene["parts"].index(key)
+    times, moved = replica.frames()[number]
+    hands = replica.records(HANDS, HAND)
+    assert len(hands) == len(times)
+    at = replica.names.index("k1") - key["first"]
+    for (_, hand), row in zip(hands, moved, strict=True):
+        assert float(hand["position"][0]) == pytest.approx(row[at], rel=3e-3, abs=1e-9)
+    # The knock aims at 6 mm; the bell is in its way, and looks fall beside the highest point.
+    assert 4e-3 < max(float(hand["position"][0]) for _, hand in hands) < 6.1e-3
+    assert not np.isnan(hands[2][1]["asked"][0])
+    levels = replica.records(LEVELS, np.dtype("<f4"))
+    assert {len(level) for _, level in levels} == {2}
+    assert max(level.max() for _, level in levels) > 0.0
+    assert replica.scene["contacts"] == [
+        {"name": "bell.b", "a": replica.names.index("k1"), "b": replica.names.index("bell.m")}
+    ]
+    assert any(kind == CONTACTS for kind, *_ in replica.chunks)
+    assert [mark["name"] for mark in replica.scene["marks"]] == ["A", "B"]
+    assert {source["file"] for source in replica.scene["sources"]} == {"bell.yaml"}
+
+
+def test_info(capsys: Capture) -> None:
+    render("a", "--motion")
+    assert app.run(["info", "--json", "a.motion"]) == 0
+    (record,) = records(capsys)
+    assert record["event"] == "motion"
+    assert (record["state"], record["points"], record["fps"]) == ("whole", 14, 60.0)
+    assert record["contacts"] > 0
+    data = Path("a.motion").read_bytes()
+    Path("a.motion").write_bytes(data[:-30])
+    assert app.run(["info", "a.motion"]) == 0
+    assert ", cut\n" in capsys.readouterr().out
+    Path("a.motion").write_bytes(b"RIFF" + data[4:])
+    assert app.run(["info", "a.motion"]) == 2
+    assert "this is no motion file" in capsys.readouterr().err
+
+
+def test_npz_and_csv_hold_what_the_reader_finds() -> None:
+    _, motion = render("a", "--motion", "--see", "all")
+    replica = Replica(motion)
+    for name in ("x.npz", "x.csv"):
+        assert app.run(["motion", "export", "-q", "a.motion", "-o", name, "--fps", "60"]) == 0
+    with np.load("x.npz") as found:
+        t, moved, names = found["t"], found["displacement"], found["names"]
+    assert names.tolist() == replica.names
+    there = replica.at(t)
+    free = [part for part in replica.scene["parts"] if part["kind"] != "sampled"]
+    for part in free:
+        own = slice(part["first"], part["first"] + part["count"])
+        assert np.allclose(moved[:, own], there[:, own], rtol=1e-5, atol=1e-12)
+    for part, (times, values) in replica.frames().items():
+        own = replica.scene["parts"][part]
+        columns = slice(own["first"], own["first"] + own["count"])
+        n = min(len(times), len(t))
+        # Between frames a reader draws a straight line: instants here are frames but for a sample.
+        assert np.abs(moved[:n, columns] - values[:n]).max() <= 0.01 * np.abs(values).max()
+    rows = list(csv.reader(Path("x.csv").read_text().splitlines()[1:]))
+    assert rows[0] == ["t [s]", *(f"{name} [m]" for name in replica.names)]
+    numbers = np.array([[float(x or "nan") for x in row] for row in rows[1:]])
+    assert np.allclose(numbers[:, 1:], moved, rtol=1e-6, equal_nan=True)
+
+
+def test_a_gltf_animates_a_node_for_each_point() -> None:
+    _, motion = render("a", "--motion", "--see", "all")
+    replica = Replica(motion)
+    how = ["--fps", "30", "--exaggeration", "100"]
+    assert app.run(["motion", "export", "-q", "a.motion", "-o", "x.gltf", *how]) == 0
+    file = json.loads(Path("x.gltf").read_text())
+    assert file["asset"]["version"] == "2.0"
+    (buffer,) = file["buffers"]
+    data = base64.b64decode(buffer["uri"].partition(",")[2])
+    assert len(data) == buffer["byteLength"]
+
+    def values(accessor: int) -> np.ndarray:
+        own = file["accessors"][accessor]
+        view = file["bufferViews"][own["bufferView"]]
+        width = {"SCALAR": 1, "VEC3": 3}[own["type"]]
+        assert own["componentType"] == 5126
+        assert view["byteLength"] == 4 * width * own["count"]
+        assert view["byteOffset"] % 4 == 0
+        found = np.frombuffer(data, "<f4", width * own["count"], view["byteOffset"])
+        found = found.reshape(own["count"], width)
+        if "min" in own:
+            assert found.min(0).tolist() == own["min"]
+            assert found.max(0).tolist() == own["max"]
+        return found
+
+    roots = file["scenes"][0]["nodes"]
+    assert [file["nodes"][root]["name"] for root in roots] == [
+        part["name"] for part in replica.scene["parts"]
+    ]
+    children = [child for root in roots for child in file["nodes"][root]["children"]]
+    assert [file["nodes"][child]["name"] for child in children] == replica.names
+    (animation,) = file["animations"]
+    assert len(animation["channels"]) == len(replica.names)
+    checked = 0
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        times, path = values(sampler["input"])[:, 0], values(sampler["output"])
+        assert (np.diff(times) > 0.0).all()
+        point = children.index(channel["target"]["node"])
+        part = next(
+            p for p in replica.scene["parts"] if p["first"] <= point < p["first"] + p["count"]
+        )
+        if part["kind"] == "sampled":
+            continue
+        moved = 100.0 * replica.at(np.arange(len(times)) / 30.0)[:, point]
+        still = file["nodes"][channel["target"]["node"]]["translation"]
+        assert np.allclose(path[:, 1] - still[1], moved, rtol=1e-4, atol=1e-6)
+        checked += 1
+    assert checked >= 12
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["render", "bell.yaml", "--see", "all"], "add motion"),
+        (["render", "bell.yaml", "--motion", "-o", "-"], "has no name for a motion file"),
+        (["motion", "export", "a.motion"], "name the file to write"),
+        (["motion", "export", "a.motion", "-o", "x.usd"], ".csv, .npz, .gltf"),
+        (["motion", "export", "no.motion", "-o", "x.npz"], "No such file"),
+        (["motion", "export", "a.motion", "-o", "a.motion"], ".csv, .npz, .gltf"),
+        (["motion", "export", "a.motion", "-o", "x.csv", "--exaggeration", "2"], "for glTF"),
+    ],
+)
+def test_what_is_refused(capsys: Capture, words: list[str], sentence: str) -> None:
+    render("a", "--motion")
+    capsys.readouterr()
+    assert app.run(words) == 2
+    assert sentence in capsys.readouterr().err
+    assert not list(Path().glob("x.*"))
+
+
+def test_somebody_elses_file_is_not_written_over(capsys: Capture) -> None:
+    Path("a.motion").write_bytes(b"mine")
+    assert app.run(["render", "-q", "bell.yaml", "-o", "a.wav", "--motion"]) == 2
+    assert "a.motion exists" in capsys.readouterr().err
+    assert Path("a.motion").read_bytes() == b"mine"
+    assert not Path("a.wav").exists()
+    render("a", "--motion", "-f")
+    render("a", "--motion")  # ours

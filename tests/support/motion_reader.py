@@ -1,0 +1,122 @@
+"""A reader of motion files from docs/motion.md alone, in numpy: what the engine's is held to."""
+
+import json
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAGIC = b"ERGM\x01\0\0\0"
+SCENE, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS = range(1, 9)
+STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS = range(10, 16)
+FLIGHT = np.dtype([("number", "<u4"), ("a", "<f4"), ("b", "<f4")])
+ERGON = np.dtype(
+    [("dt", "<f4"), ("point", "<u4"), ("impulse", "<f4"), ("speed", "<f4"), ("source", "<u4")]
+)
+CONTACT = np.dtype([("dt", "<f4"), ("contact", "<u4"), ("force", "<f4")])
+HAND = np.dtype([("key", "<u4"), ("position", "<f4"), ("asked", "<f4")])
+
+Chunk = tuple[int, float, bytes, int]  # kind, seconds, payload, byte at which it begins
+
+
+def chunks(data: bytes) -> Iterator[Chunk]:
+    """All chunks of a whole file."""
+    assert data[:8] == MAGIC
+    at = 8
+    while at < len(data):
+        kind, version, length, seconds = struct.unpack_from("<HHId", data, at)
+        assert version == 1
+        end = at + 16 + length
+        assert struct.unpack_from("<I", data, end) == (zlib.crc32(data[at:end]),)
+        yield kind, seconds, data[at + 16 : end], at
+        at = end + 4
+
+
+class Replica:
+    """Where everything is, as a page would know it."""
+
+    def __init__(self, data: bytes) -> None:
+        self.chunks = list(chunks(data))
+        self.scene: dict[str, Any] = json.loads(self.one(SCENE))
+        n, m = self.scene["points"], self.scene["modes"]
+        table = self.one(POINTS)
+        assert struct.unpack_from("<I", table) == (n,)
+        self.places = np.frombuffer(table, "<f4", 4 * n, 4).reshape(4, n).astype(float)
+        self.omega, self.sigma = np.zeros(n + m), np.zeros(n + m)
+        self.omega[:n] = np.frombuffer(table, "<f8", n, 4 + 16 * n)
+        self.sigma[:n] = np.frombuffer(table, "<f8", n, 4 + 24 * n)
+        self.names = self.one(NAMES).decode().splitlines()
+        self.shapes: dict[int, NDArray[np.float64]] = {}
+        for kind, _, payload, _ in self.chunks:
+            if kind == SHAPES:
+                part, _, first, count, points = struct.unpack_from("<HHIII", payload)
+                rates = np.frombuffer(payload, "<f8", 2 * count, 16)
+                self.omega[n + first : n + first + count] = rates[:count]
+                self.sigma[n + first : n + first + count] = rates[count:]
+                shape = np.frombuffer(payload, "<f2", points * count, 16 + 16 * count)
+                known = self.shapes.get(part, np.zeros((points, 0)))
+                self.shapes[part] = np.hstack([known, shape.reshape(points, count)])
+
+    def one(self, kind: int) -> bytes:
+        """The only payload of a kind."""
+        (payload,) = (payload for own, _, payload, _ in self.chunks if own == kind)
+        return payload
+
+    def records(self, kind: int, dtype: np.dtype[Any]) -> list[tuple[float, NDArray[Any]]]:
+        """All records of a kind, with the seconds of their chunks."""
+        return [(t, np.frombuffer(p, dtype)) for own, t, p, _ in self.chunks if own == kind]
+
+    def at(self, instants: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacements at rising instants (n, n_points); of sampled points the last frame's."""
+        n, m = self.scene["points"], self.scene["modes"]
+        a, b, since = np.zeros(n + m), np.zeros(n + m), np.zeros(n + m)
+        told = [(t, kind, p) for kind, t, p, _ in self.chunks if kind in (FLIGHTS, STATE)]
+        frames = self.frames()
+        out = np.full((len(instants), n), np.nan)
+        next_told = 0
+        for row, t in zip(out, instants, strict=True):
+            while next_told < len(told) and told[next_told][0] <= t:
+                t0, kind, payload = told[next_told]
+                if kind == STATE:
+                    a[:], b[:] = 0.0, 0.0
+                rec = np.frombuffer(payload, FLIGHT)
+                a[rec["number"]], b[rec["number"]], since[rec["number"]] = rec["a"], rec["b"], t0
+                next_told += 1
+            s = t - since
+            swing = a * np.cos(self.omega * s) + np.where(
+                self.omega == 0.0, b * s, b * np.sin(self.omega * s)
+            )
+            x = np.exp(-self.sigma * s) * swing
+            for number, part in enumerate(self.scene["parts"]):
+                own = slice(part["first"], part["first"] + part["count"])
+                if part["kind"] == "free":
+                    row[own] = x[own]
+                elif part["kind"] == "modal":
+                    first = n + part["modes"]["first"]
+                    row[own] = self.shapes[number] @ x[first : first + part["modes"]["count"]]
+                elif part["kind"] == "sampled":
+                    times, values = frames[number]
+                    row[own] = values[np.searchsorted(times, t + 1e-9) - 1]
+        return out
+
+    def frames(self) -> dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Of each sampled part: instants (n,) and displacements (n, n_points)."""
+        times: dict[int, list[float]] = {}
+        rows: dict[int, list[NDArray[np.float64]]] = {}
+        for kind, t, payload, _ in self.chunks:
+            if kind != FRAMES:
+                continue
+            part, coding, _, count, hop = struct.unpack_from("<HBBId", payload)
+            n = self.scene["parts"][part]["count"]
+            assert coding == 1
+            plain = zlib.decompress(payload[16:])
+            scale = np.frombuffer(plain, "<f4", count).astype(float)
+            planes = np.frombuffer(plain, "u1", offset=4 * count).reshape(count, 2, n).astype(int)
+            z = planes[:, 0] + 256 * planes[:, 1]
+            q = np.cumsum(np.where(z % 2, -(z + 1) // 2, z // 2), axis=1)
+            times.setdefault(part, []).extend(t + hop * np.arange(count))
+            rows.setdefault(part, []).append(scale[:, None] * q)
+        return {part: (np.array(times[part]), np.vstack(rows[part])) for part in times}
