@@ -35,10 +35,10 @@ def felt(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
 
     def key(where: Where, numbers: Sequence[float]) -> bytes:
         values = _applied(stage, [where], [numbers])
-        scene = stage.network.reachable_scene(
+        reached = stage.network.reachable_network(
             mat, stage.rate, held=list(held), ties=list(values.ties), factors=list(values.factors)
         )
-        return scene.key()
+        return reached.key()
 
     found = {}
     for where, points in stage.paths.items():

@@ -78,18 +78,18 @@ def response(
     All contacts are closed; the other hands hold still.
     """
     held = [other.mat for other in played]
-    return _answer(network.reachable_scene(hand.mat, rate, held=held), hand.tick_frames, reach)
+    return _answer(network.reachable_network(hand.mat, rate, held=held), hand.tick_frames, reach)
 
 
-def _answer(scene: _core.ReachableScene, tick_frames: int, reach: float) -> NDArray[np.float64]:
+def _answer(reached: _core.ReachableNetwork, tick_frames: int, reach: float) -> NDArray[np.float64]:
     import numpy as np
 
-    felt = scene.response(tick_frames, _TICKS)
+    felt = reached.response(tick_frames, _TICKS)
     if felt is None:
         # With its contacts closed the piece diverges by itself: no device bears that.
         return np.full(_TICKS[0], _ENDLESS)
     # Hands that feel each other may move in opposite directions: a spring between two counts twice.
-    return felt * (reach * reach * (1 + scene.others))
+    return felt * (reach * reach * (1 + reached.others))
 
 
 class Guard:
@@ -173,7 +173,7 @@ class Guard:
     def _borne(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _Moment
     ) -> ForceScale:
-        scene = stage.network.reachable_scene(
+        reached = stage.network.reachable_network(
             hand.mat,
             stage.rate,
             held=[other.mat for other in hands],
@@ -181,12 +181,12 @@ class Guard:
             ties=list(moment.ties),
             factors=list(moment.factors),
         )
-        key = hand.index, scene.others, scene.key()
+        key = hand.index, reached.others, reached.key()
         borne = self._known.pop(key, None)
         if borne is None:
             self.asked += 1
             found = self._bears(
-                hand.index, _answer(scene, hand.tick_frames, self._reaches[hand.index])
+                hand.index, _answer(reached, hand.tick_frames, self._reaches[hand.index])
             )
             assert found is not None  # it is real
             borne = ForceScale(found.scale, found.stiffness, found.limit)

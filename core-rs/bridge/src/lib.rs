@@ -85,7 +85,7 @@ mod _core {
     #[pymodule_export]
     use super::motion::{Motion, MotionLook, MotionRecorder, read_motion};
     #[pymodule_export]
-    use super::network::{Certificate, Network, ReachableScene};
+    use super::network::{Certificate, Network, ReachableNetwork};
     #[pymodule_export]
     use super::pcm::{pcm, single};
     #[pymodule_export]

@@ -63,7 +63,7 @@ impl Network {
     /// there, other hands that feel it).
     #[pyo3(signature = (mat, rate, *, held=Vec::new(), without=Vec::new(), ties=Vec::new(), factors=Vec::new(), depth=network::PRESS_DEPTH))]
     #[allow(clippy::too_many_arguments)]
-    fn reachable_scene(
+    fn reachable_network(
         &self,
         py: Python<'_>,
         mat: usize,
@@ -73,9 +73,9 @@ impl Network {
         ties: Vec<(usize, f64, f64, f64)>,
         factors: Vec<(usize, f64)>,
         depth: f64,
-    ) -> PyResult<ReachableScene> {
+    ) -> PyResult<ReachableNetwork> {
         self.there(mat)?;
-        let moment = network::SceneMoment {
+        let moment = network::NetworkMoment {
             held,
             without,
             ties: ties
@@ -85,8 +85,8 @@ impl Network {
             factors,
         };
         let rate = hertz(rate)?;
-        Ok(ReachableScene {
-            scene: py.detach(|| self.0.reachable_scene(mat, &moment, depth, rate.hertz())),
+        Ok(ReachableNetwork {
+            reached: py.detach(|| self.0.reachable_network(mat, &moment, depth, rate.hertz())),
             rate,
         })
     }
@@ -655,25 +655,25 @@ impl Network {
     }
 }
 
-/// The part of a scene that a hand can move, linear and at rest.
+/// The part of a network that a hand can move, linear and at rest.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct ReachableScene {
-    scene: network::ReachableScene,
+pub(crate) struct ReachableNetwork {
+    reached: network::ReachableNetwork,
     rate: Rate,
 }
 
 #[pymethods]
-impl ReachableScene {
+impl ReachableNetwork {
     /// Number of other hands that feel this hand.
     #[getter]
     fn others(&self) -> usize {
-        self.scene.others
+        self.reached.others
     }
 
     /// Bytes that determine the response.
     fn key<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let mut bytes = self.scene.network.numbers();
-        bytes.extend((self.scene.mat as u64).to_le_bytes());
+        let mut bytes = self.reached.network.numbers();
+        bytes.extend((self.reached.mat as u64).to_le_bytes());
         bytes.extend(self.rate.hertz().to_le_bytes());
         PyBytes::new(py, &bytes)
     }
@@ -685,7 +685,7 @@ impl ReachableScene {
         tick_frames: u32,
         ticks: [usize; 2],
     ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
-        let found = py.detach(|| self.scene.response(self.rate, tick_frames, ticks));
+        let found = py.detach(|| self.reached.response(self.rate, tick_frames, ticks));
         Ok(found
             .map_err(from_engine)?
             .map(|felt| felt.into_pyarray(py)))

@@ -324,8 +324,8 @@ class Elements(NamedTuple):
     ca_rate: float | None
 
 @final
-class ReachableScene:
-    """The part of a scene that a hand can move, made linear and at rest, with all contacts closed."""
+class ReachableNetwork:
+    """The part of a network that a hand can move, made linear and at rest, with all contacts closed."""
 
     @property
     def others(self) -> int:
@@ -336,7 +336,7 @@ class ReachableScene:
         """Force against the hand [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
 
         A tick has `tick_frames` frames; `ticks` are the least and the greatest n_ticks. None where the
-        linear scene diverges by itself. Raises EngineError.
+        linear network diverges by itself. Raises EngineError.
         """
 
 @final
@@ -361,7 +361,7 @@ class Network:
         rate, as in GENESIS. With `macrostep` a plan may compute the part's own springs only once in
         so many frames (method E4). Raises EngineError.
         """
-    def reachable_scene(
+    def reachable_network(
         self,
         mat: int,
         rate: float,
@@ -371,7 +371,7 @@ class Network:
         ties: Sequence[MatValues | tuple[int, float, float, float]] = ...,
         factors: Sequence[_LinkFactor] = ...,
         depth: float = ...,
-    ) -> ReachableScene:
+    ) -> ReachableNetwork:
         """The part of the network that a hand on a MAT can move, at `rate` [Hz].
 
         Every contact is closed, and every law is the stiffest spring that it is within `depth` [m].
@@ -1562,7 +1562,7 @@ class LiveHand(NamedTuple):
     standin: _Floats  # position at each tick where no person plays [m], (n_ticks,)
     reach: float  # factor between key and scene
     guidance: GuidanceSpring | tuple[float, float, bool] | None
-    response: _Floats  # ReachableScene.response of the scene, or none of it, (n_ticks,)
+    response: _Floats  # ReachableNetwork.response of the scene, or none of it, (n_ticks,)
     # Of the key as measured: mass [kg], damping [N·s/m] and, where it is known, delay [s].
     measured: tuple[float, float, float | None] | None
 
@@ -1682,7 +1682,7 @@ class Performance:
     def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
         """The force limit of a real hand in another scene; None where the hand is not real.
 
-        `response` (n_ticks,) [N/m] is what ReachableScene.response returns for that scene. Raises EngineError
+        `response` (n_ticks,) [N/m] is what ReachableNetwork.response returns for that scene. Raises EngineError
         when the performance is closed.
         """
     def hand_limits(self) -> list[HandLimit]:

@@ -1,4 +1,4 @@
-//! The part of a scene that a hand can move, linearised at the greatest stiffness that the hand can meet.
+//! The part of a network that a hand can move, linearised at the greatest stiffness that the hand can meet.
 
 use super::{Contact, LinkKind, MatKind, Network, Run};
 use crate::network::forest::{Forest, ends};
@@ -8,9 +8,9 @@ pub const PRESS_DEPTH: f64 = 1e-3;
 /// Number of places on either side of rest at which the slope of a law is evaluated.
 const PLACES: i32 = 16;
 
-/// How a scene differs from its network at one moment.
+/// How a network differs from itself at rest at one moment of a piece.
 #[derive(Clone, Debug, Default)]
-pub struct SceneMoment {
+pub struct NetworkMoment {
     /// MATs that other hands hold.
     pub held: Vec<usize>,
     /// Links that are switched off.
@@ -21,9 +21,9 @@ pub struct SceneMoment {
     pub factors: Vec<(usize, f64)>,
 }
 
-/// The part of a scene that a hand can move: linear, at rest, with all contacts closed.
+/// The part of a network that a hand can move: linear, at rest, with all contacts closed.
 #[derive(Clone, Debug)]
-pub struct ReachableScene {
+pub struct ReachableNetwork {
     /// The MATs that move, and the fixed points that they are linked to.
     pub network: Network,
     /// The MAT that the hand moves.
@@ -37,13 +37,13 @@ impl Network {
     /// replaced by the stiffest spring that it is within `depth` [m].
     ///
     /// `rate` [Hz] sets the stiffness of magic contacts, which depends on the length of a step.
-    pub fn reachable_scene(
+    pub fn reachable_network(
         &self,
         mat: usize,
-        moment: &SceneMoment,
+        moment: &NetworkMoment,
         depth: f64,
         rate: f64,
-    ) -> ReachableScene {
+    ) -> ReachableNetwork {
         let is_off = |link: usize| moment.without.contains(&link);
         let is_held = |other: usize| other != mat && moment.held.contains(&other);
         let goes = |other: usize| other == mat || self.mats.kind[other].moves();
@@ -94,7 +94,7 @@ impl Network {
                 (run.k, run.z) = (run.k * factor, run.z * factor);
             }
         }
-        ReachableScene {
+        ReachableNetwork {
             network: found.network,
             mat: hand,
             others,

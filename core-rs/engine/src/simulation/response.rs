@@ -1,28 +1,28 @@
-//! What a scene answers a hand that is moved once, tick by tick.
+//! What a network answers a hand that is moved once, tick by tick.
 
 use std::sync::Arc;
 
 use super::{OnFault, Options, Simulation};
-use crate::network::{Error, ReachableScene};
+use crate::network::{Error, ReachableNetwork};
 use crate::plan::Plan;
 use crate::scheme::Scheme;
 use crate::timeline::{HandWay, Timeline};
 use crate::units::Rate;
 
-/// A pressed scene is linear: any step will do that rounding does not reach [m].
+/// A pressed network is linear: any step will do that rounding does not reach [m].
 const STEP: f64 = 1e-3;
 /// An answer is followed until so little of it is left.
 const LEFT: f64 = 1e-4;
 /// Work that is done for that at most [MATs × ticks].
 const WORK: usize = 1 << 17;
-/// Steps of a frame at most, where a closed scene is too stiff for one.
+/// Steps of a frame at most, where a closed network is too stiff for one.
 const FINEST: u32 = 64;
 
-impl ReachableScene {
+impl ReachableNetwork {
     /// Force against the hand [N/m] in each tick, of `every` frames, after it was 1 m away for one: for so many ticks as
     /// `ticks` says at least, and at most as long as it rings.
     ///
-    /// `None`: closed, the scene diverges by itself at any step.
+    /// `None`: closed, the network diverges by itself at any step.
     ///
     /// # Errors
     /// Where the hand's MAT does not move, or a tick has no such length.
@@ -112,7 +112,7 @@ fn rings(felt: &[f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::{Network, SceneMoment, Tie};
+    use crate::network::{Network, NetworkMoment, Tie};
 
     const RATE: f64 = 44_100.0;
     const KEY: Tie = Tie::Physical { k: 60.0, z: 1.2 };
@@ -132,37 +132,37 @@ mod tests {
         (network, [a, far, b, m, n])
     }
 
-    fn response(network: &Network, mat: usize, moment: &SceneMoment) -> Vec<f64> {
-        let scene = network.reachable_scene(mat, moment, 1e-3, RATE);
+    fn response(network: &Network, mat: usize, moment: &NetworkMoment) -> Vec<f64> {
+        let reached = network.reachable_network(mat, moment, 1e-3, RATE);
         let rate = Rate::new(RATE).unwrap();
-        scene.response(rate, 44, [400, 4_096]).unwrap().unwrap()
+        reached.response(rate, 44, [400, 4_096]).unwrap().unwrap()
     }
 
     #[test]
     fn only_what_a_hand_can_reach_is_met() {
         let (network, [a, far, b, ..]) = scene();
-        let scene = network.reachable_scene(a, &SceneMoment::default(), 1e-3, RATE);
+        let reached = network.reachable_network(a, &NetworkMoment::default(), 1e-3, RATE);
         assert_eq!(
-            (scene.network.n_mat(), scene.network.n_lia(), scene.others),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
             (4, 3, 0)
         );
-        let held = SceneMoment {
+        let held = NetworkMoment {
             held: vec![far, b],
-            ..SceneMoment::default()
+            ..NetworkMoment::default()
         };
-        // A held key ends the scene, and its hand is counted.
-        let scene = network.reachable_scene(a, &held, 1e-3, RATE);
+        // A held key ends what is reached, and its hand is counted.
+        let reached = network.reachable_network(a, &held, 1e-3, RATE);
         assert_eq!(
-            (scene.network.n_mat(), scene.network.n_lia(), scene.others),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
             (3, 2, 1)
         );
-        let parted = SceneMoment {
+        let parted = NetworkMoment {
             without: vec![1],
             ..held
         };
-        let scene = network.reachable_scene(a, &parted, 1e-3, RATE);
+        let reached = network.reachable_network(a, &parted, 1e-3, RATE);
         assert_eq!(
-            (scene.network.n_mat(), scene.network.n_lia(), scene.others),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
             (2, 1, 0)
         );
     }
@@ -171,10 +171,10 @@ mod tests {
     #[test]
     fn a_moment_answers_as_a_network_with_its_numbers() {
         let (network, [a, _, _, m, _]) = scene();
-        let moment = SceneMoment {
+        let moment = NetworkMoment {
             ties: vec![(m, [10.0, 0.3, 0.02])],
             factors: vec![(1, 3.0)],
-            ..SceneMoment::default()
+            ..NetworkMoment::default()
         };
         let mut other = Network::new();
         other.part("keys", None);
@@ -188,47 +188,47 @@ mod tests {
         other.spring("bn", b, n, 700.0, 0.1, 0.0).unwrap();
         let (found, expected) = (
             response(&network, a, &moment),
-            response(&other, own, &SceneMoment::default()),
+            response(&other, own, &NetworkMoment::default()),
         );
         for (found, expected) in found.iter().zip(&expected) {
             assert!((found - expected).abs() < 1e-6 * expected.abs() + 1e-9);
         }
-        assert_ne!(found, response(&network, a, &SceneMoment::default()));
+        assert_ne!(found, response(&network, a, &NetworkMoment::default()));
     }
 
     /// The same numbers, the same bytes; another number anywhere, others.
     #[test]
-    fn numbers_tell_scenes_apart() {
+    fn numbers_tell_networks_apart() {
         let (network, [a, _, b, ..]) = scene();
-        let plain = SceneMoment::default();
-        let of = |moment: &SceneMoment| {
+        let plain = NetworkMoment::default();
+        let of = |moment: &NetworkMoment| {
             network
-                .reachable_scene(a, moment, 1e-3, RATE)
+                .reachable_network(a, moment, 1e-3, RATE)
                 .network
                 .numbers()
         };
         assert_eq!(of(&plain), of(&plain));
-        let softer = SceneMoment {
+        let softer = NetworkMoment {
             factors: vec![(2, 0.5)],
-            ..SceneMoment::default()
+            ..NetworkMoment::default()
         };
-        let held = SceneMoment {
+        let held = NetworkMoment {
             held: vec![b],
-            ..SceneMoment::default()
+            ..NetworkMoment::default()
         };
         assert_ne!(of(&plain), of(&softer));
         assert_ne!(of(&plain), of(&held));
     }
 
-    /// Closed, this scene needs finer steps than its rate has.
+    /// Closed, this network needs finer steps than its rate has.
     #[test]
-    fn a_scene_too_stiff_for_a_frame_is_computed_finer() {
+    fn a_network_too_stiff_for_a_frame_is_computed_finer() {
         let mut network = Network::new();
         network.part("keys", None);
         let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let m = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
         network.spring("am", a, m, 1e6, 0.0, 0.0).unwrap();
-        let felt = response(&network, a, &SceneMoment::default());
+        let felt = response(&network, a, &NetworkMoment::default());
         // In the end the mass moves with the key: what is left is the spring of its tie.
         let sum: f64 = felt.iter().sum();
         assert!((sum - 60.0).abs() < 10.0, "{sum}");
