@@ -325,7 +325,7 @@ def _simulate(
     if job.fades_from is not None:
         fade = _core.FadeFinder(stage.rate, job.format.n_channels, job.fades_from)
     blocks = frames_of(simulation, last, job.block)
-    # What is filmed goes on after the sound has faded: nothing computed ahead may be given up midway.
+    # What is filmed goes on after the sound has faded: no block may be given up midway.
     is_ahead = job.threads > 1 and job.film is None
     with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
         for frames in coming:
