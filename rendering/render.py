@@ -325,7 +325,9 @@ def _simulate(
     if job.fades_from is not None:
         fade = _core.FadeFinder(stage.rate, job.format.n_channels, job.fades_from)
     blocks = frames_of(simulation, last, job.block)
-    with contextlib.closing(ahead(blocks) if job.threads > 1 else blocks) as coming:
+    # What is filmed goes on after the sound has faded: no block may be given up midway.
+    is_ahead = job.threads > 1 and job.film is None
+    with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
         for frames in coming:
             end = None
             for track in tracks:

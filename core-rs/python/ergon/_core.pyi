@@ -262,7 +262,7 @@ class LookRun(NamedTuple):
 
     part: str
     first: int
-    count: int
+    count: int  # type: ignore[assignment]
     kind: Literal["free", "sampled", "modal", "none"]
     why: Literal["unheard", "unmoved"] | None
     modes: tuple[int, int, int] | None
