@@ -30,7 +30,7 @@ pub use links::LawUse;
 pub use modes::{ModeRange, PartModes, Tone, TooManyModes};
 pub use output::{Output, Term};
 pub use parameters::{But, Contact, Side, Tie};
-pub use reachable::{PRESS_DEPTH, ReachableNetwork, NetworkMoment};
+pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
 pub(crate) use subset::Subset;
 
 use std::ops::Range;

@@ -58,7 +58,17 @@ fn a_playing_scene_does_not_allocate() {
 /// Looking only copies: masses, cells, modes, and the strongest push of each contact.
 #[test]
 fn looking_does_not_allocate() {
-    for seed in 0..20 {
+    look(0..4);
+}
+
+#[test]
+#[ignore = "minutes: make test-long"]
+fn many_looks_do_not_allocate() {
+    look(4..20);
+}
+
+fn look(seeds: Range<u64>) {
+    for seed in seeds {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
         let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();

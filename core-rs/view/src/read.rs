@@ -237,7 +237,7 @@ impl MotionFile {
     }
 
     fn shapes(&mut self) -> Option<()> {
-        let places: Vec<Place> = self.chunks.iter().copied().collect();
+        let places = self.chunks.to_vec();
         for place in places.iter().filter(|place| place.kind == kind::SHAPES) {
             let mut from = Reading(&self.bytes[place.at..place.at + place.len]);
             let (part, _) = (from.u16()? as usize, from.u16()?);

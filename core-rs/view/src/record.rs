@@ -358,9 +358,9 @@ impl Recorder {
             } else {
                 1.0
             };
-            let size = |(a, b): (f64, f64)| a.hypot(b * scale);
+            let size = |(a, b): (f64, f64)| amplitude(a, b * scale);
             let off = size((is.0 - told.0, is.1 - told.1));
-            let amplitude = size(is).max(size(told));
+            let largest = size(is).max(size(told));
             let peak = &mut self.peaks[track.run];
             if track.number < self.look.points.len() {
                 *peak = peak.max(if track.own.omega == 0.0 {
@@ -369,7 +369,7 @@ impl Recorder {
                     size(is)
                 });
             }
-            if !(off > OFF * amplitude + FAINT) {
+            if off.is_nan() || off <= OFF * largest + FAINT {
                 continue;
             }
             // What strikes at the instant of a look acts after it.
@@ -431,7 +431,7 @@ impl Recorder {
         for track in &self.tracks {
             let flight = &mut self.flights[track.number];
             let (a, b) = track.own.later((flight.a, flight.b), now - flight.since);
-            let is_faint = a.hypot(b) <= FAINT;
+            let is_faint = amplitude(a, b) <= FAINT;
             let kept = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
             *flight = Flight {
                 a: kept(a),
@@ -631,4 +631,8 @@ fn blows(
     }
     debug_assert!(NONE as usize > n);
     all
+}
+
+fn amplitude(a: f64, b: f64) -> f64 {
+    (a * a + b * b).sqrt()
 }

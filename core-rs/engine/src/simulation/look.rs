@@ -332,9 +332,10 @@ impl<'a> Maker<'a> {
             .collect();
         let mut contacts = vec![NOWHERE; network.n_lia()];
         for run in network.runs().iter().filter(|run| is_contact(&run.kind)) {
-            for link in run.first..run.first + run.len {
+            let links = run.first..run.first + run.len;
+            for (contact, link) in contacts[links.clone()].iter_mut().zip(links) {
                 if let Some(&known) = by_name.get(network.link_name(link).as_str()) {
-                    contacts[link] = known as u32;
+                    *contact = known as u32;
                 }
             }
         }
@@ -523,7 +524,7 @@ impl<'a> Maker<'a> {
             .map(|((at, _, _), source)| (at, source))
             .collect();
         for (found, body) in self.bodies.iter().zip(bodies) {
-            let mut by_place: BTreeMap<(usize, Option<usize>), Vec<(u32, u32)>> = BTreeMap::new();
+            let mut by_place = BTreeMap::<_, Vec<(u32, u32)>>::new();
             for (mode, track) in found.modes.iter().zip(points.len() + body.first..) {
                 let own = by_place.entry(mode.place).or_default();
                 own.push((mode.mode as u32, track as u32));

@@ -143,7 +143,11 @@ mod tests {
         let (network, [a, far, b, ..]) = scene();
         let reached = network.reachable_network(a, &NetworkMoment::default(), 1e-3, RATE);
         assert_eq!(
-            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
+            (
+                reached.network.n_mat(),
+                reached.network.n_lia(),
+                reached.others
+            ),
             (4, 3, 0)
         );
         let held = NetworkMoment {
@@ -153,7 +157,11 @@ mod tests {
         // A held key ends what is reached, and its hand is counted.
         let reached = network.reachable_network(a, &held, 1e-3, RATE);
         assert_eq!(
-            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
+            (
+                reached.network.n_mat(),
+                reached.network.n_lia(),
+                reached.others
+            ),
             (3, 2, 1)
         );
         let parted = NetworkMoment {
@@ -162,7 +170,11 @@ mod tests {
         };
         let reached = network.reachable_network(a, &parted, 1e-3, RATE);
         assert_eq!(
-            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
+            (
+                reached.network.n_mat(),
+                reached.network.n_lia(),
+                reached.others
+            ),
             (2, 1, 0)
         );
     }

@@ -261,7 +261,7 @@ fn what_is_free_goes_where_two_frames_say() {
         for (track, own) in free {
             let begun = own.phase(now[track], now[n + track], step);
             let (x, y) = own.later(begun, 1_000.0 * step);
-            let size = begun.0.hypot(begun.1) + 1e-12;
+            let size = libm::hypot(begun.0, begun.1) + 1e-12;
             assert!(
                 (x - then[track]).abs() < 1e-6 * size,
                 "{track}: {x} {}",
