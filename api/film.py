@@ -69,7 +69,7 @@ def _keys(stage: Stage) -> list[tuple[str, int, bool]]:
     First those with gestures, by the engine's numbers.
     """
     hands = {hand.key: hand.mat for hand in stage.live}
-    mats = stage.scene.assembly.mats
+    mats = stage.built.assembly.mats
     own = [
         (name, mats[name, key.struck], False)
         for name, key in stage.piece.keys.items()
