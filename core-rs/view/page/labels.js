@@ -20,6 +20,9 @@ export class Labels {
     for (const k of scene.keys) this.add("key", k.name, () => [scene.x[k.point], scene.y[k.point], scene.z[k.point]], k.point);
     scene.parts.forEach((part, i) => {
       if (part.layout === "key" || !part.count) return;
+      // What of an instrument is not computed has no words of its own where the rest has.
+      const isRest = part.kind === "none" && scene.parts.some((other) => other.name === part.name && other.kind !== "none");
+      if (isRest) return;
       const { centre } = scene.extent(scene.pointsOf(part));
       const edge = Math.min(...Array.from(scene.pointsOf(part), (p) => scene.y[p]));
       this.add("part", part.name, () => [centre[0], edge, centre[2]], part.first, i);
@@ -39,6 +42,7 @@ export class Labels {
     this.box.hidden = !this.shown;
     if (!this.shown) return;
     const now = levels(story, t);
+    const taken = [];
     let speaker = 0;
     for (const label of this.all) {
       const [x, y, z] = label.at();
@@ -49,8 +53,12 @@ export class Labels {
       label.element.hidden = gone;
       if (label.kind === "speaker") label.element.dataset.level = now[speaker++].db.toFixed(1);
       if (gone) continue;
+      if (label.part !== null) {
+        const words = this.words(story.scene.parts[label.part], motion, label.part);
+        label.element.textContent = words;
+        below(taken, at, words);
+      }
       style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px) translate(-50%, 9px)`;
-      if (label.part !== null) label.element.textContent = this.words(story.scene.parts[label.part], motion, label.part);
     }
   }
 
@@ -58,6 +66,17 @@ export class Labels {
     if (part.kind === "none") return `${part.name}: ${WHY[part.why] ?? "not computed"}`;
     return `${part.name} ${times(motion.exaggeration(i))}${motion.locked[i] === null ? "" : " locked"}`;
   }
+}
+
+const LETTER = 7; // [px] at the size of the page's words
+const LINE = 16; // [px]
+
+/** Moves words down until they cover none of those that are taken. */
+function below(taken, at, words) {
+  const half = (words.length * LETTER) / 2;
+  const covers = (other) => Math.abs(other.x - at[0]) < half + other.half && Math.abs(other.y - at[1]) < LINE;
+  for (let other = taken.find(covers); other; other = taken.find(covers)) at[1] = other.y + LINE;
+  taken.push({ x: at[0], y: at[1], half });
 }
 
 const WHY = { unheard: "nobody hears it, so it is not computed", unmoved: "nothing moves it" };

@@ -6,12 +6,17 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use ergon_engine::network::{LinkKind, Network};
-use ergon_engine::simulation::{How, Look, Oscillation, Record, Simulation};
+use ergon_engine::simulation::{How, Look, Record, Simulation};
 
 use crate::frames::Frames;
 use crate::motion::{MAGIC, MOST};
-use crate::payload::{Bytes, NONE, half, kind, put};
+use crate::payload::{Bytes, kind, put};
+use parts::{Track, blows, tracks};
+
+mod parts;
+mod tables;
+
+pub use parts::{Run, runs};
 
 /// A flight is told where the last is off by this part of the amplitude.
 const OFF: f64 = 2e-3;
@@ -23,50 +28,6 @@ const AHEAD: f64 = 1.0;
 const STEEP: f64 = 20.0;
 /// Frames from one look at the shape of a modal part, for its peak, to the next.
 const SHAPED: u64 = 4;
-
-/// A run of points of one kind: a part of a scene.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Run {
-    /// Its part in the network.
-    pub part: usize,
-    /// Its points.
-    pub points: Range<usize>,
-    /// `free`, `sampled`, `modal` or `none`.
-    pub kind: &'static str,
-    /// Why it is not computed.
-    pub why: Option<&'static str>,
-    /// The body of [`Look::bodies`] that it is.
-    pub body: Option<usize>,
-}
-
-/// The parts of what is looked at, in the order of the points.
-pub fn runs(look: &Look) -> Vec<Run> {
-    let mut all: Vec<Run> = Vec::new();
-    for (at, point) in look.points.iter().enumerate() {
-        let (kind, why, body) = match point.how {
-            How::Free(_) => ("free", None, None),
-            How::Sampled => ("sampled", None, None),
-            How::Modal(body) => ("modal", None, Some(body)),
-            How::NotComputed { is_moved: true } => ("none", Some("unheard"), None),
-            How::NotComputed { is_moved: false } => ("none", Some("unmoved"), None),
-        };
-        match all.last_mut() {
-            Some(run)
-                if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) =>
-            {
-                run.points.end = at + 1;
-            }
-            _ => all.push(Run {
-                part: point.part,
-                points: at..at + 1,
-                kind,
-                why,
-                body,
-            }),
-        }
-    }
-    all
-}
 
 /// What is recorded beside what moves.
 #[derive(Clone, Debug)]
@@ -91,15 +52,6 @@ struct Flight {
     a: f64,
     b: f64,
     since: f64,
-}
-
-/// A point or mode that swings freely.
-struct Track {
-    number: usize,
-    own: Oscillation,
-    /// Whose blows are its.
-    struck: usize,
-    run: usize,
 }
 
 /// One second of chunks, which is written when it is over.
@@ -187,91 +139,11 @@ impl Recorder {
             look,
             setup,
         };
-        own.tables(network);
+        tables::put_all(&mut own.out, network, (&own.look, &own.setup), &own.runs);
         if own.out.len() > MOST {
             return Err("the tables of this scene are too long for a motion file".into());
         }
         Ok(own)
-    }
-
-    fn tables(&mut self, network: &Network) {
-        put(&mut self.out, kind::SCENE, 0.0, self.setup.scene.as_bytes());
-        let mut table = Bytes::default();
-        table.u32(self.look.points.len() as u32);
-        for axis in 0..3 {
-            self.setup
-                .places
-                .iter()
-                .for_each(|place| table.f32(place[axis]));
-        }
-        self.look
-            .points
-            .iter()
-            .for_each(|point| table.f32(point.rest));
-        let free = |point: &ergon_engine::simulation::Point| match point.how {
-            How::Free(own) => own,
-            _ => Oscillation {
-                omega: 0.0,
-                sigma: 0.0,
-            },
-        };
-        self.look
-            .points
-            .iter()
-            .for_each(|point| table.f64(free(point).omega));
-        self.look
-            .points
-            .iter()
-            .for_each(|point| table.f64(free(point).sigma));
-        put(&mut self.out, kind::POINTS, 0.0, &table.0);
-        let names = self.look.points.iter();
-        let names: String = names
-            .map(|point| network.mat_name(point.mat) + "\n")
-            .collect();
-        put(&mut self.out, kind::NAMES, 0.0, names.as_bytes());
-        let mut links = Bytes::default();
-        let mut pairs = Vec::new();
-        for run in network.runs() {
-            if !matches!(run.kind, LinkKind::But(_)) {
-                let ends = (0..run.len).map(|i| (run.a + i, run.b + i));
-                pairs.extend(
-                    ends.filter_map(|(a, b)| Some((*self.points.get(&a)?, *self.points.get(&b)?))),
-                );
-            }
-        }
-        links.u32(pairs.len() as u32);
-        for (a, b) in pairs {
-            links.u32(a as u32);
-            links.u32(b as u32);
-        }
-        put(&mut self.out, kind::LINKS, 0.0, &links.0);
-        for (part, run) in self.runs.iter().enumerate() {
-            let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
-                continue;
-            };
-            let (n, m) = (body.points.len(), body.modes.len());
-            // As many modes at once as a chunk holds.
-            for some in chunks(m, (MOST / 4) / (2 * n.max(1)).max(1)) {
-                let mut shapes = Bytes::default();
-                shapes.u16(part as u16);
-                shapes.u16(0);
-                shapes.u32((body.first + some.start) as u32);
-                shapes.u32(some.len() as u32);
-                shapes.u32(n as u32);
-                body.modes[some.clone()]
-                    .iter()
-                    .for_each(|own| shapes.f64(own.omega));
-                body.modes[some.clone()]
-                    .iter()
-                    .for_each(|own| shapes.f64(own.sigma));
-                for row in body.shapes.chunks(m.max(1)) {
-                    row[some.clone()]
-                        .iter()
-                        .for_each(|share| shapes.u16(half(*share)));
-                }
-                put(&mut self.out, kind::SHAPES, 0.0, &shapes.0);
-            }
-        }
     }
 
     /// The sample of the simulation at which it is to be looked at next.
@@ -570,67 +442,6 @@ fn chunks(n: usize, most: usize) -> impl Iterator<Item = Range<usize>> {
     (0..n)
         .step_by(most)
         .map(move |from| from..n.min(from + most))
-}
-
-fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
-    let mut all = Vec::new();
-    for (run, own) in runs.iter().enumerate() {
-        for number in own.points.clone() {
-            if let How::Free(own) = look.points[number].how {
-                all.push(Track {
-                    number,
-                    own,
-                    struck: number,
-                    run,
-                });
-            }
-        }
-        if let Some(body) = own.body {
-            let modes = look.bodies[body].modes.iter();
-            for (number, own) in (look.points.len() + look.bodies[body].first..).zip(modes) {
-                let struck = look.points.len() + body;
-                all.push(Track {
-                    number,
-                    own: *own,
-                    struck,
-                    run,
-                });
-            }
-        }
-    }
-    all
-}
-
-/// Instants at which points and bodies are struck. Where the discrete network is the truth a strike acts on a sample.
-fn blows(
-    look: &Look,
-    network: &Network,
-    points: &HashMap<usize, usize>,
-    ergons: &[Record],
-    rate: f64,
-) -> Vec<Vec<f64>> {
-    let n = look.points.len();
-    let mut all = vec![Vec::new(); n + look.bodies.len()];
-    for ergon in ergons {
-        let Some(&at) = points.get(&(ergon.mat as usize)) else {
-            continue;
-        };
-        let point = &look.points[at];
-        let is_discrete = network.parts()[point.part].ca_rate.is_some();
-        let frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
-        let instant = if is_discrete {
-            frame / rate
-        } else {
-            ergon.time
-        };
-        match point.how {
-            How::Free(_) => all[at].push(instant),
-            How::Modal(body) => all[n + body].push(instant),
-            How::Sampled | How::NotComputed { .. } => {}
-        }
-    }
-    debug_assert!(NONE as usize > n);
-    all
 }
 
 fn amplitude(a: f64, b: f64) -> f64 {

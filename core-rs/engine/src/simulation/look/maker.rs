@@ -1,0 +1,400 @@
+//! Where the number of each mass and mode is found: made once, outside real time.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use super::{Contact, How, Look, NOWHERE, Oscillation, Point, SeenBody, Source};
+use crate::bank::Oscillator;
+use crate::island::inside::BodyPlan;
+use crate::network::{LinkKind, MatKind, Network};
+use crate::plan::{BankPlan, IslandPlan, ModalTransform, ModeShapes, whole};
+use crate::units::Rate;
+
+/// Most modes of a body that are looked at, the lowest: those that can be seen.
+const MODES_MAX: usize = 256;
+
+/// What is found of one MAT: how it moves, from where, and where its numbers are.
+struct Found {
+    how: How,
+    rest: f64,
+    at: usize,
+    from: Origin,
+}
+
+/// What holds the numbers of a MAT, and which of them are its.
+#[derive(Clone, Copy)]
+enum Origin {
+    Mass(usize),
+    Mesh(usize, usize),
+    Slow(usize, usize),
+    Bank(usize),
+    Body,
+}
+
+/// A body by its modes: its MATs with the rows of its shapes, rising, and its modes.
+struct FoundBody {
+    mats: Vec<(usize, usize)>,
+    modes: Vec<FoundMode>,
+}
+
+/// A mode, where it is computed, and how much each row sees of it.
+struct FoundMode {
+    oscillation: Oscillation,
+    /// Its unit, and which body of that, if not all of it.
+    place: (usize, Option<usize>),
+    mode: usize,
+    shape: Vec<f64>,
+}
+
+/// Goes through the units of a plan, and finds what each computes.
+pub(super) struct Maker<'a> {
+    network: &'a Network,
+    rate: f64,
+    by_name: HashMap<String, usize>,
+    /// (n_mat)
+    found: Vec<Option<Found>>,
+    bodies: Vec<FoundBody>,
+    contacts: Vec<Contact>,
+    touched: Vec<(usize, Vec<u32>)>,
+}
+
+impl<'a> Maker<'a> {
+    pub(super) fn new(network: &'a Network, rate: f64) -> Self {
+        let n = network.n_mat();
+        let contacts = network.runs().iter().filter(|run| is_contact(&run.kind));
+        let contacts = contacts.flat_map(|run| {
+            (0..run.len).map(|i| Contact {
+                name: network.link_name(run.first + i),
+                link: run.first + i,
+                ends: (run.a + i, run.b + i),
+            })
+        });
+        Self {
+            network,
+            rate,
+            by_name: (0..n).map(|mat| (network.mat_name(mat), mat)).collect(),
+            found: (0..n).map(|_| None).collect(),
+            bodies: Vec::new(),
+            contacts: contacts.collect(),
+            touched: Vec::new(),
+        }
+    }
+
+    fn whole(&self, network: &Network, mat: usize) -> Option<usize> {
+        self.by_name.get(&network.mat_name(mat)).copied()
+    }
+
+    fn put(&mut self, mat: Option<usize>, found: Found) {
+        if let Some(mat) = mat {
+            self.found[mat] = Some(found);
+        }
+    }
+
+    fn rest(&self, mat: usize) -> f64 {
+        let mats = self.network.mats();
+        match mats.kind[mat] {
+            MatKind::Cel => mats.rest[mat],
+            _ => mats.x0[mat],
+        }
+    }
+
+    fn sampled(&mut self, mat: Option<usize>, at: usize, from: Origin) {
+        let rest = mat.map_or(0.0, |mat| self.rest(mat));
+        let how = How::Sampled;
+        self.put(
+            mat,
+            Found {
+                how,
+                rest,
+                at,
+                from,
+            },
+        );
+    }
+
+    pub(super) fn island(&mut self, at: usize, island: &IslandPlan) {
+        let network = &*island.network;
+        for (mat, kind) in network.mats().kind.iter().enumerate() {
+            // A point that is held is another island's guest too; whoever is first tells where it is.
+            let global = whole(&island.to_whole.mats, mat);
+            if kind.moves() || self.found[global].is_none() {
+                self.sampled(Some(global), at, Origin::Mass(mat));
+            }
+        }
+        for (body, inside) in island.bodies.iter().enumerate() {
+            match inside {
+                BodyPlan::Mesh(mesh) => {
+                    for own in moving(&mesh.network) {
+                        let mat = self.whole(&mesh.network, own);
+                        self.sampled(mat, at, Origin::Mesh(body, own));
+                    }
+                }
+                BodyPlan::Slow(slow) => {
+                    for (own, &mat) in slow.free.iter().enumerate() {
+                        let mat = self.whole(&slow.network, mat);
+                        self.sampled(mat, at, Origin::Slow(body, own));
+                    }
+                }
+                BodyPlan::Modal(modal) => {
+                    let seen = match &modal.answers {
+                        Some(answers) => {
+                            ModeShapes::complex(&modal.of, &answers.places, modal.rate)
+                        }
+                        None => ModeShapes::new(
+                            &modal.of,
+                            (&modal.kept, modal.turned.as_deref()),
+                            modal.rate,
+                            ModalTransform::ToPositions,
+                        ),
+                    };
+                    let modes = modal.modes.iter();
+                    let modes =
+                        modes.map(|mode| Oscillation::of(mode.a, mode.b, modal.rate.hertz()));
+                    if let Some(seen) = seen {
+                        self.body((at, Some(body)), &modal.of, &seen, modes.collect());
+                    }
+                }
+            }
+        }
+        let by_name: HashMap<&str, usize> = (self.contacts.iter().enumerate())
+            .map(|(at, contact)| (contact.name.as_str(), at))
+            .collect();
+        let mut contacts = vec![NOWHERE; network.n_lia()];
+        for run in network.runs().iter().filter(|run| is_contact(&run.kind)) {
+            let links = run.first..run.first + run.len;
+            for (contact, link) in contacts[links.clone()].iter_mut().zip(links) {
+                if let Some(&known) = by_name.get(network.link_name(link).as_str()) {
+                    *contact = known as u32;
+                }
+            }
+        }
+        self.touched.push((at, contacts));
+    }
+
+    pub(super) fn bank(&mut self, at: usize, bank: &BankPlan) {
+        let oscillation = |own: &Oscillator| Oscillation::of(own.a, own.b, self.rate);
+        let all: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
+        if bank.mats.len() == all.len() && !all.is_empty() {
+            for (own, (&(mat, rest), &free)) in bank.mats.iter().zip(&all).enumerate() {
+                let from = Origin::Bank(own);
+                let how = How::Free(free);
+                self.put(
+                    Some(mat as usize),
+                    Found {
+                        how,
+                        rest,
+                        at,
+                        from,
+                    },
+                );
+            }
+            return;
+        }
+        let rate = Rate::new(self.rate).ok();
+        let (network, seen) = match (&bank.of, &bank.complex, rate) {
+            (Some(of), _, Some(rate)) => {
+                let kept = (&bank.kept[..], bank.turned.as_deref());
+                let seen = ModeShapes::new(of, kept, rate, ModalTransform::ToPositions);
+                (of.clone(), seen)
+            }
+            (_, Some((of, parts)), Some(rate)) => {
+                (of.clone(), ModeShapes::complex(of, parts, rate))
+            }
+            _ => return,
+        };
+        if let Some(seen) = seen {
+            self.body((at, None), &network, &seen, all);
+        }
+    }
+
+    /// A body by its modes, or more modes of one that is known.
+    fn body(
+        &mut self,
+        place: (usize, Option<usize>),
+        network: &Arc<Network>,
+        seen: &ModeShapes,
+        modes: Vec<Oscillation>,
+    ) {
+        let mats: Vec<Option<usize>> = seen
+            .mats
+            .iter()
+            .map(|&mat| self.whole(network, mat))
+            .collect();
+        let known = mats
+            .iter()
+            .flatten()
+            .find_map(|&mat| match self.found[mat].as_ref()?.how {
+                How::Modal(body) => Some(body),
+                _ => None,
+            });
+        let at = known.unwrap_or(self.bodies.len());
+        if known.is_none() {
+            for (&mat, &rest) in mats.iter().zip(seen.rest()) {
+                let (how, from) = (How::Modal(at), Origin::Body);
+                self.put(
+                    mat,
+                    Found {
+                        how,
+                        rest,
+                        at: place.0,
+                        from,
+                    },
+                );
+            }
+            let mats = mats.iter().enumerate();
+            let mut mats: Vec<(usize, usize)> =
+                mats.filter_map(|(own, mat)| Some(((*mat)?, own))).collect();
+            mats.sort_unstable();
+            self.bodies.push(FoundBody {
+                mats,
+                modes: Vec::new(),
+            });
+        }
+        let own = modes.into_iter().enumerate().take(seen.n_modes());
+        self.bodies[at]
+            .modes
+            .extend(own.map(|(mode, oscillation)| FoundMode {
+                oscillation,
+                place,
+                mode,
+                shape: seen.shape(mode).to_vec(),
+            }));
+    }
+
+    pub(super) fn finish(mut self, unmoved: &[u32]) -> Look {
+        let mats = self.network.mats();
+        let mut points: Vec<Point> = Vec::new();
+        for mat in 0..self.network.n_mat() {
+            let moves = mats.kind[mat] != MatKind::Sol;
+            if !moves {
+                continue;
+            }
+            let (how, rest) = match &self.found[mat] {
+                Some(found) => (found.how, found.rest),
+                None => {
+                    let is_moved = unmoved.binary_search(&(mat as u32)).is_err();
+                    (How::NotComputed { is_moved }, self.rest(mat))
+                }
+            };
+            points.push(Point {
+                mat,
+                part: mats.part[mat] as usize,
+                rest,
+                how,
+            });
+        }
+        points.sort_by_key(|point| (point.part, kind(point.how), point.mat));
+        let number: HashMap<usize, usize> = (points.iter().enumerate())
+            .map(|(at, point)| (point.mat, at))
+            .collect();
+        let (mut bodies, mut n_modes) = (Vec::new(), 0);
+        for body in &mut self.bodies {
+            let of = body.modes.len();
+            let by_pitch = |a: &FoundMode, b: &FoundMode| {
+                (a.oscillation.omega.total_cmp(&b.oscillation.omega))
+                    .then((a.place, a.mode).cmp(&(b.place, b.mode)))
+            };
+            body.modes.sort_by(by_pitch);
+            body.modes.truncate(MODES_MAX);
+            let modes = &body.modes;
+            let rows = body.mats.iter();
+            bodies.push(SeenBody {
+                of,
+                modes: modes.iter().map(|mode| mode.oscillation).collect(),
+                first: n_modes,
+                points: body.mats.iter().map(|(mat, _)| number[mat]).collect(),
+                shapes: rows
+                    .flat_map(|&(_, row)| modes.iter().map(move |mode| mode.shape[row]))
+                    .collect(),
+            });
+            n_modes += modes.len();
+        }
+        Look {
+            sources: self.sources(&points, &bodies),
+            bodies,
+            contacts: self.contacts,
+            n_modes,
+            touched: self.touched,
+            points,
+        }
+    }
+
+    /// Where the numbers of points and modes come from, source by source.
+    fn sources(&self, points: &[Point], bodies: &[SeenBody]) -> Vec<(usize, Source)> {
+        type Key = (usize, u8, usize);
+        let mut by_key: BTreeMap<Key, Source> = BTreeMap::new();
+        for (at, point) in points.iter().enumerate() {
+            let (Some(found), track) = (&self.found[point.mat], at as u32) else {
+                continue;
+            };
+            let (key, own) = match found.from {
+                Origin::Mass(own) => ((found.at, 0, 0), own),
+                Origin::Mesh(body, own) => ((found.at, 1, body), own),
+                Origin::Slow(body, own) => ((found.at, 2, body), own),
+                Origin::Bank(own) => ((found.at, 3, 0), own),
+                Origin::Body => continue,
+            };
+            let source = by_key.entry(key).or_insert_with(|| match found.from {
+                Origin::Mass(_) => Source::Masses(Vec::new()),
+                Origin::Mesh(body, _) => Source::Mesh(body, Vec::new()),
+                Origin::Slow(body, _) => Source::Slow(body, Vec::new()),
+                Origin::Bank(_) | Origin::Body => Source::Bank(Vec::new()),
+            });
+            match source {
+                Source::Masses(all) | Source::Mesh(_, all) | Source::Slow(_, all) => {
+                    all.push((own as u32, track, point.rest));
+                }
+                Source::Bank(all) => all.push((own as u32, track)),
+                Source::Modes(..) => {}
+            }
+        }
+        let mut sources: Vec<(usize, Source)> = by_key
+            .into_iter()
+            .map(|((at, _, _), source)| (at, source))
+            .collect();
+        for (found, body) in self.bodies.iter().zip(bodies) {
+            let mut by_place = BTreeMap::<_, Vec<(u32, u32)>>::new();
+            for (mode, track) in found.modes.iter().zip(points.len() + body.first..) {
+                let own = by_place.entry(mode.place).or_default();
+                own.push((mode.mode as u32, track as u32));
+            }
+            for ((at, place), pairs) in by_place {
+                let source = match place {
+                    None => Source::Bank(pairs),
+                    Some(place) => {
+                        let last = pairs.iter().map(|(mode, _)| *mode as usize).max();
+                        let mut modes = vec![NOWHERE; last.map_or(0, |last| last + 1)];
+                        pairs
+                            .iter()
+                            .for_each(|(mode, track)| modes[*mode as usize] = *track);
+                        Source::Modes(place, modes)
+                    }
+                };
+                sources.push((at, source));
+            }
+        }
+        sources
+    }
+}
+
+/// The order of points within a part.
+fn kind(how: How) -> (u8, usize) {
+    match how {
+        How::Free(_) => (0, 0),
+        How::Sampled => (1, 0),
+        How::Modal(body) => (2, body),
+        How::NotComputed { is_moved } => (3, usize::from(is_moved)),
+    }
+}
+
+fn is_contact(kind: &LinkKind) -> bool {
+    matches!(kind, LinkKind::But(_))
+}
+
+fn moving(network: &Network) -> Vec<usize> {
+    let kinds = network.mats().kind.iter().enumerate();
+    kinds
+        .filter(|(_, kind)| kind.moves())
+        .map(|(mat, _)| mat)
+        .collect()
+}

@@ -1,0 +1,61 @@
+//! A free oscillation: what it is of a recurrence, where it goes, and how it goes on from two frames.
+
+use crate::maths;
+
+/// e^−σt (a cos ωt + b sin ωt) [m], or e^−σt (a + bt) where ω is 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Oscillation {
+    /// ω [rad/s]
+    pub omega: f64,
+    /// σ [1/s]
+    pub sigma: f64,
+}
+
+impl Oscillation {
+    /// Of x[n+1] = a·x[n] − b·x[n−1].
+    pub(super) fn of(a: f64, b: f64, rate: f64) -> Self {
+        if b <= 0.0 {
+            let fall = if a > 0.0 && a < 1.0 {
+                maths::log(a)
+            } else {
+                0.0
+            };
+            return Self {
+                omega: 0.0,
+                sigma: -fall * rate,
+            };
+        }
+        let sigma = -0.5 * maths::log(b) * rate;
+        let cosine = 0.5 * a / b.sqrt();
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let omega = if cosine.abs() < 1.0 {
+            maths::atan2(sine, cosine) * rate
+        } else {
+            0.0
+        };
+        Self { omega, sigma }
+    }
+
+    /// a and b of its motion from here on, from where it is and was a step of `step` [s] before [m].
+    pub fn phase(&self, now: f64, before: f64, step: f64) -> (f64, f64) {
+        let turn = self.omega * step;
+        let was = before * maths::exp(-self.sigma * step);
+        if self.omega == 0.0 {
+            return (now, (now - was) / step);
+        }
+        (now, (now * maths::cos(turn) - was) / maths::sin(turn))
+    }
+
+    /// a and b as they are `t` [s] later, which may be below 0.
+    pub fn later(&self, (a, b): (f64, f64), t: f64) -> (f64, f64) {
+        let fade = maths::exp(-self.sigma * t);
+        if self.omega == 0.0 {
+            return (fade * (a + b * t), fade * b);
+        }
+        let (sine, cosine) = maths::sincos(self.omega * t);
+        (
+            fade * (a * cosine + b * sine),
+            fade * (b * cosine - a * sine),
+        )
+    }
+}
