@@ -51,7 +51,7 @@ class _Run(NamedTuple):
 
     def bases(self) -> Iterator[int]:
         """Where each begins in the text."""
-        return accumulate((len(word) + self.gap for word in self.words[:-1]), initial=self.first)
+        return accumulate([len(word) + self.gap for word in self.words[:-1]], initial=self.first)
 
 
 def by_lines(
@@ -73,12 +73,12 @@ def by_lines(
     own.forget_lines()
     lines: dict[str, Line] = {}
     for run in runs:
-        first = row + own.row(run.first)
+        first, is_mapping = row + own.row(run.first), run.is_mapping
         for number, word in enumerate(run.words):
             here = first if run.gap else first + number
             line = lines.get(word) or known.get(word)
-            if line is None or (run.is_mapping and line.node.document.first_row != here):
-                line = _line(f"{{{word}}}" if run.gap else word, file, here, run.is_mapping)
+            if line is None or (is_mapping and line.node.document.first_row != here):
+                line = _line(f"{{{word}}}" if run.gap else word, file, here, is_mapping)
                 if line is None:
                     return None
                 line.node.document.folder = folder

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, field, replace
@@ -230,9 +231,9 @@ class Hands:
         """Those within the window; chance counts the ones before it as well."""
         if self.window is ALL:
             return starts
-        first = n_before(starts, self.window.since - SAME)
+        first = bisect_left(starts, self.window.since - SAME)
         self._occurrences[play.player, play.what] += first
-        return starts[first : n_before(starts, self.window.until - SAME)]
+        return starts[first : bisect_left(starts, self.window.until - SAME)]
 
     def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
         """Those for which the timeline has room; none after a report."""

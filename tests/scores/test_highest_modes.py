@@ -15,7 +15,7 @@ SCORE = "ergon: 1\ninstruments:\n  s: {modules: {body: {%s}}}\n"
 
 def modes(fields: str) -> list:
     piece = check(SCORE % fields).piece
-    return highest_modes(piece, prepare(piece).scene)
+    return highest_modes(piece, prepare(piece).built)
 
 
 def test_the_highest_mode_of_a_row_is_that_of_its_formula():
