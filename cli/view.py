@@ -69,7 +69,9 @@ def view(console: Console, path: Path, at: str, stage: bool, strobe: bool) -> No
 
 def _refuse_others(path: Path) -> None:
     """A sentence for what is no motion."""
-    with path.open("rb") as file:
+    from ergon.common.regular import open_regular
+
+    with open_regular(path) as file:  # a pipe's other end would be waited for
         begins = file.read(len(_BEGINS))
     if begins == _BEGINS:
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from io import BufferedReader
@@ -27,7 +28,10 @@ def open_regular(path: Path) -> BufferedReader:
     except ValueError:  # a null byte, or what the file system's encoding cannot say
         raise FileNotFoundError(2, "no file can have this name", str(path)) from None
     try:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
+        mode = os.fstat(handle).st_mode
+        if stat.S_ISDIR(mode):
+            raise NotRegularError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if not stat.S_ISREG(mode):
             raise NotRegularError(22, "not a regular file", str(path))
         return os.fdopen(handle, "rb")
     except BaseException:

@@ -9,8 +9,6 @@ from math import isfinite
 
 def n_before(beats: Sequence[float], beat: float) -> int:
     """How many of some rising beats lie before another."""
-    if isinstance(beats, list):  # no beat is worked out
-        return bisect_left(beats, beat)
     return first_from(beats.__getitem__, len(beats), beat)
 
 

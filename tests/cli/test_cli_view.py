@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -69,11 +70,13 @@ def test_elsewhere_the_address_has_a_key() -> None:
 def test_what_is_no_motion_is_refused_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text("ergon: 1\n")
     Path("x.wav").write_bytes(b"RIFF")
+    os.mkfifo("pipe.motion")
     for path, words in {
         "s.yaml": "`ergon render s.yaml --motion`",
         "x.wav": "x.wav is no .motion file",
         "none.motion": "none.motion: No such file",
         ".": "Is a directory",
+        "pipe.motion": "pipe.motion: not a regular file",  # whose other end nobody opens
     }.items():
         assert app.run(["view", path]) == 2
         assert words in capsys.readouterr().err
