@@ -1,5 +1,6 @@
 """Heads from SOFA files, and what is no such file."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -81,5 +82,8 @@ def test_other_files_are_refused(tmp_path: Path):
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(sofa.SofaError, match="no SOFA file"):
         sofa.read(path)
-    with pytest.raises(OSError, match="regular"):
+    with pytest.raises(OSError, match="directory"):
         sofa.read(tmp_path)
+    os.mkfifo(tmp_path / "c.sofa")
+    with pytest.raises(OSError, match="regular"):
+        sofa.read(tmp_path / "c.sofa")
