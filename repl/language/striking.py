@@ -29,6 +29,9 @@ OPTIONS = {
     "euclid": "3 8",
     "swing": "0.6",
     "skip": "5",
+    "sweep": "inward",
+    "path": "1 0deg -> 0.3 360deg",
+    "width": "0.05",
     "mass": "2g",
     "speed": "1m/s",
 }

@@ -115,6 +115,8 @@ class _Window:
         if strikes.span is not None:
             stop = self.map.after(begin, strikes.span)
         said: dict[str, str | None] = {"for": None, "until": None}
+        if strikes.passing is not None:  # `for` says how fast it passes
+            del said["for"]
         if strikes.pattern is not None:
             places = strikes.steps(self.piece)
             since, until = (n_before(places, at - SAME) for at in (self.start, self.stop))
@@ -131,14 +133,14 @@ class _Window:
             every, times = strikes.every, strikes.times
             found = (
                 strikes.rounds(self.map)
-                if strikes.hits
+                if strikes.has_rounds
                 else starts(self.map, begin, Time(), every=every, times=times, until=end)
             )
             inside = self.within(found)
             if not inside:
                 return texts.remove(path), False
             said |= {"at": self.at(inside[0])}
-            if every is not None or strikes.hits:
+            if every is not None or strikes.has_rounds:
                 said |= {"times": str(len(inside))}
         return self._said(texts, path, said), True
 

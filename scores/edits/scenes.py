@@ -257,7 +257,9 @@ def _struck(
     assert isinstance(said, dict)
     body = said[strikes.name]
     assert isinstance(body, dict)
-    body = {name: value for name, value in body.items() if name not in ("for", "until", "times")}
+    # `for` says how fast something passes.
+    lengths = ("until", "times") if strikes.passing is not None else ("for", "until", "times")
+    body = {name: value for name, value in body.items() if name not in lengths}
     found: list[tuple[float, Mapping[str, object]]]
     if strikes.rate is not None:
         fills = begin < SAME and stop >= scene.beats - SAME
@@ -272,7 +274,11 @@ def _struck(
     else:
         limit = None if strikes.until is None and strikes.span is None else stop
         every, most = strikes.every, strikes.times
-        begins = starts(tempo, begin, Time(), every=every, times=most, until=limit)
+        begins = (
+            strikes.rounds(tempo)
+            if strikes.passing is not None
+            else starts(tempo, begin, Time(), every=every, times=most, until=limit)
+        )
         again = {**body, "every": f"{scene.beats:.12g}"}
         found = [(beat, again) for beat in begins if beat < scene.beats - SAME]
     for beat, fields in found:

@@ -35,7 +35,8 @@ def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str
         said = {"to": to[0] if len(to) == 1 else [*to], "at": said["at"], **rest}
     if "do" in fields:
         said["do"] = [one.strip() for one in fields["do"].split(",")]
-    if said.keys() & {"rate", "every", "euclid"} and not said.keys() & {"times", "for", "until"}:
+    bounds = {"times", "until"} if said.keys() & {"sweep", "path"} else {"times", "for", "until"}
+    if said.keys() & {"rate", "every", "euclid"} and not said.keys() & bounds:
         said["until"] = distant(piece, at)
     return texts.put(("strikes", new), edit.flow(said))
 
@@ -64,7 +65,7 @@ def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
     elif strikes.pattern is not None and strikes.until is None:
         places = strikes.steps(piece)
         stop = places.beat(len(places))
-    elif strikes.hits and strikes.until is None:
+    elif strikes.has_rounds and strikes.until is None:
         stop = strikes.rounds(tempo)[-1] + 2 * SAME
     elif strikes.times is not None and strikes.every is not None and strikes.until is None:
         stop = tempo.after(begin, strikes.every.times(strikes.times))

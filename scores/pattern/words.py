@@ -192,10 +192,15 @@ def _value(
     count = 1
     if word == "euclid":
         count = 4 if [value.text for value in values[2:3]] == ["rotate"] else 2
+    elif word == "path":
+        count = 2
+        while [value.text for value in values[count : count + 1]] == ["->"]:
+            count += 3
     values = values[:count]
     bad = next((v for v in values if v.text in (*known, *_KNOWN, ",")), None)
     if len(values) < count or bad is not None:
-        example = f"{word} {known[word]}" + (" rotate 2" if count == 4 else "")
+        example = f"{word} {known[word]}"
+        example += " rotate 2" if word == "euclid" and count == 4 else ""
         message = f"'{word}' needs a value: {example}"
         raise TextError(message, offset=start + offset, length=len(word))
     first, last = values[0], values[-1]

@@ -24,6 +24,7 @@ from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import calibration, mixing
 from ergon.scores.reading.manner import manner
+from ergon.scores.reading.passing import passing
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
     Accuracy,
@@ -154,11 +155,7 @@ def take(values: Values, files: Files) -> TakeFile:
 def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes on the targets that their names reach."""
     v = values
-    _one_of(v, ("impulse",), ("mass", "speed"))
-    if v.written("mass", "speed") and len(v.written("mass", "speed")) < 2:
-        v.error(
-            "E103", f"{v.context.of('')} needs both mass and speed", v.written("mass", "speed")[0]
-        )
+    _check_force(v)
     if v.written("rate") and (extra := v.written("every", "times")):
         v.error(
             "E111",
@@ -219,6 +216,35 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         place=v.place,
         pattern=pattern,
         notes=notes,
+    )
+
+
+def _check_force(values: Values) -> None:
+    """How strong strikes are: by `impulse`, or by both `mass` and `speed`; reports."""
+    _one_of(values, ("impulse",), ("mass", "speed"))
+    if len(said := values.written("mass", "speed")) == 1:
+        values.error("E103", f"{values.context.of('')} needs both mass and speed", said[0])
+
+
+def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
+    """Strikes of what passes the targets that their names reach."""
+    v = values
+    _check_force(v)
+    return Strikes(
+        name=v.context.name,
+        to=to,
+        at=v["at"],
+        span=None,
+        until=v["until"],
+        rate=None,
+        every=v["every"],
+        times=v["times"],
+        impulse=v["impulse"],
+        mass=v["mass"],
+        speed=v["speed"],
+        place=v.place,
+        length=v["for"],
+        passing=passing(v),
     )
 
 

@@ -190,12 +190,18 @@ class Checker:
     def _strikes(self, values: Values) -> Strikes | None:
         if not melodies.is_whole(values):
             return None
-        if melodies.kind_of(values):
+        kind = melodies.kind_of(values)
+        if kind in melodies.MELODIES:
             found = melodies.hits_of(values, self.part_names, self._phrases(), self.uses.files)
             return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
         targets = tuple(t for name in names for t in self.part_names.targets(name, "mats", who))
+        if kind:
+            made = build.passing_strikes(values, targets)
+            for target in targets if made.passing and made.passing.is_by_pitch else ():
+                self._is_of_cells(target, who)
+            return made
         made = build.strikes(values, targets)
         if made.notes and names and all(self.part_names.family(name) for name in names):
             return melodies.voiced(made, values, Voices(self.part_names, names), who)
@@ -216,6 +222,15 @@ class Checker:
         is_ca = isinstance(made, Instrument) and made.ca_rate is not None
         if part.modules[target.module].kind != "CEL" or is_ca:
             message = f"{who}: {quote(target.text)} has no pitch of its own; notes are for CELs"
+            self.collector.error("E304", message, target.place)
+
+    def _is_of_cells(self, target: Target, who: str) -> None:
+        """Report a target whose members have no pitch each."""
+        if self.part_names.parts[target.part].modules[target.module].kind not in ("CEL", "BANK"):
+            message = (
+                f"{who}: members of {quote(target.text)} have no pitch each, as those of a BANK "
+            )
+            message += "have; let the front go outward or rightward"
             self.collector.error("E304", message, target.place)
 
     def _reach_led(self) -> None:

@@ -21,30 +21,39 @@ from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.reading.melody import Row, Voices, length_of, transformed
 from ergon.scores.reading.piece import Hit, Strikes
 
+_PASSING = ("to", "at", "for", "every", "times", "until", "chance", "impulse", "mass", "speed")
 _OWN = {
     "entries": ("entries", "to", "impulse", "until"),
     "play": ("play", "to", "impulse", "at", "every", "times", "until", "transpose", "do"),
+    "sweep": ("sweep", *_PASSING),
+    "path": ("path", "width", *_PASSING),
 }
-_OF_PHRASE = ("transpose", "do")
+_NEEDED = {"entries": ("entries",), "play": ("play", "at")} | dict.fromkeys(
+    ("sweep", "path"), ("to", "at", "for")
+)
+MELODIES = ("entries", "play")
+# Fields that only strikes of one kind have.
+_ONLY = {"transpose": "play", "do": "play", "width": "path"}
 
 
 def kind_of(values: Values) -> str:
-    """`entries` or `play` of a melody, "" of other strikes."""
+    """The field that says of what kind strikes are; "" of those that have none of these fields."""
     return next(iter(values.written(*_OWN)), "")
 
 
 def is_whole(values: Values) -> bool:
     """Whether strikes have the fields that their kind needs, and no others; reports."""
     v, kind = values, kind_of(values)
-    needed = {"entries": ("entries",), "play": ("play", "at")}.get(kind, ("to", "at"))
+    needed = _NEEDED.get(kind, ("to", "at"))
     for name in needed:
         if name not in v.nodes:
             message = f"{v.context.of('')} has no '{name}': {v.record.by_name[name].shape.words()}"
             v.error("E103", message)
-    own = _OWN.get(kind, tuple(name for name in v.record.by_name if name not in _OF_PHRASE))
+    own = _OWN.get(kind, tuple(name for name in v.record.by_name if name not in _ONLY))
     for name in v.nodes:
         if name not in own:
-            which = f"strikes with `{kind}` have" if kind else "only strikes that `play` have"
+            which = f"strikes with `{kind or _ONLY[name]}` have"
+            which = which if kind else f"only {which}"
             message = f"{v.context.of(name)}: {which} {'no such' if kind else 'this'} field"
             v.error("E111", f"{message}; remove it", name)
             return False

@@ -26,6 +26,7 @@ from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.mixing import Fade, Radiation, Room
+from ergon.scores.reading.passing import Passing
 
 # Fields that came later: the hash of a score omits an empty one, so that it stays what it was.
 OMIT_EMPTY = {"hash_omits_empty": True}
@@ -160,7 +161,8 @@ class Strikes:
     """Ergons that hit modules directly: a Poisson `rate` [Hz] for each, or `every` so often.
 
     Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s]. A melody has
-    `hits`; with a `length` it is a phrase that begins at `at`, `every` so often.
+    `hits`; with a `length` it is a phrase that begins at `at`, `every` so often; so
+    does what passes an instrument (`passing`).
     """
 
     name: str
@@ -181,6 +183,12 @@ class Strikes:
     voices: Mapping[str, tuple[Target, ...]] = field(default_factory=dict, metadata=OMIT_EMPTY)
     hits: tuple[Hit, ...] = field(default=(), metadata=OMIT_EMPTY)
     length: Length | None = field(default=None, metadata=OMIT_EMPTY)
+    passing: Passing | None = field(default=None, metadata=OMIT_EMPTY)
+
+    @property
+    def has_rounds(self) -> bool:
+        """Whether strikes fall in rounds: those of a melody, or of what passes an instrument."""
+        return bool(self.hits) or self.passing is not None
 
     @property
     def who(self) -> str:
@@ -188,7 +196,7 @@ class Strikes:
         return f"strikes/{self.name}"
 
     def rounds(self, tempo: TempoMap) -> list[float]:
-        """Beats on which a melody begins: a phrase every time it is played. Raises TextError."""
+        """Beats on which rounds begin: a phrase every time it is played. Raises TextError."""
         if self.length is None:
             return [0.0]
         until = None if self.until is None else tempo.resolve(self.until)

@@ -137,9 +137,11 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
         stop = tempo.after(start, strikes.span) if strikes.span is not None else start
     lasting = tempo.seconds(stop) - tempo.seconds(start)
     each = 1.0
-    if strikes.hits:
+    if strikes.has_rounds:
         try:
             once = sum(target.count for hit in strikes.hits for target in hit.to)
+            if strikes.passing is not None:
+                once = sum(t.count for t in strikes.to) * strikes.passing.most_visits
             count = float(once * len(strikes.rounds(tempo)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"

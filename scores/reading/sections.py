@@ -35,6 +35,7 @@ from ergon.scores.reading.include import INCLUDE
 from ergon.scores.reading.manner import DO, OF_GESTURE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.part import PART
+from ergon.scores.reading.passing import FIELDS as PASSING_FIELDS
 from ergon.scores.reading.patterns import OF_PATTERN
 from ergon.scores.reading.piece import METHODS
 
@@ -157,7 +158,7 @@ STRIKES = Record(
     (
         Field("to", _TARGETS, "what; of a melody the instrument whose notes are struck"),
         Field("at", k.WHEN, "when they begin"),
-        Field("for", k.LENGTH, "how long"),
+        Field("for", k.LENGTH, "how long; of `sweep` and `path` once over the instrument"),
         Field("until", k.WHEN, "when they end, instead of `for`"),
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
@@ -171,6 +172,7 @@ STRIKES = Record(
         ),
         Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
         Field("play", Reference("a phrase or a MIDI take"), "what is played, `every` so often"),
+        *PASSING_FIELDS,
         Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
         Field("do", DO, "transformations of the phrase, left to right"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),

@@ -13,9 +13,12 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Time
+from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_from
 from ergon.scores.pattern.steps import Steps
+from ergon.scores.reading.passing import Passing
 from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.staging.passes import visits
 
 ANY = (-math.inf, math.inf)
 
@@ -30,7 +33,7 @@ class Striking:
     mats: Sequence[int]
     source: int
     within: tuple[float, float] = ANY  # instants [s] at which there may be any
-    assembly: Assembly | None = None  # where the targets of a melody are
+    assembly: Assembly | None = None  # where the targets of a melody and of what passes are
 
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
@@ -44,6 +47,8 @@ class Striking:
         try:
             if strikes.hits:
                 return self._melody()
+            if strikes.passing is not None:
+                return self._passed(strikes.passing)
             if strikes.pattern is not None:
                 return self._by_pattern(strikes.steps(piece))
             if strikes.rate is not None and strikes.impulse is not None and stop is not None:
@@ -107,6 +112,25 @@ class Striking:
             mats = (mat for target in hit.to for mat in self._members(target))
             for member, mat in enumerate(mats):
                 self._strike(mat, instant, member, number, hit.impulse)
+        return end
+
+    def _passed(self, passing: Passing) -> float:
+        """The strikes of what passes the members, once in every round."""
+        strikes, tempo, end = self.strikes, self.piece.tempo_map, 0.0
+        draws = Draws(self.piece.seed, strikes.who)
+        assert self.assembly is not None
+        assert strikes.length is not None
+        parts = list(dict.fromkeys(target.part for target in strikes.to))
+        way = visits(passing, self.assembly.network, parts, self.mats)
+        for turn, start in enumerate(strikes.rounds(tempo)):
+            lasting = tempo.after(start, strikes.length) - start
+            end = max(end, tempo.seconds(start + lasting))
+            for number, (share, member) in enumerate(way, turn * len(way)):
+                instant = tempo.seconds(start + share * lasting)
+                if not self.within[0] <= instant < self.within[1]:
+                    continue
+                if draws.happens(passing.chance, number, member):
+                    self._strike(self.mats[member], instant, member, number)
         return end
 
     def _members(self, target: Target) -> Sequence[int]:

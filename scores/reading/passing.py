@@ -1,0 +1,117 @@
+"""Strikes by what passes an instrument: a front that sweeps over it, or a head on a path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil
+from typing import Any
+
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import Text, choice
+from ergon.notation.text.errors import TextError, quote
+
+# What a front goes along, by the word for its direction, and whether it goes from high to low.
+SWEEPS = {
+    "outward": ("radius", False),
+    "inward": ("radius", True),
+    "anticlockwise": ("angle", False),
+    "clockwise": ("angle", True),
+    "rightward": ("x", False),
+    "leftward": ("x", True),
+    "forward": ("y", False),
+    "backward": ("y", True),
+    "upward": ("pitch", False),
+    "downward": ("pitch", True),
+}
+MAX_POINTS = 1000  # of a path
+MAX_TURNS = 100.0  # of a path: each is walked in 180 steps
+WIDTH = 0.05
+_ARROW = "->"
+
+Point = tuple[float, float]  # radius (1: the farthest member), azimuth [degrees]
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """What passes the members of an instrument, once in `length`; each is struck as it is passed.
+
+    Either a front goes along `sweep`, a word of SWEEPS, or a head goes along `path`, evenly from
+    point to point in radius and azimuth, and passes what it comes nearer to than `width` / 2. Of
+    those that are passed each is struck with the probability `chance`.
+    """
+
+    sweep: str | None
+    path: tuple[Point, ...]
+    width: float
+    chance: float
+
+    @property
+    def is_by_pitch(self) -> bool:
+        """Whether members are passed in the order of their frequencies."""
+        return self.sweep is not None and SWEEPS[self.sweep][0] == "pitch"
+
+    @property
+    def most_visits(self) -> int:
+        """How often one member is passed at most."""
+        return 1 if self.sweep is not None else ceil(_turns(self.path)) + 1
+
+
+def _turns(path: tuple[Point, ...]) -> float:
+    """Turns of a path round the middle, and points at which it may turn back."""
+    return sum(abs(b - a) for (_, a), (_, b) in pairwise(path)) / 360.0 + len(path) - 2
+
+
+def _point(text: str) -> Point:
+    words = text.split()
+    if len(words) != 2:
+        message = f"{quote(text.strip())} is no radius and angle such as 0.3 1080deg"
+        raise TextError(message, length=max(1, len(text)), code="E201")
+    radius = q.quantity(words[0], q.RADIUS)
+    try:
+        return radius, q.quantity(words[1], q.WAY_ROUND)
+    except TextError as error:
+        error.offset += text.index(words[1], text.index(words[0]) + len(words[0]))
+        raise
+
+
+def parse_path(text: str) -> tuple[Point, ...]:
+    """`1 0deg -> 0.3 1080deg` as points (radius, azimuth [degrees]). Raises TextError."""
+    found: list[Point] = []
+    start = 0
+    for part in text.split(_ARROW):
+        try:
+            found.append(_point(part))
+        except TextError as error:
+            error.offset += start
+            raise
+        start += len(part) + len(_ARROW)
+    if not 2 <= len(found) <= MAX_POINTS:
+        message = f"a path has 2 to {MAX_POINTS:,} points, with {_ARROW} between them"
+        raise TextError(message, length=max(1, len(text)), code="E106")
+    if sum(abs(b - a) for (_, a), (_, b) in pairwise(found)) > 360.0 * MAX_TURNS:
+        message = f"the path goes round more than {MAX_TURNS:.0f} times"
+        raise TextError(message, length=len(text), code="E202")
+    return tuple(found)
+
+
+PATH = Text(
+    parse_path,
+    "radius and angle from point to point, such as 1 0deg -> 0.3 1080deg",
+    has_values=True,
+)
+FIELDS = (
+    Field("sweep", choice(*SWEEPS), "a front that strikes each member it passes, once in `for`"),
+    Field("path", PATH, "the way of a head that strikes each member it passes, once in `for`"),
+    Field("width", k.WIDTH, "how wide the head is, the instrument's radius being 1", WIDTH),
+)
+
+
+def passing(values: Values) -> Passing:
+    """What passes, of strikes with `sweep` or `path`."""
+    chance: Any = values["chance"]
+    return Passing(
+        values["sweep"], values["path"] or (), values["width"], 1.0 if chance is None else chance
+    )

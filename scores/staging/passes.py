@@ -1,0 +1,127 @@
+"""Which members of an instrument a front or a head passes, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import ceil, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ergon import _core
+from ergon.notation.text.errors import TextError
+from ergon.scores.reading.passing import SWEEPS, Passing, Point
+from ergon.space.directions import angles, sine_cosine
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    _Floats = NDArray[np.float64]
+
+# Chords of a path: with 2° they leave the circle by 1.5e-4 of its radius.
+_STEP = 2.0  # [degrees]
+
+Visit = tuple[float, int]  # share of the way, from 0 to 1, and index of the member
+
+
+def visits(
+    passing: Passing, network: _core.Network, parts: Sequence[str], mats: Sequence[int]
+) -> list[Visit]:
+    """When each MAT of some parts is passed, in the order of time, then of the MATs.
+
+    Places count from the middle of the bench. Raises TextError where a front goes by pitch and a
+    MAT has none.
+    """
+    if not mats:
+        return []
+    if passing.sweep is None:
+        places = np.array([network.position_of(mat) for mat in mats])
+        return _by_path(passing.path, passing.width, places)
+    quantity, is_falling = SWEEPS[passing.sweep]
+    if quantity == "pitch":
+        shares = _stretched(_pitches(network, parts, mats))
+    else:
+        shares = _along(quantity, np.array([network.position_of(mat) for mat in mats]))
+    found = [(1.0 - share if is_falling else share, i) for i, share in enumerate(shares)]
+    return sorted(found)
+
+
+def _along(quantity: str, places: _Floats) -> list[float]:
+    """Where each place lies on the way of a front, from 0 to 1."""
+    if quantity == "angle":  # a turn, from the front to the left
+        azimuths = (angles((x, y, 0.0))[0] for x, y in places.tolist())
+        return [azimuth / 360.0 % 1.0 for azimuth in azimuths]
+    if quantity == "radius":
+        return _stretched([sqrt(x * x + y * y) for x, y in places.tolist()])
+    return _stretched(places[:, "xy".index(quantity)].tolist())
+
+
+def _stretched(values: Sequence[float]) -> list[float]:
+    """The least value as 0, the greatest as 1."""
+    low, high = min(values), max(values)
+    return [(value - low) / (high - low) if high > low else 0.0 for value in values]
+
+
+def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) -> list[float]:
+    """ln(K/M) of each CEL: an even front passes octaves in equal times."""
+    elements = network.elements(parts)
+    ties = {
+        elements.mats[slot]: (stiffness, elements.masses[slot])
+        for kind, slot, stiffness in zip(
+            elements.kinds, elements.a.tolist(), elements.stiffness.tolist(), strict=True
+        )
+        if kind == "CEL"
+    }
+    found = []
+    for mat in mats:
+        stiffness, mass = ties.get(mat, (0.0, 1.0))
+        if not stiffness > 0.0:
+            raise TextError(f"{network.name_of(mat)} has no pitch by which a front could pass it")
+        found.append(_core.ln(stiffness / mass))
+    return found
+
+
+def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Visit]:
+    """Each time that the head comes nearer to a member than half its width: when it is nearest."""
+    x, y = places[:, 0], places[:, 1]
+    square = float((x * x + y * y).max())
+    scale = 1.0 / sqrt(square) if square > 0.0 else 1.0
+    x, y = x * scale, y * scale
+    reach = width * width / 4.0
+    found: list[Visit] = []
+    is_near = np.zeros(len(places), bool)
+    least = np.full(len(places), np.inf)
+    share = np.zeros(len(places))
+    for (t0, x0, y0), (t1, x1, y1) in pairwise(_corners(path)):
+        dx, dy = x1 - x0, y1 - y0
+        length = dx * dx + dy * dy
+        s = ((x - x0) * dx + (y - y0) * dy) / length if length > 0.0 else np.zeros(len(places))
+        s = np.minimum(np.maximum(s, 0.0), 1.0)
+        away_x, away_y = x - (x0 + s * dx), y - (y0 + s * dy)
+        away = away_x * away_x + away_y * away_y
+        now = away <= reach
+        for member in np.flatnonzero(is_near & ~now):
+            found.append((float(share[member]), int(member)))
+        least[~now] = np.inf
+        nearer = now & (away < least)
+        least[nearer] = away[nearer]
+        share[nearer] = (t0 + s * (t1 - t0))[nearer]
+        is_near = now
+    found += [(float(share[member]), int(member)) for member in np.flatnonzero(is_near)]
+    return sorted(found)
+
+
+def _corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
+    """The path as chords: (share of the way, x, y) of each corner."""
+    found = []
+    legs = len(path) - 1
+    for leg, ((r0, a0), (r1, a1)) in enumerate(pairwise(path)):
+        steps = max(1, ceil(abs(a1 - a0) / _STEP))
+        first = 0 if leg == 0 else 1
+        for step in range(first, steps + 1):
+            part = step / steps
+            radius = r0 + part * (r1 - r0)
+            left, front = sine_cosine(a0 + part * (a1 - a0))
+            found.append(((leg + part) / legs, 0.0 - radius * left, radius * front))
+    return found
