@@ -52,6 +52,12 @@ def entered(clock: Clock, tempo: TempoMap, beat: float, seconds: float) -> Clock
     return started(tempo, beat, seconds) if clock.goes else Clock(None, beat)
 
 
+def going_on(clock: Clock, before: TempoMap, after: TempoMap, beat: float, seconds: float) -> Clock:
+    """The clock of a piece that stays at a beat while its tempo changes before that beat."""
+    is_same = after.seconds(beat) == before.seconds(beat)
+    return clock if is_same else entered(clock, after, beat, seconds)
+
+
 def boundary(tempo: TempoMap, beat: float, grid: Length) -> float:
     """The first beat from `beat` on that is a multiple of `grid`: of bars from the first, of beats
     from the beginning of their bar, in seconds from the beginning of the piece."""

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from ergon._core import FORCE_FALL_TIME, EngineError, StoppedError
@@ -14,7 +15,10 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
 from ergon.repl.language.commands import NOW, When
-from ergon.repl.session.clock import Clock, boundary, entered, started
+from ergon.repl.language.parse import parse
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.language.scope import scope_of
+from ergon.repl.session.clock import Clock, boundary, entered, going_on, started
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import JOIN, Running, follow, horizon
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
@@ -210,9 +214,12 @@ class Commits:
         starts = self._starts(after, on)
         after = sorted(after, key=lambda one: starts[id(one)])
         version = on.version
+        has_lost = not _names(self.head) <= _names(version)
         further = []
         for one in after:
             try:
+                if has_lost:
+                    _check_names(one, version)
                 version = self._version(version, one)
             except REFUSALS as error:
                 waits = f"'{one.line}' waits for {version.piece.tempo_map.written(one.beat)}"
@@ -276,7 +283,9 @@ class Commits:
             tick = self.engine.tick_frames / self.rate
             tempo = on.version.piece.tempo_map
             if clock.beat(tempo, seconds + self.lead - tick) > one.beat + SAME:
-                leave = enter = clock.beat(tempo, seconds + self.lead)
+                seconds += self.lead
+                leave = enter = clock.beat(tempo, seconds)
+                clock = going_on(clock, tempo, version.piece.tempo_map, enter, seconds)
         made = follow(
             on,
             version,
@@ -323,10 +332,11 @@ class Commits:
 
     # --- handing over ----------------------------------------------------------------------------
 
-    def tick(self) -> list[Waiting]:
+    def tick(self, before: float = math.inf) -> list[Waiting]:
         """Hand due versions to the engine, and extend the timeline beyond its horizon.
 
-        Returns the lines that were not ready in time and wait again.
+        Returns the lines that were not ready in time and wait again. Nothing is extended in or
+        after the frame `before`: a line takes over there, which extends the timeline itself.
         """
         late = []
         while self.waiting and self.waiting[0].start <= self._soon():
@@ -357,6 +367,8 @@ class Commits:
                 self.said.append(f"the session stood still: nothing began from {first} to {last}")
             damp = running.version.damp
             again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
+            if again.start >= before:
+                return late
             try:
                 self.take(again)
             except REFUSALS as error:  # a value that automation reaches later, under a real hand
@@ -364,7 +376,7 @@ class Commits:
                 self.said.append(f"nothing new begins from {end} on: {error}")
                 self.running = replace(running, until=math.inf)
                 return late
-            late += self.tick()
+            late += self.tick(before)
         return late
 
     def first(self, making: float) -> int:
@@ -463,6 +475,33 @@ class Commits:
         """Forget a change that was made; the lines whose it was."""
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         return () if index is None else self.under_way.pop(index)[1]
+
+
+def _names(version: Version) -> frozenset[str]:
+    """The names that lines may say of a version."""
+    piece = version.piece
+    listed = (
+        [one.name for one in piece.strikes],
+        [one.name for one in piece.marks],
+        [one.name for one in piece.mix.rooms],
+    )
+    matter = chain(piece.players, piece.keys, piece.instruments, piece.families)
+    return frozenset(
+        chain(matter, piece.gestures, piece.takes, piece.phrases, piece.blocks, *listed)
+    )
+
+
+def _check_names(one: Waiting, version: Version) -> None:
+    """Raise NotTakenError where a line that waits says a name that is gone by then.
+
+    A render of the session reads the line again, in the order in which lines take effect.
+    """
+    if not one.line or one.resets or one.is_read:
+        return
+    try:
+        parse(one.line, scope_of(version.piece))
+    except Refusal as refusal:
+        raise NotTakenError(refusal.message) from None
 
 
 def fader_ratios(running: Running) -> dict[int, float]:

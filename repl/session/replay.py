@@ -13,11 +13,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.exchange.frozen import NotFrozenError
+from ergon.notation.clock.meter import SAME
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import version_edits
-from ergon.repl.session.clock import Clock, entered, started
+from ergon.repl.session.clock import Clock, entered, going_on, started
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.frozen_parts import HeldPart
@@ -153,7 +154,8 @@ class ReplayedSession:
                 self._versions[number] = PastVersion.of(self._commits.take_last(waiting).version)
                 self._done = event
         with _errors_placed(self._done):
-            self._commits.tick()
+            # An extension in the frame of the next line would leave that line no frame of its own.
+            self._commits.tick(self._coming[0][0] if self._coming else math.inf)
         while self._strikes and self._strikes[0][0] <= self._engine.frame:
             _, place, impulse, event = self._strikes.popleft()
             self._engine.strike(number_of(place), impulse)
@@ -204,6 +206,7 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
         with _errors_placed(event):
             goes = event.fields.get("goes")
             now_goes = goes if isinstance(goes, bool) else version.goes
+            before = version.piece.tempo_map
             version = replace(version, cuts=False, damp=None, glide=GLIDE, enters=None)
             version = replace(version, goes=now_goes)
             version = edit_of_line(event, versions, version, replay.read)(version, beat)
@@ -217,6 +220,9 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
                 clock = Clock(None, clock.beat(tempo, frame / rate))
             elif version.enters is not None:
                 clock = entered(clock, tempo, version.enters, frame / rate + lead)
+            elif clock.goes and clock.beat(before, frame / rate + JOIN) > beat + SAME:
+                here = clock.beat(before, frame / rate + lead)
+                clock = going_on(clock, before, tempo, here, frame / rate + lead)
     tempo = version.piece.tempo_map
     beat = clock.beat(tempo, replay.n_frames / rate)
     if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):

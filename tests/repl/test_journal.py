@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from one_bell import SCORE as BELL
 from patience import PATIENCE, until
 from sessions import Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
+from ergon.repl.session.commits import Commits, Waiting
 from ergon.repl.session.journal import Journal, JournalError, read
 from ergon.repl.session.journal_content import read_journal
 
@@ -147,3 +150,87 @@ def test_the_end_stands_below_a_line_that_takes_effect_while_the_engine_closes(
     *_, commit, end = read(at.journal)
     assert (commit.name, end.name) == ("commit", "end")
     assert end.get("frame", int) >= commit.get("frame", int)
+
+
+def test_a_line_takes_over_at_its_own_frame_where_the_timeline_is_extended_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A session beside a real hand extends its timeline at other frames than its render does."""
+    # The render looks for what is due every 4,096 frames, which is no whole number of ticks here.
+    monkeypatch.setattr("sessions.EVERY", 48)
+    live = Stepped(BELL, tmp_path)
+    live.ok("play")
+    live.run(30.0)
+    live.ok("gain bell -6dB now")
+    live.run(2.0)
+    live.close()
+    taken: list[tuple[int, int]] = []
+    hand = Commits._hand
+
+    def noted(commits: Commits, group: list[Waiting]) -> None:
+        taken.extend((one.start, one.number) for one in group)
+        hand(commits, group)
+
+    monkeypatch.setattr(Commits, "_hand", noted)
+    live.again()
+    extended = [start for start, number in taken if number == 0]
+    assert extended
+    taken.clear()
+    events = [json.loads(line) for line in live.journal.read_text().splitlines()]
+    commits = [event for event in events if event["event"] == "commit"]
+    assert len(commits) == 2
+    commits[1]["frame"] = extended[-1]
+    live.journal.write_text("".join(json.dumps(event) + "\n" for event in events))
+    live.again()
+    assert [start for start, number in taken if number == commits[1]["number"]] == extended[-1:]
+
+
+def test_a_tempo_whose_bar_the_piece_has_jumped_over_lets_it_go_on_from_where_it_is(
+    tmp_path: Path,
+) -> None:
+    """It went to bar 239 before: its seconds were counted anew from the beginning."""
+    live = Stepped(BELL, tmp_path)
+    for line in ("play", "tempo 480 at 5|1", "play from 63|3"):
+        live.ok(line)
+    live.run(0.1)
+    begun = live.session.state()
+    assert (begun.bar, begun.beat) == (63, pytest.approx(3.6, abs=0.1))  # 480 beats a minute
+    live.run(1.0)
+    state = live.session.state()
+    assert (state.bar, state.beat) == (65, pytest.approx(3.6, abs=0.1))
+    live.close()
+    again = Stepped.resumed(live.journal)
+    assert again.session.state().bar == 65
+    again.close()
+    assert (live.again() == live.sound).all()
+
+
+@pytest.mark.parametrize(
+    ("waits", "takes"),
+    [
+        ("gain bell -6dB in 4", "rename bell chime in 1"),
+        ("mute bell in 4", "rename bell chime in 1"),
+        ("leo plays knock every 1 in 4", "rename knock tap in 1"),
+        ("leo plays knock every 1 in 4", "remove leo in 1"),
+    ],
+)
+def test_a_name_is_not_taken_from_a_line_that_waits_for_later(
+    tmp_path: Path, waits: str, takes: str
+) -> None:
+    """A render reads the lines in the order in which they take effect."""
+    two = BELL.replace("players:\n", "players:\n  leo: {hand: virtual, key: k2}\n").replace(
+        "instruments:\n", "  k2: {like: k1}\ninstruments:\n"
+    )
+    live = Stepped(two, tmp_path)
+    live.ok("play")
+    live.run(0.5)
+    live.ok(waits)
+    reply = live.type(takes)
+    assert not reply.taken
+    assert f"'{waits}' waits for" in reply.text
+    assert "would fail after this line" in reply.text
+    live.run(4.0)
+    live.ok(takes.replace(" in 1", " now"))
+    live.run(0.5)
+    live.close()
+    assert (live.again() == live.sound).all()

@@ -92,6 +92,14 @@ class Played:
         if (path := self.session.guidance.due()) is not None:
             self.session.guidance.hand(*path)
 
+    def take_effect(self) -> None:
+        """Until no line waits: a busy machine gives lines more time."""
+        for _ in range(3000):
+            if not (self.session.commits.waiting or self.session.commits.under_way):
+                return
+            self.run(0.02)
+        raise AssertionError("a line waits for a minute")
+
     def lose(self, board: Paced, player: str) -> None:
         """A board answers no more, until its player's key is gone; the others go on."""
         board.leave()
@@ -195,6 +203,7 @@ def test_a_render_plays_hands_jumps_panics_and_a_device_that_was_lost(tmp_path: 
         own.ok("play from 2|1")
         own.run(1.5)
         own.ok("stop")
+        own.take_effect()
         own.run(0.2)
         own.ok("play")
         own.run(0.5)
