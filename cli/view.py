@@ -6,6 +6,8 @@ import ipaddress
 import secrets
 import threading
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,12 +15,26 @@ from . import options
 from .console import Console
 from .outcome import Refused
 
+if TYPE_CHECKING:
+    from ergon.api.viewing import Shown
+
 _BEGINS = b"ERGM"  # docs/motion.md
 _WAIT = 3600.0  # [s] between looks at nothing: signals come at once
 
 
 @click.command()
-@click.argument("path", metavar="FILE.motion", type=click.Path(path_type=Path))
+@click.argument("path", metavar="SCORE|FILE.motion", type=click.Path(path_type=Path))
+@click.option(
+    "--sound",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Play this sound file with FILE.motion. Default: FILE.wav beside it, of the same score.",
+)
+@click.option(
+    "--see",
+    type=click.Choice(["all"]),
+    help="Of a score: all computes what nobody hears too.",
+)
 @click.option(
     "--at",
     metavar="HOST:PORT",
@@ -35,23 +51,64 @@ _WAIT = 3600.0  # [s] between looks at nothing: signals come at once
 @click.option(
     "--strobe", is_flag=True, help="Let flashes cover more of the picture than WCAG 2.3.1 allows."
 )
+@options.trust
 @options.speaking
-def view(console: Console, path: Path, at: str, stage: bool, strobe: bool) -> None:
-    """Show in a browser what moved in a piece.
+def view(
+    console: Console,
+    path: Path,
+    sound: Path | None,
+    see: str | None,
+    at: str,
+    stage: bool,
+    strobe: bool,
+    trust: bool,
+) -> None:
+    """Show in a browser what moves in a piece, with its sound.
 
-    The command prints an address and serves the page there until Ctrl-C. The page plays what
-    `ergon render --motion` wrote; press H in it for its keys.
+    The command prints an address and serves the page there until Ctrl-C. A score is rendered first;
+    the page plays that, or what `ergon render --motion` wrote. Press H in it for its keys.
     """
+    is_motion = _is_motion(path)
+    if sound is not None and not is_motion:
+        raise Refused("--sound goes with a .motion file: a score is rendered with its sound")
+    if see is not None and is_motion:
+        raise Refused(f"--see goes with a score: {path} holds what it holds")
+    with TemporaryDirectory(prefix="ergon-view-") as folder:
+        if is_motion:
+            shown = _of_motion(console, path, sound, Path(folder))
+        else:
+            shown = _of_score(console, path, see, trust, Path(folder))
+        asked = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
+        _serve(console, shown, at, [name for name, wanted in asked.items() if wanted])
+
+
+def _of_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:
+    from ergon.api.viewing import Shown, beside, for_two_ears
+    from ergon.exchange.wave_header import NotWaveError
+
+    found = sound or beside(path, console)
+    try:
+        return Shown(path, None if found is None else for_two_ears(found, folder, console))
+    except NotWaveError as error:
+        raise Refused(f"{found}: {error}") from None
+
+
+def _of_score(console: Console, path: Path, see: str | None, trust: bool, folder: Path) -> Shown:
+    from ergon.api.render import FileOptions
+    from ergon.api.viewing import render_view
+
+    return render_view(path, folder, FileOptions(motion=True, see=see, trust=trust), console)
+
+
+def _serve(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
     from ergon import _core
 
-    _refuse_others(path)
     key = None if _is_loopback(at) else secrets.token_hex(16)
     try:
-        server = _core.ViewServer(path, at=at, key=key)
+        server = _core.ViewServer(shown.motion, sound=shown.sound, at=at, key=key)
     except _core.EngineError as error:
         raise Refused(f"--at: {error}") from None
     try:
-        asked = [name for name, wanted in (("stage", stage), ("strobe", strobe)) if wanted]
         url = server.url + ("?" + "&".join(asked) if asked else "")
         if console.json:
             console.record("ready", url=url)
@@ -67,21 +124,18 @@ def view(console: Console, path: Path, at: str, stage: bool, strobe: bool) -> No
         server.close()
 
 
-def _refuse_others(path: Path) -> None:
-    """A sentence for what is no motion."""
+def _is_motion(path: Path) -> bool:
+    """Whether a file holds motion, as its beginning says; else it is a score. Raises Refused."""
     from ergon.common.regular import open_regular
 
     with open_regular(path) as file:  # a pipe's other end would be waited for
         begins = file.read(len(_BEGINS))
     if begins == _BEGINS:
-        return
+        return True
     if path.suffix in (".yaml", ".yml"):
-        motion = path.with_suffix(".motion")
-        raise Refused(
-            f"{path} is a score; write its motion first: "
-            f"`ergon render {path} --motion`, then `ergon view {motion}`"
-        )
-    raise Refused(f"{path} is no .motion file: such a file begins with {_BEGINS.decode()}")
+        return False
+    message = f"{path} is neither a score (.yaml) nor a .motion file, which begins with "
+    raise Refused(message + _BEGINS.decode())
 
 
 def _is_loopback(at: str) -> bool:

@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import urllib.parse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from commands import ERGON
 from motions import Piece
+from one_bell import SCORE
 from patience import PATIENCE
 
 from ergon.cli import app
@@ -22,10 +23,16 @@ pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 @contextmanager
-def view(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def view(
+    *arguments: str, env: Mapping[str, str] | None = None
+) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The command, and the address that it printed."""
     process = subprocess.Popen(
-        [*ERGON, "view", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*ERGON, "view", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | (env or {}),
     )
     try:
         assert process.stdout is not None
@@ -57,6 +64,25 @@ def test_a_file_is_served_until_ctrl_c() -> None:
         assert process.wait(PATIENCE) == 130
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_score_is_rendered_and_served_with_its_sound_and_leaves_nothing() -> None:
+    Path("s.yaml").write_text(SCORE)
+    Path("tmp").mkdir()
+    with view("s.yaml", env={"TMPDIR": str(Path("tmp").absolute())}) as (process, url):
+        assert url.endswith("/?sound")
+        status, motion = get(url.replace("?sound", "motion"))
+        assert status == 200
+        assert motion.startswith(b"ERGM")
+        status, heard = get(url.replace("?sound", "sound.wav"))
+        assert status == 200
+        assert heard.startswith(b"RIFF")
+        assert list(Path("tmp").iterdir())
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 130
+    assert not list(Path("tmp").iterdir())
+    assert {path.name for path in Path().iterdir()} == {"s.yaml", "tmp"}
+
+
 def test_elsewhere_the_address_has_a_key() -> None:
     Piece().write(Path("a.motion"))
     with view("a.motion", "--at", "0.0.0.0:0", "--json") as (_, line):
@@ -68,12 +94,10 @@ def test_elsewhere_the_address_has_a_key() -> None:
 
 
 def test_what_is_no_motion_is_refused_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("s.yaml").write_text("ergon: 1\n")
     Path("x.wav").write_bytes(b"RIFF")
     os.mkfifo("pipe.motion")
     for path, words in {
-        "s.yaml": "`ergon render s.yaml --motion`",
-        "x.wav": "x.wav is no .motion file",
+        "x.wav": "x.wav is neither a score (.yaml) nor a .motion file",
         "none.motion": "none.motion: No such file",
         ".": "Is a directory",
         "pipe.motion": "pipe.motion: not a regular file",  # whose other end nobody opens
@@ -81,6 +105,17 @@ def test_what_is_no_motion_is_refused_with_a_sentence(capsys: pytest.CaptureFixt
         assert app.run(["view", path]) == 2
         assert words in capsys.readouterr().err
     Piece().write(Path("a.motion"))
+    Path("s.yaml").write_text("strikes: 3\n")
+    for arguments, words in {
+        ("a.motion", "--see", "all"): "--see goes with a score",
+        ("s.yaml", "--sound", "x.wav"): "--sound goes with a .motion file",
+        ("a.motion", "--sound", "x.wav"): "x.wav: ",
+        ("a.motion", "--sound", "none.wav"): "none.wav: No such file",
+    }.items():
+        assert app.run(["view", *arguments]) == 2
+        assert words in capsys.readouterr().err
+    assert app.run(["view", "s.yaml"]) == 1
+    assert "s.yaml:1:" in capsys.readouterr().err
     for at in ("elsewhere.invalid:80", "127.0.0.1", "127.0.0.1:70000"):
         assert app.run(["view", "a.motion", "--at", at]) == 2
         assert "write HOST:PORT" in capsys.readouterr().err

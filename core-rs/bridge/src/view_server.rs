@@ -32,8 +32,14 @@ impl ViewServer {
 #[pymethods]
 impl ViewServer {
     #[new]
-    #[pyo3(signature = (path, *, at="127.0.0.1:0", key=None))]
-    fn new(py: Python<'_>, path: PathBuf, at: &str, key: Option<&str>) -> PyResult<Self> {
+    #[pyo3(signature = (path, *, sound=None, at="127.0.0.1:0", key=None))]
+    fn new(
+        py: Python<'_>,
+        path: PathBuf,
+        sound: Option<PathBuf>,
+        at: &str,
+        key: Option<&str>,
+    ) -> PyResult<Self> {
         let no_place = || said(format!("{at} is no place of this machine: write HOST:PORT"));
         let place = py.detach(|| at.to_socket_addrs());
         let at = place.ok().and_then(|mut all| all.next());
@@ -43,6 +49,7 @@ impl ViewServer {
             at: at.ok_or_else(no_place)?,
             key: key.transpose()?,
             file: Some(path),
+            sound,
             limits: Limits::default(),
         };
         let server = Server::start(options).map_err(said)?;

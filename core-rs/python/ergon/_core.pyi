@@ -1376,9 +1376,17 @@ class Meter:
 class ViewServer:
     """Serves the page and a `.motion` file to browsers, by HTTP and WebSocket on one port, until it is closed."""
 
-    def __new__(cls, path: Path | str, *, at: str = "127.0.0.1:0", key: str | None = None) -> Self:
+    def __new__(
+        cls,
+        path: Path | str,
+        *,
+        sound: Path | str | None = None,
+        at: str = "127.0.0.1:0",
+        key: str | None = None,
+    ) -> Self:
         """Listen at HOST:PORT; port 0 is any free one. `key`, 32 hexadecimal digits, then stands in every address.
 
+        `sound` is a WAV file of one or two channels, which pages that ask for it play with the picture.
         EngineError where the address is none of this machine's, or can be reached by others and no key is given.
         """
     @property

@@ -10,6 +10,7 @@ export class Clock {
     this.loop = null; // [from, to]
     this.from = null;
     this.told = null;
+    this.jumped = false; // since the sound has followed
   }
 
   get rate() {
@@ -22,7 +23,10 @@ export class Clock {
     this.told = now;
     if (!this.runs) return;
     this.t += step * this.rate;
-    if (this.loop && this.t >= this.loop[1]) this.t = this.loop[0] + ((this.t - this.loop[0]) % (this.loop[1] - this.loop[0]));
+    if (this.loop && this.t >= this.loop[1]) {
+      this.t = this.loop[0] + ((this.t - this.loop[0]) % (this.loop[1] - this.loop[0]));
+      this.jumped = true;
+    }
     if (this.t >= duration) {
       this.t = duration;
       this.runs = false;
@@ -31,6 +35,7 @@ export class Clock {
 
   seek(t, duration) {
     this.t = Math.max(0, Math.min(t, duration));
+    this.jumped = true;
   }
 
   faster(steps) {

@@ -50,6 +50,7 @@ export function table(app) {
     [[","], "ergons fall more slowly", () => app.fall(1 / 1.25)],
     [["."], "ergons fall faster", () => app.fall(1.25)],
     [["n"], "words, or none", () => (app.labels.shown = !app.labels.shown)],
+    [["l"], "sound, or none", () => app.sound.toggle()],
     [["v"], "levels as text", () => app.listLevels()],
     [["h", "?"], "these keys", () => app.help()],
     [["Escape"], "close", () => app.close()],

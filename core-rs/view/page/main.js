@@ -10,6 +10,7 @@ import { context } from "./gl.js";
 import { describe, pick } from "./inspector.js";
 import { Labels, times } from "./labels.js";
 import { Motion } from "./motion.js";
+import { Sound } from "./sound.js";
 import { Story } from "./story.js";
 import { Timeline } from "./timeline.js";
 
@@ -33,6 +34,7 @@ class Page {
       strobe: asked.has("strobe"),
       still: matchMedia("(prefers-reduced-motion: reduce)").matches,
     };
+    this.sound = new Sound((words) => this.tell(words));
     this.chosen = 0; // part
     this.following = null; // key
     this.inspected = null; // point
@@ -60,6 +62,12 @@ class Page {
       this.changed();
     }
     if (!this.story.scene) throw new Error("the file ends before its scene does");
+  }
+
+  async listen() {
+    await this.sound.load("sound.wav").catch((error) => {
+      this.tell(`The sound cannot be played (${error.message}); the picture goes on without it.`);
+    });
   }
 
   take(chunk) {
@@ -143,6 +151,7 @@ class Page {
       `${slow} ${clock.runs ? "runs" : "stands"}`,
       part ? `part ${part.name} ${times(this.motion.exaggeration(this.chosen))}` : "",
       `ergons ${this.look.fall.toPrecision(2)} m/s`,
+      this.sound.isThere && !this.sound.wanted ? "no sound" : "",
     ];
     element("bar").textContent = words.filter((w) => w).join("   ");
     const point = element("point");
@@ -169,6 +178,7 @@ class Page {
     const runs = clock.runs;
     if (story.scene) {
       clock.tick(now / 1000, story.duration);
+      this.sound.follow(clock);
       story.prepare(Math.min(clock.t + AHEAD, story.end));
       const wait = story.prepare(clock.t);
       if (wait && !this.isWaiting) {
@@ -334,6 +344,7 @@ async function main() {
       if (!page.story.scene) throw error;
     })
     .then(async () => {
+      if (asked.has("sound")) await page.listen();
       await page.one(Number(asked.get("t") ?? 0) || 0);
       if (!asked.has("t") && !page.look.still) page.play(true);
     });

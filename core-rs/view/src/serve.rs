@@ -60,6 +60,8 @@ pub struct Options {
     pub key: Option<Key>,
     /// The `.motion` file that pages play.
     pub file: Option<PathBuf>,
+    /// The WAV or FLAC file that is heard with it.
+    pub sound: Option<PathBuf>,
     /// See [`Limits`].
     pub limits: Limits,
 }
@@ -71,6 +73,7 @@ impl Options {
             at: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
             key: None,
             file: Some(file),
+            sound: None,
             limits: Limits::default(),
         }
     }

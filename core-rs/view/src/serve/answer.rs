@@ -35,8 +35,9 @@ impl Status {
     }
 }
 
-/// Everything of the page comes from here, and nobody else may frame it or read it.
-const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+/// Everything of the page comes from here, and nobody else may frame it or read it. Sound is played from memory (`blob:`): a player that reads
+/// ahead as it needs would be a slow reader.
+const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; media-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\n\
     X-Content-Type-Options: nosniff\r\n\
@@ -84,6 +85,7 @@ pub(super) fn stretch(
 /// A stretch of a file, by pieces.
 pub(super) fn file(
     out: &mut Paced,
+    kind: &str,
     file: &mut File,
     length: u64,
     (first, n): (u64, u64),
@@ -98,7 +100,7 @@ pub(super) fn file(
         "200 OK".into()
     };
     let head = format!(
-        "HTTP/1.1 {status}\r\n{ALWAYS}Accept-Ranges: bytes\r\nContent-Type: application/octet-stream\r\nContent-Length: {n}\r\n\r\n"
+        "HTTP/1.1 {status}\r\n{ALWAYS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
     );
     out.write_all(head.as_bytes())?;
     file.seek(SeekFrom::Start(first))?;

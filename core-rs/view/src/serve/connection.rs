@@ -72,13 +72,19 @@ fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<()
         return Ok(());
     }
     let mut out = Paced::new(stream, options.limits)?;
-    if name == "motion" {
-        let path = options.file.as_ref().ok_or(Status::NotFound)?;
+    let given = match name.as_str() {
+        "motion" => Some((&options.file, "application/octet-stream")),
+        "sound.wav" => Some((&options.sound, "audio/wav")),
+        _ => None,
+    };
+    if let Some((path, kind)) = given {
+        let path = path.as_ref().ok_or(Status::NotFound)?;
         let mut file = File::open(path).map_err(|_| Status::NotFound)?;
         let length = file.metadata()?.len();
         let stretch = answer::stretch(request.range, length)?;
         answer::file(
             &mut out,
+            kind,
             &mut file,
             length,
             stretch,

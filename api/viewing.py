@@ -1,0 +1,118 @@
+"""What a page shows and plays: the motion of a piece, and its sound on two channels."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
+
+from . import score as scores
+from .film import SUFFIX
+from .fold import FoldError, FoldOptions, fold_file
+from .render import FileOptions, prepare, write
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.exchange.wave_header import WaveInfo
+
+_SOUNDS = (".wav", ".flac")
+_EARS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A motion file, and a WAV file of one or two channels of the same piece where there is one."""
+
+    motion: Path
+    sound: Path | None
+
+
+def render_view(score: Path, folder: Path, options: FileOptions, report: Report) -> Shown:
+    """Compute sound and motion of a score into a folder. Raises as `render_to_file` does."""
+    sound = folder / "piece.wav"
+    loaded = scores.read(score, options, report)
+    write(prepare(loaded, str(sound), options, report), report)
+    return Shown(sound.with_suffix(SUFFIX), for_two_ears(sound, folder, report))
+
+
+def beside(motion: Path, report: Report) -> Path | None:
+    """The sound file beside a motion file, of one name and of one score; else None.
+
+    Where a file of that name is of another score, a remark says so. Raises OSError and EngineError
+    where the motion cannot be read.
+    """
+    from ergon import _core
+    from ergon.exchange import sound
+
+    found = next((p for kind in _SOUNDS if (p := motion.with_suffix(kind)).is_file()), None)
+    if found is None:
+        return None
+    seen = json.loads(_core.read_motion(motion).scene).get("score_sha256")
+    try:
+        heard = sound.read_info(found).score
+    except (NotWaveError, OSError):
+        heard = None
+    if heard is None or heard != seen:
+        report.say(f"{found} is not the sound of {motion}: it is not played")
+        return None
+    return found
+
+
+def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
+    """A sound file as browsers play it: itself, or a WAV file in a folder.
+
+    Many channels are folded to two ears where the file says where its loudspeakers are; else its
+    odd channels go to the left and its even ones to the right. Raises NotWaveError and OSError.
+    """
+    from ergon.exchange import sound
+
+    info = sound.read_info(path)
+    if (
+        info.format.n_channels <= _EARS
+        and info.container == "RIFF"
+        and info.format.bits != "double"
+    ):
+        return path
+    made = folder / "two-ears.wav"
+    if info.format.n_channels > _EARS:
+        try:
+            fold_file(path, made, FoldOptions("binaural", bits=16, force=True), report=report)
+        except FoldError:
+            report.say(
+                f"{path} does not say where its loudspeakers are: its odd channels are heard on "
+                "the left, its even ones on the right"
+            )
+        else:
+            return made
+    _by_sides(path, info, made)
+    return made
+
+
+def _by_sides(path: Path, info: WaveInfo, made: Path) -> None:
+    """The means of odd and of even channels; one channel alone stays one."""
+    from ergon import _core
+    from ergon.exchange import sound
+    from ergon.exchange.safe import writing
+
+    channels = min(info.format.n_channels, _EARS)
+    format = WaveFormat(info.format.rate, channels, 16)
+    with writing(str(made), binary=True, force=True, inputs=(path,)) as file:
+        writer = sound.writer(str(made), file, format, info.n_frames, Stamp(path.stem))
+        for block in _sides(sound.read_blocks(path), channels):
+            writer.write(_core.pcm(block, 1.0, 16))
+        writer.close()
+
+
+def _sides(blocks: Iterator[NDArray[np.float64]], channels: int) -> Iterator[NDArray[np.float64]]:
+    import numpy as np
+
+    for block in blocks:
+        sides = [block[:, side::channels].mean(axis=1) for side in range(channels)]
+        yield np.ascontiguousarray(np.stack(sides, axis=1))
