@@ -218,9 +218,9 @@ class Commits:
         further = []
         for one in after:
             try:
+                before, version = version, self._version(version, one)
                 if has_lost:
-                    _check_names(one, version)
-                version = self._version(version, one)
+                    _check_names(one, before)
             except REFUSALS as error:
                 waits = f"'{one.line}' waits for {version.piece.tempo_map.written(one.beat)}"
                 raise NotTakenError(f"{waits} and would fail after this line: {error}") from error
