@@ -5,7 +5,7 @@
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
 #   make charts     pictures of error against cost, of stability (docs/charts), and of the pieces (docs/gallery)
-#   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes
+#   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes. FAMILIES=dry,key: of these alone
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
 #   make test-long  the minutes-long tests, and random cases drawn anew
@@ -76,7 +76,7 @@ charts: $(VENV)/dev
 	$(BIN)/python -m docs.generators.gallery
 
 accuracy: $(VENV)/dev
-	PYTHONPATH=tests/support $(BIN)/python -m accuracy docs/accuracy.md
+	PYTHONPATH=tests/support $(BIN)/python -m accuracy docs/accuracy.md $(FAMILIES)
 
 # Linked against an old glibc by zig: what is linked here asks for the glibc of this machine.
 wheel: $(VENV)/dev

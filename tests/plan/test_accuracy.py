@@ -10,8 +10,8 @@ import bristles
 import dry_scenes
 import numpy as np
 import pytest
-from accuracy import audit, random_scenes, reference, tables
-from accuracy.__main__ import NAMED
+from accuracy import audit, kept, random_scenes, reference, tables
+from accuracy.__main__ import ALL, NAMED, written
 from accuracy.equations import read
 from scipy.integrate import solve_ivp
 
@@ -131,10 +131,31 @@ def test_two_runs_that_stick_alike_are_not_believed(scene: str):
 def test_a_table_has_a_row_for_each_scene_and_budget():
     found = audit.look("plan-roundtrip", named("plan-roundtrip"))
     assert found.overspending(found.plans[2]) == pytest.approx(1.0)
-    rows = tables.summary({"named": [found]}).splitlines()
+    rows = tables.summary({"named": tables.tallies([found])}).splitlines()
     assert rows[4].startswith("| named | -60 dB | 1 | 1 | 1 (100%) | 0 (0%) | 0 |")
     assert len(rows) == 2 + 2 * len(audit.BUDGETS)
-    assert "exact / -2" in tables.scenes([found])
+    assert "exact / -2" in tables.scene(found)
+
+
+def test_what_is_kept_of_a_family_is_what_was_found(tmp_path: Path):
+    audits = [audit.look("plan-roundtrip", named("plan-roundtrip"), plain=False)]
+    own = kept.found("2026-11-22", "0123abc", audits)
+    kept.keep("named", own, tmp_path)
+    assert kept.kept("named", tmp_path) == own
+    assert kept.kept("dry", tmp_path) is None
+
+
+def test_the_page_is_of_what_is_kept():
+    known = {family: kept.kept(family) for family in ALL}
+    assert None not in known.values()
+    page = Path(__file__).parents[2] / "docs" / "accuracy.md"
+    assert page.read_text(encoding="utf-8") == written(known)
+
+
+def test_all_scenes_together_are_those_of_each_group():
+    one = tables.Tally(3, 2, 2, 0, 1, 4.0, 1.0, 2.0)
+    other = tables.Tally(4, 0, 0, 0, 0, None, None, None)
+    assert tables.together([one, other]) == tables.Tally(7, 2, 2, 0, 1, 4.0, None, 2.0)
 
 
 @pytest.mark.slow

@@ -1,19 +1,27 @@
-"""`python -m accuracy docs/accuracy.md [SEEDS] [FAMILIES]`: audit scenes, write the page."""
+"""`python -m accuracy docs/accuracy.md [FAMILIES]`: audit scenes, keep that, write the page.
 
+Families (`named,dry`; all of them where none is told) are audited anew; the page is of what is kept
+of all.
+"""
+
+import os
+import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
 from accuracy import tables
 from accuracy.audit import Audit, look, look_drawn
+from accuracy.kept import Kept, found, keep, kept
 from accuracy.random_scenes import FAMILIES
 
 NAMED = Path(__file__).parents[2] / "data" / "accuracy"
+ALL = ("named", *FAMILIES)
 SEEDS = 8  # of each family
-WORKERS = 4
 _HEAD = """\
 # Accuracy of plans
 
@@ -47,34 +55,60 @@ overspending, and the most exact plain setting with its real error [dB].
 """
 
 
-def main(page: Path, n_seeds: int, families: Sequence[str]) -> None:
-    """Write the page."""
-    named = {path.stem: path.read_text(encoding="utf-8") for path in sorted(NAMED.glob("*.yaml"))}
-    drawn = {family: [f"{family}-{seed}" for seed in range(n_seeds)] for family in families}
+def main(page: Path, families: Sequence[str]) -> None:
+    """Audit families anew, and write the page of all that is kept."""
+    unknown = [family for family in families if family not in ALL]
+    if unknown:
+        sys.exit(f"no family {', '.join(unknown)}: there are {', '.join(ALL)}")
+    day, commit = datetime.now(UTC).strftime("%Y-%m-%d"), _commit()
     # Numba's threads do not survive a fork.
-    with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
-        found_named = [_told(audit) for audit in pool.map(look, named, named.values())]
-        found = {
-            family: [_told(a) for a in pool.map(partial(look_drawn, family), range(len(names)))]
-            for family, names in drawn.items()
-        }
-    page.write_text(written(found_named, found), encoding="utf-8")
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
+        for family in families:
+            if family == "named":
+                named = sorted(NAMED.glob("*.yaml"))
+                texts = [path.read_text(encoding="utf-8") for path in named]
+                audits = pool.map(look, [path.stem for path in named], texts)
+            else:
+                audits = pool.map(partial(look_drawn, family), range(SEEDS))
+            keep(family, found(day, commit, [_told(audit) for audit in audits]))
+    everything = {family: kept(family) for family in ALL}
+    known = {family: own for family, own in everything.items() if own is not None}
+    page.write_text(written(known), encoding="utf-8")
 
 
-def written(named: Sequence[Audit], drawn: Mapping[str, Sequence[Audit]]) -> str:
-    """The page, of audits of the named scenes and of those of each family."""
-    n_seeds = max(map(len, drawn.values()))
+def written(known: Mapping[str, Kept]) -> str:
+    """The page, of the audits that are kept of each family."""
+    drawn = [own for family, own in known.items() if family != "named"]
     parts = [
         _HEAD,
         "## By family\n",
-        f"`named` and {n_seeds} random scenes of each family (`random_scenes`), seeds from 0.\n",
-        tables.summary({"named": named, **drawn}),
+        f"`named` and {SEEDS} random scenes of each family (`random_scenes`), seeds from 0.\n",
+        tables.summary({family: own.tallies for family, own in known.items()}),
+        "\nNo median of all is kept. When each was audited, and the commit that was:\n",
+        *_audited(known),
         _NAMED,
-        tables.scenes(named),
+        tables.scenes(known["named"].rows),
         "\n## Random scenes\n",
-        tables.scenes(audit for audits in drawn.values() for audit in audits),
+        tables.scenes(row for own in drawn for row in own.rows),
     ]
     return "\n".join(parts) + "\n"
+
+
+def _audited(known: Mapping[str, Kept]) -> list[str]:
+    """A line for each day and commit, with its families."""
+    runs: dict[tuple[str, str], list[str]] = {}
+    for family, own in known.items():
+        runs.setdefault((own.day, own.commit), []).append(family)
+    return [
+        f"* {day}, `{commit}`: {', '.join(families)}"
+        for (day, commit), families in sorted(runs.items())
+    ]
+
+
+def _commit() -> str:
+    """The commit that is checked out, and whether anything else than it was audited."""
+    command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def _told(audit: Audit) -> Audit:
@@ -83,8 +117,4 @@ def _told(audit: Audit) -> Audit:
 
 
 if __name__ == "__main__":
-    main(
-        Path(sys.argv[1]),
-        int(sys.argv[2]) if len(sys.argv) > 2 else SEEDS,
-        sys.argv[3].split(",") if len(sys.argv) > 3 else list(FAMILIES),
-    )
+    main(Path(sys.argv[1]), sys.argv[2].split(",") if len(sys.argv) > 2 else ALL)

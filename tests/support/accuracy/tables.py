@@ -1,73 +1,125 @@
 """Audits of many scenes as tables of a page."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from accuracy.audit import BUDGETS, Audit, Plan
 
-Judged = tuple[Audit, Plan]
+
+@dataclass(frozen=True)
+class Tally:
+    """Plans of some scenes at one budget: how many there are, are judged, met, and so on.
+
+    `worst`: real error over the stated one [dB]; `median` and `most` of the overspending.
+    """
+
+    plans: int
+    judged: int
+    met: int
+    warned: int
+    silent: int
+    worst: float | None
+    median: float | None
+    most: float | None
 
 
 def name_of(budget: float | None) -> str:
     return "by ear" if budget is None else f"{budget:g} dB"
 
 
-def summary(groups: dict[str, Sequence[Audit]]) -> str:
+def tallies(audits: Sequence[Audit]) -> list[Tally]:
+    """One for each budget."""
+    return [_tally([(audit, audit.plans[i]) for audit in audits]) for i in range(len(BUDGETS))]
+
+
+def _tally(pairs: Sequence[tuple[Audit, Plan]]) -> Tally:
+    judged = [(audit, plan) for audit, plan in pairs if plan.is_judged]
+
+    def count(holds: Callable[[Plan], bool]) -> int:
+        return sum(holds(plan) for _, plan in judged)
+
+    spent = [audit.overspending(plan) for audit, plan in judged]
+    ratios = sorted(ratio for ratio in spent if ratio is not None)
+    return Tally(
+        plans=len(pairs),
+        judged=len(judged),
+        met=count(lambda plan: plan.is_met),
+        warned=count(lambda plan: plan.warned),
+        silent=count(lambda plan: plan.is_silent_miss),
+        worst=max((plan.excess for _, plan in judged), default=None),
+        median=ratios[len(ratios) // 2] if ratios else None,
+        most=ratios[-1] if ratios else None,
+    )
+
+
+def together(all_of_them: Sequence[Tally]) -> Tally:
+    """All scenes of some tallies; the median of all is not known from those of each."""
+    return Tally(
+        plans=sum(own.plans for own in all_of_them),
+        judged=sum(own.judged for own in all_of_them),
+        met=sum(own.met for own in all_of_them),
+        warned=sum(own.warned for own in all_of_them),
+        silent=sum(own.silent for own in all_of_them),
+        worst=max((own.worst for own in all_of_them if own.worst is not None), default=None),
+        median=None,
+        most=max((own.most for own in all_of_them if own.most is not None), default=None),
+    )
+
+
+def summary(groups: Mapping[str, Sequence[Tally]]) -> str:
     """A row for each group of scenes and budget, and for all of them."""
     lines = [
         "| scenes | budget | plans | judged | met | says it cannot | silent misses "
         "| real − stated, worst | overspending: median | worst |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    everything = {"all": [audit for audits in groups.values() for audit in audits]}
-    for name, audits in (*groups.items(), *everything.items()):
-        for i, budget in enumerate(BUDGETS):
-            pairs = [(audit, audit.plans[i]) for audit in audits]
-            lines.append(f"| {name} | {name_of(budget)} | {_row(pairs)} |")
+    everything = [together(own) for own in zip(*groups.values(), strict=True)]
+    for name, own in (*groups.items(), ("all", everything)):
+        for budget, tally in zip(BUDGETS, own, strict=True):
+            lines.append(f"| {name} | {name_of(budget)} | {_row(budget, tally)} |")
     return "\n".join(lines)
 
 
-def _row(pairs: Sequence[Judged]) -> str:
-    judged = [(audit, plan) for audit, plan in pairs if plan.is_judged]
+def _row(budget: float | None, own: Tally) -> str:
+    def share(count: int) -> str:
+        return f"{count} ({count / own.judged:.0%})" if own.judged else "–"
 
-    def share(holds: Callable[[Plan], bool]) -> str:
-        count = sum(holds(plan) for _, plan in judged)
-        return f"{count} ({count / len(judged):.0%})" if judged else "–"
-
-    spent = [audit.overspending(plan) for audit, plan in judged]
-    ratios = sorted(ratio for ratio in spent if ratio is not None)
     cells = [
-        str(len(pairs)),
-        str(len(judged)),
-        share(lambda plan: plan.is_met) if pairs[0][1].budget is not None else "–",
-        share(lambda plan: plan.warned),
-        str(sum(plan.is_silent_miss for _, plan in judged)),
-        f"{max(plan.excess for _, plan in judged):+.1f} dB" if judged else "–",
-        f"{ratios[len(ratios) // 2]:.2f}" if ratios else "–",
-        f"{ratios[-1]:.2f}" if ratios else "–",
+        str(own.plans),
+        str(own.judged),
+        share(own.met) if budget is not None else "–",
+        share(own.warned),
+        str(own.silent),
+        "–" if own.worst is None else f"{own.worst:+.1f} dB",
+        "–" if own.median is None else f"{own.median:.2f}",
+        "–" if own.most is None else f"{own.most:.2f}",
     ]
     return " | ".join(cells)
 
 
-def scenes(audits: Iterable[Audit]) -> str:
-    """A row for each scene: stated and real error at every budget, and what it costs."""
+def scenes(rows: Iterable[str]) -> str:
+    """The table of rows of `scene`."""
     heads = [name_of(budget) for budget in BUDGETS]
     lines = [
         f"| scene | {' | '.join(heads)} | whole render | overspending | best plain setting |",
         f"|---|{'---|' * len(heads)}---|---|---|",
     ]
-    for audit in audits:
-        cells = [_cell(plan) for plan in audit.plans]
-        spent = [audit.overspending(plan) for plan in audit.plans]
-        worst = max((ratio for ratio in spent if ratio is not None), default=None)
-        whole = max((p.whole for p in audit.plans[-1:] if not p.refused), default=None)
-        best = min(audit.plain, key=lambda one: one.real, default=None)
-        cells += [
-            "–" if whole is None else f"{whole:.0f}",
-            "–" if worst is None else f"{worst:.2f}",
-            "–" if best is None else f"{best.method} ×{best.times}: {best.real:.0f}",
-        ]
-        lines.append(f"| {audit.name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, *rows])
+
+
+def scene(audit: Audit) -> str:
+    """A row: stated and real error at every budget, and what it costs."""
+    cells = [_cell(plan) for plan in audit.plans]
+    spent = [audit.overspending(plan) for plan in audit.plans]
+    worst = max((ratio for ratio in spent if ratio is not None), default=None)
+    whole = max((p.whole for p in audit.plans[-1:] if not p.refused), default=None)
+    best = min(audit.plain, key=lambda one: one.real, default=None)
+    cells += [
+        "–" if whole is None else f"{whole:.0f}",
+        "–" if worst is None else f"{worst:.2f}",
+        "–" if best is None else f"{best.method} ×{best.times}: {best.real:.0f}",
+    ]
+    return f"| {audit.name} | {' | '.join(cells)} |"
 
 
 def _cell(plan: Plan) -> str:

@@ -1,0 +1,43 @@
+"""What was found of each family as a file: a page is written of families audited apart."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from accuracy import tables
+from accuracy.audit import Audit
+
+FOLDER = Path(__file__).parents[2] / "data" / "audits"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What was found of a family: on which day, of which commit, by budget, and a row a scene."""
+
+    day: str
+    commit: str
+    tallies: tuple[tables.Tally, ...]
+    rows: tuple[str, ...]
+
+
+def found(day: str, commit: str, audits: Sequence[Audit]) -> Kept:
+    """What is kept of the audits of a family."""
+    return Kept(day, commit, tuple(tables.tallies(audits)), tuple(map(tables.scene, audits)))
+
+
+def keep(family: str, own: Kept, folder: Path = FOLDER) -> None:
+    """Write what was found of a family."""
+    folder.mkdir(exist_ok=True)
+    text = json.dumps(asdict(own), indent=1, ensure_ascii=False, allow_nan=False)
+    (folder / f"{family}.json").write_text(text + "\n", encoding="utf-8")
+
+
+def kept(family: str, folder: Path = FOLDER) -> Kept | None:
+    """What is kept of a family, if it was audited."""
+    path = folder / f"{family}.json"
+    if not path.exists():
+        return None
+    told = json.loads(path.read_text(encoding="utf-8"))
+    told["tallies"] = tuple(tables.Tally(**own) for own in told["tallies"])
+    return Kept(**told | {"rows": tuple(told["rows"])})
