@@ -226,8 +226,8 @@ def _similar(name: str, folder: Path) -> str | None:
     known: dict[str, str] = {}
     own = _library_folder(name)
     for prefix in (own,) if own else _LIBRARY:
-        files = sorted(installed(prefix).glob("*.yaml"))
-        known |= {path.stem: f"{prefix}/{path.name}" for path in files}
+        paths = sorted(installed(prefix).glob("*.yaml"))
+        known |= {path.stem: f"{prefix}/{path.name}" for path in paths}
     for inside in (PurePosixPath(), PurePosixPath(name).parent):
         if inside.is_absolute() or ".." in inside.parts:
             continue
