@@ -22,7 +22,7 @@ _UNITS = {
 }
 _LENGTH = rf"({NUMBER})(?:/({NUMBER}))?({UNIT})"
 _ONLY_LENGTH = re.compile(_LENGTH)
-_PLUS = rf"(?:([+-]){_LENGTH})?"
+_PLUS = rf"(?:\s*([+-])\s*{_LENGTH})?"
 _BAR_BEAT = re.compile(rf"([0-9]{{1,9}})\|({NUMBER})(?:/({NUMBER}))?{_PLUS}")
 # A minus before a digit takes away; before a letter it belongs to the name.
 _MARK = re.compile(rf"([^\W\d]\w*+(?:-[^\W\d]\w*+)*+){_PLUS}")
@@ -70,7 +70,7 @@ def parse_length(text: str) -> Length:
 
 
 def parse_position(text: str) -> Position:
-    """Read `3|2.5`, `B`, `B+2`, `B-1bar`, `12.5s`, `250ms`, or beats from the start.
+    """Read `3|2.5`, `B`, `B+2`, `B - 1bar`, `12.5s`, `250ms`, or beats from the start.
 
     Marks are looked up when the position is resolved. Raises TextError.
     """

@@ -23,6 +23,7 @@ from ergon.notation.text.values import Place
 MAX_FILES = 256  # that one score reads
 MAX_LISTED = 1_000  # files of a folder among which a similar name is searched for
 _LIBRARY = {"instruments": INSTRUMENTS}
+_MAX_TOLD = 6  # files that a message lists
 _HELP = "copy the file into the folder of the score, or use --trust"
 
 
@@ -127,7 +128,9 @@ class Files:
         path = self.find(name, folder, is_text=is_text)
         if path is None:
             message = f"{who}there is no file {name} beside {asked.file} or in the library"
-            self.collector.error("E107", message, asked, suggestion=_similar(name, folder))
+            self.collector.error(
+                "E107", message, asked, suggestion=_similar(name, folder), help=_library_list(name)
+            )
             return None
         return path if self._is_inside(path, name, asked, who) else None
 
@@ -221,8 +224,10 @@ class Files:
 def _similar(name: str, folder: Path) -> str | None:
     """The file beside the score, or in the library, that a name was most likely meant for."""
     known: dict[str, str] = {}
-    for prefix, root in _LIBRARY.items():
-        known |= {path.stem: f"{prefix}/{path.name}" for path in sorted(root.glob("*.yaml"))}
+    own = _library_folder(name)
+    for prefix in (own,) if own else _LIBRARY:
+        paths = sorted(installed(prefix).glob("*.yaml"))
+        known |= {path.stem: f"{prefix}/{path.name}" for path in paths}
     for inside in (PurePosixPath(), PurePosixPath(name).parent):
         if inside.is_absolute() or ".." in inside.parts:
             continue
@@ -234,3 +239,19 @@ def _similar(name: str, folder: Path) -> str | None:
         known |= {PurePosixPath(file).stem: str(inside / file) for file in sorted(files)}
     stem = nearest(PurePosixPath(name).stem, known)
     return known[stem] if stem is not None else None
+
+
+def _library_folder(name: str) -> str | None:
+    """The folder of the library, such as `layouts`, in which a name is looked for."""
+    prefix, *rest = PurePosixPath(name).parts or ("",)
+    is_plain = len(rest) == 1 and prefix not in ("", ".", "..", "/")
+    return prefix if is_plain and installed(prefix).is_dir() else None
+
+
+def _library_list(name: str) -> str | None:
+    """What a folder of the library holds, where that can be told in a line."""
+    prefix = _library_folder(name)
+    files = sorted(installed(prefix).glob("*.yaml")) if prefix else []
+    if not 0 < len(files) <= _MAX_TOLD:
+        return None
+    return f"in the library: {', '.join(f'{prefix}/{path.name}' for path in files)}"

@@ -8,6 +8,7 @@ from typing import Any
 
 from ergon.notation.clock.positions import Position
 from ergon.notation.clock.tempo import Entry, TempoError, TempoMap
+from ergon.notation.tables.expressions import lets
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -34,6 +35,7 @@ class Times:
             if at is not MISSING
         )
         self._known = tuple(score["marks"] or {})
+        self._lets = lets(score.node.document).names
         self.map = self._map()
         said = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
         file = score.node.document.file
@@ -63,16 +65,30 @@ class Times:
     def _mark_exists(self, at: Position, place: Place) -> bool:
         if at.mark is None or at.mark in self._known:
             return True
-        message = f"no mark is called {quote(at.mark)}"
-        names = self._known
+        meant, help = self._difference(at.mark)
         self.collector.error(
             "E301",
-            message,
+            f"no mark is called {quote(at.mark)}",
             Place(place.file, place.line, place.column, len(at.mark)),
-            word=at.mark,
-            names=names,
+            suggestion=meant,
+            help=help,
+            word=None if help else at.mark,
+            names=self._known,
         )
         return False
+
+    def _difference(self, word: str) -> tuple[str | None, str | None]:
+        """What `c-gap` is meant for where `c` is a mark, or a help where it can be nothing."""
+        parts = word.split("-")
+        for count in range(len(parts) - 1, 0, -1):
+            mark, rest = "-".join(parts[:count]), parts[count:]
+            if mark not in self._known:
+                continue
+            if all(part in self._lets for part in rest):
+                return " - ".join((mark, *rest)), None
+            if "-".join(rest) in self._known:
+                return None, f"a mark is no length: write how far before it, such as {mark}-1bar"
+        return None, None
 
     def _beats(self, at: Position | None, place: Callable[[], Place]) -> float | None:
         """Beats of a position; None after a report."""

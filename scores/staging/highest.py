@@ -66,7 +66,7 @@ def stops_low(modes: list[HighestMode]) -> list[Diagnostic]:
         if one.hertz >= FULL or is_shipped(Path(one.module.place.file)):
             continue
         message = f"{quote(one.name)} has no mode above {one.hertz / 1e3:.3g} kHz"
-        help = f"{_enough(one)} would reach {FULL / 1e3:g} kHz"
+        help = f"{_enough(one)} would reach about {FULL / 1e3:g} kHz"
         place = one.module.place
         found.append(Diagnostic("W331", message, place, None, help))
     return found
@@ -113,18 +113,18 @@ def _instant(points: Points, factor: float) -> float:
 
 
 def _enough(one: HighestMode) -> str:
-    """The field that says how many masses would reach 5 kHz, about."""
+    """What to write, so that the highest mode is at about 5 kHz."""
     module, fields = one.module, one.module.fields
     masses, more = member_count(module.kind, fields), FULL / one.hertz
     if module.kind == "STRING":
-        return f"about masses: {ceil(masses * more)}"
+        return f"`masses: {ceil(masses * more)}`"
     # The highest mode of a lattice goes by its spacing, of one that bends by the square of that.
     side = sqrt(more) if fields["bending"] is not None else more
     if fields["shape"] == "rectangle":
         across, up = (ceil(count * side) for count in fields["sides"])
-        return f"about {across * up:,} masses ({across} by {up})"
+        return f"{across * up:,} masses ({across} by {up})"
     radius = ceil(fields["radius"] * side)
     if radius > _MOST_RADIUS:
         return f"more than the {_MOST_RADIUS} rings that a plate may have"
     wider = {**fields, "radius": radius}
-    return f"about {member_count(module.kind, wider):,} masses ({radius} rings)"
+    return f"{member_count(module.kind, wider):,} masses ({radius} rings)"

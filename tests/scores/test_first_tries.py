@@ -137,3 +137,24 @@ def test_a_tempo_begins_at_the_beginning():
     assert first is not None
     assert written is not None
     assert first.tempo_map.seconds(5.0) == written.tempo_map.seconds(5.0) == 5.0 * 60 / 72
+
+
+@pytest.mark.parametrize(
+    ("line", "suggestion", "help"),
+    [
+        (
+            "mix: {layout: layouts/ring8.yaml}",
+            "layouts/ring24.yaml",
+            "in the library: layouts/dome24.yaml, layouts/ring24.yaml, layouts/stereo.yaml",
+        ),
+        ("use: [zzz.yaml]", None, None),
+        ("use: [instruments/strin.yaml]", "instruments/string.yaml", None),
+        ("use: [bels.yaml]", "instruments/bells.yaml", None),
+        ("use: [gestures/x.yaml]", None, "in the library: gestures/common.yaml"),
+        ("use: [instruments/mine/x.yaml]", None, None),
+    ],
+)
+def test_a_file_that_is_not_there_is_looked_for_where_it_was_named(line, suggestion, help):
+    found = load("s.yaml", text=f"ergon: 1\n{line}\n").diagnostics
+    (missing,) = [one for one in found if one.code in ("E107", "E112") and "no file" in one.message]
+    assert (missing.suggestion, missing.help) == (suggestion, help)

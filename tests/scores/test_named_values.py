@@ -448,6 +448,35 @@ def test_positions_that_are_none_say_so(at: str, code: str, said: str):
     assert found.place.line == 3
 
 
+@pytest.mark.parametrize(
+    ("at", "suggestion", "help"),
+    [
+        ("c-gap", "c - gap", None),
+        ("c-gap+1", "c - gap", None),
+        ("last-verse-gap", "last-verse - gap", None),
+        ("c-gap-first", "c - gap - first", None),
+        ("c-A", None, "a mark is no length: write how far before it, such as c-1bar"),
+        ("c-gapp", None, "known here: A, c, last-verse, x"),
+        ("last-vers", "last-verse", None),
+    ],
+)
+def test_what_is_taken_from_a_mark_without_spaces_is_told_from_a_name(at, suggestion, help):
+    text = (
+        "ergon: 1\nlet: {first: 4, gap: 1/2}\n"
+        f"marks: {{A: 2|1, c: 3|1, last-verse: 5|1, x: '{at}'}}\n"
+    )
+    (found,) = load("s.yaml", text=text).diagnostics
+    assert (found.code, found.suggestion, found.help) == ("E301", suggestion, help)
+
+
+def test_a_mark_with_a_hyphen_is_one_and_a_difference_has_spaces():
+    text = "ergon: 1\nlet: {gap: 1/2}\nmarks: {c: 3|1, c-gap: 9|1, x: c-gap, y: c - gap}\n"
+    found = load("s.yaml", text=text)
+    assert not found.diagnostics
+    marks = {mark.name: found.piece.tempo_map.resolve(mark.at) for mark in found.piece.marks}
+    assert (marks["x"], marks["y"]) == (32, 7.5)
+
+
 def test_a_position_among_named_values_is_sent_to_the_marks():
     (found,) = load("s.yaml", text="ergon: 1\nlet: {first: 3|1}\n").diagnostics
     assert "name it under `marks:`" in found.message

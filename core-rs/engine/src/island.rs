@@ -14,6 +14,7 @@ pub(crate) mod mesh;
 pub(crate) mod modal;
 mod real_hands;
 pub(crate) mod record;
+mod rest;
 pub(crate) mod slow;
 mod step;
 mod stored;
@@ -29,6 +30,7 @@ pub use ledger::Energy;
 pub use lone_key::LoneKey;
 pub use record::Record;
 pub(crate) use record::{FramedErgon, Stream};
+pub(crate) use rest::Rest;
 pub(crate) use takeover::ItemTakeover;
 pub(crate) use touched::Touch;
 

@@ -84,7 +84,7 @@ pub(crate) struct Fine {
     /// Whether one has been closed.
     pub(super) has_touched: bool,
     /// Work done so far.
-    work: FineWork,
+    pub(super) work: FineWork,
 }
 
 crate::archive::option!(Fine, fixed);

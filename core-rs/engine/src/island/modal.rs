@@ -46,6 +46,7 @@ pub(crate) struct RunningModal {
     has_pending: bool,
     between: Option<Between>,
     forces: Vec<f64>,
+    /// Frames without a push, up to QUIET.
     quiet: u32,
     next: usize,
     /// Rates while everything is damped, and whether it is   (n_groups)
@@ -179,7 +180,7 @@ impl RunningModal {
         for (row, was) in self.was.iter_mut().enumerate() {
             *was = self.seen[row * ROOM + self.at - 1];
         }
-        self.quiet = self.quiet.saturating_add(frames as u32);
+        self.quiet = self.quiet.saturating_add(frames as u32).min(QUIET);
     }
 
     /// Take the strikes of frame `n`: contacts are to know where the ports go with them.
@@ -262,7 +263,7 @@ impl RunningModal {
             self.push(&script);
             self.quiet = 0;
         } else {
-            self.quiet = self.quiet.saturating_add(1);
+            self.quiet = (self.quiet + 1).min(QUIET);
         }
         self.at += 1;
         if self.at == self.until {

@@ -1,8 +1,7 @@
 //! Playing the beginning of an island, and for how long that is worth it.
 
 use crate::derivative::Derivatives;
-use crate::island::{Island, OnFault, Options};
-use crate::kernel::thread_team::ThreadTeam;
+use crate::island::{Island, OnFault, Options, Rest};
 use crate::network::Error;
 use crate::plan::cost::Costs;
 use crate::plan::trial::allowance::{Allowance, TrialError};
@@ -70,12 +69,13 @@ fn length_within(
     let after = (AFTER * rate) as usize;
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
+        let mut rest = rest(&island, island_plan);
         let mut meter = Meter::new(island_plan, allowance);
         let mut sound = vec![0.0; LOOK * island.n_out()];
         for at in (0..most).step_by(LOOK) {
             meter.draw(&island, LOOK)?;
             // Faults are muted: a pilot says nothing of them.
-            let _ = island.process(&mut sound, LOOK, &mut ThreadTeam::alone());
+            let _ = rest.process(&mut island, &mut sound, LOOK);
             if island.has_touched() {
                 return Ok((at + after).min(most));
             }
@@ -155,6 +155,11 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
     )
 }
 
+/// What is known of an island before anything is due.
+fn rest(island: &Island, island_plan: &IslandPlan) -> Rest {
+    Rest::new(island, &island_plan.timeline, &island_plan.bodies, LOOK)
+}
+
 /// The beginning of an island: so many frames of it.
 ///
 /// # Errors
@@ -192,6 +197,7 @@ pub(in crate::plan) fn nudged(
         .allowance
         .affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
+    let mut rest = rest(&island, island_plan);
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
@@ -203,13 +209,14 @@ pub(in crate::plan) fn nudged(
         .collect();
     for (at, sound) in sound.chunks_mut((LOOK * n_out).max(1)).enumerate() {
         if at * LOOK == block {
+            rest.end();
             island.damp(by);
         } else if at * LOOK == block + LOOK {
             island.damp(1.0);
         }
         let frames = sound.len() / n_out.max(1);
         meter.draw(&island, frames)?;
-        let _ = island.process(sound, frames, &mut ThreadTeam::alone());
+        let _ = rest.process(&mut island, sound, frames);
         derivatives.process(sound, n_out);
         island.squares(&mut squares);
     }
@@ -218,4 +225,124 @@ pub(in crate::plan) fn nudged(
         squares,
         is_lost: !island.muted().is_empty(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::generator::{Rim, Shape, plate};
+    use crate::gesture::profile::Curve;
+    use crate::gesture::script::{Ergons, Gesture, Manner, Touch};
+    use crate::gesture::written::{Approach, Written};
+    use crate::kernel::thread_team::ThreadTeam;
+    use crate::network::{But, Contact, Network, Side, Term, Tie};
+    use crate::plan::{Budget, Method, Plan, Unit};
+    use crate::timeline::Timeline;
+    use crate::units::Rate;
+
+    /// When the key begins to move [s].
+    const BEGINS: f64 = 0.3;
+
+    /// A key beside a plate, which is struck later, too; `rests`: whether the key begins where its spring holds it.
+    fn plan(budget: &Budget, rests: bool) -> Plan {
+        let mut network = Network::new();
+        let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+        let term = |first| Term::Position {
+            first,
+            len: 1,
+            weight: 1.0,
+        };
+        network.part("plate", None);
+        let topology = plate(Shape::Square, 3, Rim::Fixed).unwrap();
+        network
+            .mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0)
+            .unwrap();
+        network.listen("plate", vec![term(16)]).unwrap();
+        network.part("key", None);
+        let tie = Tie::Tuned {
+            f: 2.0,
+            t60: Some(0.6),
+        };
+        let from = if rests { 0.0 } else { -1e-3 };
+        let key = network.cel("m", 0.3, tie, from, 0.0, 0.0).unwrap();
+        let but = But {
+            k: 2e4,
+            z: 0.2,
+            gap: 2e-3,
+            side: Side::Below,
+            contact: Contact::Plain,
+            restitution: 1.0,
+            steps: 2,
+            exponent: 1.0,
+            clamp: false,
+        };
+        network.but("to", key, 24, but).unwrap();
+        timeline.key("key", key);
+        let manner = Manner {
+            touch: Touch::Open,
+            ergons: Ergons::Event,
+            grain: None,
+            join: 0.02,
+            limit: None,
+            layer: false,
+        };
+        let written = Written {
+            t: &[BEGINS, BEGINS + 0.06, BEGINS + 0.2],
+            x: &[0.0, 4e-3, 0.0],
+            approaches: &[Approach::Path(Curve::Smooth); 3],
+            sources: &[],
+        };
+        let gesture = Gesture::written(0, &written, manner).unwrap();
+        timeline.gesture(gesture).unwrap();
+        timeline.strike(&network, 20, 0.45, 1e-2, 0).unwrap();
+        Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
+    }
+
+    /// Sound, state and work of an island, and how many blocks were passed over.
+    fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], usize) {
+        let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
+        let mut rest = rest(&island, island_plan);
+        let (mut heard, mut passed) = (Vec::new(), 0);
+        let mut sound = vec![0.0; LOOK * island.n_out()];
+        for _ in 0..(0.6 * 44_100.0) as usize / LOOK {
+            sound.fill(0.0);
+            if may_rest {
+                rest.process(&mut island, &mut sound, LOOK).unwrap();
+                passed += usize::from(rest.is_known());
+            } else {
+                let team = &mut ThreadTeam::alone();
+                island.process(&mut sound, LOOK, team).unwrap();
+            }
+            heard.extend(sound.iter().map(|x| x.to_bits()));
+        }
+        let work = island.fine_work();
+        let work = [work.instants, work.products, island.guard_steps()];
+        (heard, island.write_state(), work, passed)
+    }
+
+    #[test]
+    fn what_rests_is_passed_over_and_every_bit_is_as_played() {
+        for budget in [Budget::Error(-60.0), Budget::Method(Method::Ca)] {
+            for rests in [true, false] {
+                let plan = plan(&budget, rests);
+                let mut n_islands = 0;
+                for unit in &plan.units {
+                    let Unit::IslandPlan(island_plan) = unit else {
+                        continue;
+                    };
+                    n_islands += 1;
+                    let (sound, state, work, _) = played(island_plan, false);
+                    let (rested, left, counted, passed) = played(island_plan, true);
+                    assert!(sound == rested && state == left && work == counted);
+                    // All but its first blocks and a few before the gesture; none where a spring moves it.
+                    let blocks = (BEGINS * 44_100.0) as usize / LOOK;
+                    let expected = if rests { blocks - 40..blocks } else { 0..1 };
+                    assert!(expected.contains(&passed), "{budget:?} {passed}");
+                }
+                assert_eq!(n_islands, 1);
+            }
+        }
+    }
 }
