@@ -6,9 +6,14 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 os.environ["ERGON_CACHE"] = "off"
+# An example may take as long as a busy machine lets it; hypothesis' own profile for CI says so too.
+if "CI" not in os.environ:
+    hypothesis.settings.register_profile("busy", deadline=None)
+    hypothesis.settings.load_profile("busy")
 # Most of a short run is planning, and the same scores run hundreds of times: all share the plans of
 # one run of the tests, but for these folders, which are about planning or about determinism.
 _PLAN_ANEW = ("contracts", "engine", "lab", "plan")

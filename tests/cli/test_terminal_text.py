@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import ERGON
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ergon.cli import app
@@ -84,7 +84,6 @@ def test_json_says_what_was_written(evil, capsys):
     assert json.loads(capsys.readouterr().out)["title"] == EVIL
 
 
-@settings(deadline=None)
 @given(st.text())
 def test_what_is_clean_says_the_rest(text):
     shown = clean(text)

@@ -93,7 +93,7 @@ def expressions() -> st.SearchStrategy[str]:
     return st.recursive(leaves, grown, max_leaves=20)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.lists(expressions(), min_size=2, max_size=2), st.sampled_from([1.0, 0.3]))
 def test_any_law_has_the_bits_of_the_core(texts: list[str], reach: float):
     # What may store energy knows no rate.

@@ -176,7 +176,7 @@ def test_a_wrong_byte_has_a_place():
     assert collector.finish()[0].place.column == 3
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(st.text("ab:{}[],-|>&*!#'\"\\%@` \n\t\r?~1.é\u2028\x85\x00\ud800", max_size=40))
 def test_no_text_raises(text):
     document, _ = read(text)

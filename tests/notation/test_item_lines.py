@@ -79,7 +79,7 @@ def _flow(head, items):
     return head.rstrip("\n") + " [" + ", ".join(item.removeprefix("- ") for item in items) + "]\n"
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     lists=st.lists(st.tuples(HEAD, LIST, st.booleans()), min_size=1, max_size=4),
     row=st.integers(0, 3),
@@ -124,7 +124,7 @@ def test_a_text_that_looks_like_a_list_is_none():
     assert item_lines.by_lines(f"parts:\n  ada: |\n{rows}", "s", Path(), 0, {}) is None
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     parts=st.lists(st.tuples(st.booleans(), ENTRIES), min_size=1, max_size=3),
     row=st.integers(0, 3),

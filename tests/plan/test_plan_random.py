@@ -72,20 +72,20 @@ def check(seed: int, *, even: bool) -> None:
 
 
 @given(seed=SEEDS)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_bodies_and_what_meets_them_keep_their_budget(seed: int):
     check(seed, even=True)
 
 
 @given(seed=SEEDS)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_networks_that_have_no_modes_keep_their_budget(seed: int):
     check(seed, even=False)
 
 
 @pytest.mark.slow
 @given(seed=SEEDS, even=st.booleans())
-@settings(max_examples=160, deadline=None)
+@settings(max_examples=160)
 def test_many_scenes_keep_their_budget(seed: int, even: bool):
     check(seed, even=even)
 

@@ -133,7 +133,6 @@ def sessions(n: int):
     return settings(
         max_examples=n,
         derandomize=True,
-        deadline=None,
         database=None,
         suppress_health_check=list(HealthCheck),
     )

@@ -15,7 +15,7 @@ MELODIES = (DATA / "melodies.yaml").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("own", [DUET, MELODIES], ids=["duet", "melodies"])
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.data())
 def test_no_damage_raises(own, data):
     """Cut, double or replace a stretch of a score: diagnostics, never an exception."""
@@ -28,7 +28,7 @@ def test_no_damage_raises(own, data):
     assert (loaded.piece is None) == any(d.severity == "error" for d in loaded.diagnostics)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.text(max_size=60))
 def test_no_text_raises(text):
     load("s.yaml", text=text)
@@ -59,7 +59,7 @@ def written(tree):
     return f"'{tree}'"
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(
     st.dictionaries(
         st.sampled_from(SECTIONS.split()),
