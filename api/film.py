@@ -27,6 +27,7 @@ SUFFIX = ".motion"
 _APART = 1.3  # [m] from one instrument to the next where the score places none
 _KEYS_AT = -1.3  # [m] in front of the instruments
 _KEY_WIDTH = 0.1  # [m]
+_ROW = 0.6  # length of a row of modules that no generator has placed, of the bench
 _LAYOUTS = {"BANK": "bank", "MODES": "bank", "STRING": "string", "PLATE": "plate"}
 
 
@@ -173,35 +174,52 @@ def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
     piece, network = stage.piece, stage.network
     mats = look.mats()
     places = np.zeros((len(mats), 3))
-    bench = [network.position_of(mat) for mat in mats]
     members: dict[str, list[int]] = {}
     for run in look.runs():
         members.setdefault(run.part, []).extend(range(run.first, run.first + run.count))
     instruments = [name for name in members if name not in piece.keys]
-    in_room = piece.mix.layout is not None
-    columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
     for name, points in members.items():
         points.sort(key=lambda at: mats[at])
         if name in piece.keys:
-            number = list(piece.keys).index(name)
-            x = (number - 0.5 * (len(piece.keys) - 1)) * _KEY_WIDTH
-            for row, at in enumerate(points):
-                places[at] = (x, _KEYS_AT - 0.5 * _KEY_WIDTH * row, 0.0)
-            continue
-        instrument = piece.instruments.get(name)
-        placing = instrument.placing if instrument else None
-        number = instruments.index(name)
-        across, (x, y), height = 1.0, (0.0, 0.0), 0.0
-        if placing is not None:
-            across, (x, y), height = placing.across, placing.at, placing.height or 0.0
-        elif not in_room:
-            x = (number % columns - 0.5 * (columns - 1)) * _APART
-            y = number // columns * _APART
-        # Modules that no generator placed all lie in the middle: they are set in a row.
-        loose = [at for at in points if bench[at].x == 0.0 and bench[at].y == 0.0]
-        spread = {at: i / (len(loose) - 1) - 0.5 for i, at in enumerate(loose) if len(loose) > 1}
-        for at in points:
-            places[at, 0] = across * (bench[at].x + 0.6 * spread.get(at, 0.0)) + x
-            places[at, 1] = across * bench[at].y + y
-            places[at, 2] = height
+            places[points] = _key_places(list(piece.keys).index(name), len(piece.keys), len(points))
+        else:
+            bench = np.array([network.position_of(mats[at]) for at in points])
+            across, middle = _placing(stage, name, instruments)
+            places[points, :2] = across * _spread(bench)
+            places[points] += middle
     return places
+
+
+def _key_places(number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
+    """The points of a key, one behind the other; keys lie in a row before the instruments."""
+    import numpy as np
+
+    x = (number - 0.5 * (n_keys - 1)) * _KEY_WIDTH
+    return np.array([(x, _KEYS_AT - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
+
+
+def _placing(
+    stage: Stage, name: str, instruments: list[str]
+) -> tuple[float, tuple[float, float, float]]:
+    """The size of an instrument, and where its middle lies [m]."""
+    instrument = stage.piece.instruments.get(name)
+    placing = instrument.placing if instrument else None
+    if placing is not None:
+        return placing.across, (*placing.at, placing.height or 0.0)
+    if stage.piece.mix.layout is not None:
+        return 1.0, (0.0, 0.0, 0.0)
+    number = instruments.index(name)
+    columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
+    x = (number % columns - 0.5 * (columns - 1)) * _APART
+    return 1.0, (x, number // columns * _APART, 0.0)
+
+
+def _spread(bench: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places on the bench (n_points, 2); what all lies in its middle is set in a row."""
+    import numpy as np
+
+    loose = np.flatnonzero((bench == 0.0).all(axis=1))
+    made = bench.copy()
+    if len(loose) > 1:
+        made[loose, 0] = _ROW * (np.arange(len(loose)) / (len(loose) - 1) - 0.5)
+    return made

@@ -10,7 +10,7 @@ import click
 
 from . import options
 from .console import Console, plural
-from .outcome import Refused
+from .outcome import check_stdout
 from .units import seconds
 
 if TYPE_CHECKING:
@@ -56,8 +56,7 @@ def fold(
     """
     from ergon.api.fold import FoldOptions, fold_file
 
-    if output == "-" and console.json:
-        raise Refused("--json and -o - both write to stdout; give one")
+    check_stdout(output, is_json=console.json)
     target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
     asked = FoldOptions(to, from_, head, gain, bits, force)
     done = fold_file(source, target, asked, report=console)

@@ -8,7 +8,7 @@ import click
 
 from . import options
 from .console import Console
-from .outcome import Refused
+from .outcome import Refused, check_stdout
 
 FORMS = ("iem", "ear", "spatgris")
 form = click.option(
@@ -51,8 +51,7 @@ def export(console: Console, name: str, output: str | None, form: str | None, fo
 
     if output is None:
         raise Refused("name the file to write, by -o FILE.json, FILE.yaml or FILE.xml")
-    if output == "-" and console.json:
-        raise Refused("--json and -o - both write to stdout; give one")
+    check_stdout(output, is_json=console.json)
     if output == "-" and form is None:
         raise Refused(f"-o - needs --form, one of {', '.join(FORMS)}")
     path = Path(output)

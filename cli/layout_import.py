@@ -9,7 +9,7 @@ import click
 from . import options
 from .console import Console
 from .layout_export import form, form_of
-from .outcome import Refused
+from .outcome import Refused, check_stdout
 
 
 @click.command()
@@ -42,8 +42,7 @@ def import_layout(
 
     path = Path(file)
     target = output or f"{path.stem}-layout.yaml"
-    if target == "-" and console.json:
-        raise Refused("--json and -o - both write to stdout; give one")
+    check_stdout(target, is_json=console.json)
     kind = form_of(path, form)
     far = None if radius is None else _metres(radius)
     data = read_bounded(path, MOST)

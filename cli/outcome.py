@@ -50,6 +50,12 @@ class Late(Outcome):
     exit_code = 5
 
 
+def check_stdout(output: str | None, *, is_json: bool) -> None:
+    """Refuse to write both a file and records to stdout. Raises Refused."""
+    if output == "-" and is_json:
+        raise Refused("--json and -o - both write to stdout; give one")
+
+
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 INTERNAL = 2
 EXIT_CODES = (

@@ -12,7 +12,7 @@ from ergon.api.plan import plan as make_plan
 
 from . import options
 from .console import Console, plural
-from .outcome import Refused
+from .outcome import Refused, check_stdout
 from .tables import table
 
 if TYPE_CHECKING:
@@ -62,8 +62,7 @@ def plan(
     A plan is a function of the score and of how exact it is to be, the same on every machine: costs
     are counted by a table that ships with ergon, 1.0 being one core at real time.
     """
-    if output == "-" and console.json:
-        raise Refused("--json and -o - both write to stdout; give one")
+    check_stdout(output, is_json=console.json)
     from ergon.exchange import machine_speed
 
     made = make_plan(score_path, AccuracyOptions(**given), report=console)

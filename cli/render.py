@@ -13,7 +13,7 @@ from ergon.exchange.wave_header import CHANNELS_MAX
 
 from . import options
 from .console import Console
-from .outcome import Findings, Outcome, Refused
+from .outcome import Findings, Outcome, Refused, check_stdout
 from .summary import dry_run, finer, rendered
 
 if TYPE_CHECKING:
@@ -107,8 +107,7 @@ def render(
     leaves no file; only earlier renders are overwritten without -f.
     """
     asked = FileOptions(**given)
-    if output == "-" and console.json:
-        raise Refused("--json and -o - both write to stdout; give one")
+    check_stdout(output, is_json=console.json)
     from ergon.api.render_journal import JOURNAL, render_journal
 
     if Path(score_path).suffix == JOURNAL:

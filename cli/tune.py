@@ -13,7 +13,7 @@ from ergon.api.tune import tune as find_tuning
 
 from . import options
 from .console import Console, plural
-from .outcome import Refused
+from .outcome import Refused, check_stdout
 from .tables import table
 
 _ARGUMENTS = {"parts": "PART", "part": "PART", "targets": "TARGET"}
@@ -57,8 +57,7 @@ def tune(
     """
     if write and output is not None:
         raise Refused("--write excludes -o; give one of the two")
-    if output == "-" and console.json:
-        raise Refused("--json and -o - both write to stdout; give one")
+    check_stdout(output, is_json=console.json)
     try:
         found = find_tuning(
             score_path, part, _targets(targets), TuneOptions(**given), report=console

@@ -280,3 +280,22 @@ def test_version() -> None:
     done = python("from ergon.cli.app import main; main(['--version'])", cwd=Path("/"))
     assert done.returncode == 0
     assert done.stdout.startswith("ergon 0.")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("render", "s.yaml"),
+        ("plan", "s.yaml"),
+        ("tune", "s.yaml", "bell", "440Hz"),
+        ("fold", "s.wav", "--to", "stereo"),
+        ("layout", "export", "dome24", "--form", "iem"),
+        ("layout", "import", "s.json"),
+    ],
+)
+def test_records_and_a_file_do_not_both_go_to_stdout(
+    command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run([*command, "--json", "-o", "-"]) == 2
+    told = json.loads(capsys.readouterr().out)
+    assert told["message"] == "--json and -o - both write to stdout; give one"
