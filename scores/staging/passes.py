@@ -94,6 +94,7 @@ def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Vis
     least = np.full(len(places), np.inf)
     share = np.zeros(len(places))
     for (t0, x0, y0), (t1, x1, y1) in pairwise(_corners(path)):
+        _core.poll()
         dx, dy = x1 - x0, y1 - y0
         length = dx * dx + dy * dy
         s = ((x - x0) * dx + (y - y0) * dy) / length if length > 0.0 else np.zeros(len(places))

@@ -125,6 +125,7 @@ class Striking:
         for turn, start in enumerate(strikes.rounds(tempo)):
             lasting = tempo.after(start, strikes.length) - start
             end = max(end, tempo.seconds(start + lasting))
+            _core.poll()
             for number, (share, member) in enumerate(way, turn * len(way)):
                 instant = tempo.seconds(start + share * lasting)
                 if not self.within[0] <= instant < self.within[1]:
