@@ -95,7 +95,7 @@ COMMANDS: Table = {
         "fold",
         "Fold a sound file of many channels for other ears.",
     ),
-    "view": ("view", "view", "Show in a browser what moved in a piece."),
+    "view": ("view", "view", "Show in a browser what moves in a piece, with its sound."),
     "layout": ("layout", "layout", "Check and exchange layouts of loudspeakers."),
     "info": ("info", "info", "Say what a render, a take, a motion file or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),

@@ -25,6 +25,26 @@ def test_silence_within_is_a_gap(sound):
     assert compare(over, sound).gaps == (Gap(1000, 256, 256),)
 
 
+def test_silence_that_is_fallen_into_and_risen_from_is_a_gap(sound):
+    """As an output does that has no frames for a while."""
+    rise = np.arange(1, 89, dtype=np.float32)[:, None] / np.float32(88)
+    fall = sound[999] * rise[::-1]
+    risen = sound[1000:1088] * rise
+    silence = np.zeros((256, 3), np.float32)
+    late = np.concatenate([sound[:1000], fall, silence, risen, sound[1088:]])
+    result = compare(late, sound)
+    assert result.wrong == result.unheard == 0
+    (gap,) = result.gaps
+    # The fall begins with the last frame, the rise ends with a frame as it was.
+    assert gap == Gap(1000, 88 + 256 + 87, 87)
+
+
+def test_what_goes_on_otherwise_behind_silence_is_wrong(sound):
+    other = np.concatenate([sound[:1000], np.zeros((256, 3), np.float32), sound[1000:] * 0.5])
+    result = compare(other, sound)
+    assert (result.gaps, result.wrong) == ((), 1000)
+
+
 def test_frames_left_out_are_a_gap(sound):
     result = compare(np.concatenate([sound[:1000], sound[1100:]]), sound)
     assert result.gaps == (Gap(1000, 0, 100),)

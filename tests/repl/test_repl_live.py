@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from captured import check_heard
 from commands import ERGON, PATIENT
 from emulators import emulator
 from patience import PATIENCE, until
-from tests.repl.test_repl_session import SCORE, onset
+from tests.repl.test_repl_session import SCORE
 
 from ergon import _core
 from ergon.live.perform import PlaybackConfig, bars
@@ -75,6 +76,7 @@ def test_what_was_played_is_what_its_journal_renders(tmp_path: Path):
             ok(session, line)
             time.sleep(0.4)
         time.sleep(1.0)
+        troubles = session.commits.engine.status().troubles
     done = subprocess.run(
         [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
         cwd=tmp_path,
@@ -85,13 +87,8 @@ def test_what_was_played_is_what_its_journal_renders(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     played, _ = soundfile.read(heard, dtype="float32", always_2d=True)
     again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
-    # A clock may take silence until the ring is filled, and what is in it at the end is not heard.
-    start = onset(played) - onset(again)
-    assert start >= 0
-    heard_to = len(played) - start - 4 * 1024
-    assert heard_to > 4 * 44_100
     assert np.max(np.abs(again)) > 0.01
-    assert np.array_equal(played[start : start + heard_to], again[:heard_to])
+    assert check_heard(played, again, troubles).equal > 2 * 44_100
 
 
 def test_a_piece_begins_at_any_bar(tmp_path: Path):
