@@ -150,7 +150,13 @@ def _of(text: str) -> tuple[_core.Network, _core.Timeline]:
     return ready.network, ready.timeline
 
 
-@pytest.mark.parametrize("seed", range(24))
+# These take 14 s of CPU time and more, together three minutes.
+_LONG = (1, 2, 3, 5, 8, 13, 14, 16)
+
+
+@pytest.mark.parametrize(
+    "seed", [pytest.param(n, marks=pytest.mark.slow) if n in _LONG else n for n in range(24)]
+)
 def test_scores_by_chance_are_planned_as_from_scratch(seed: int) -> None:
     made = random_scores.Score(seed)
     store = Records()

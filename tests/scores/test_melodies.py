@@ -285,7 +285,7 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
             "strikes: {s: {to: lone, at: 0, impulse: 1mNs, transpose: 3st}}",
             (
                 "E111",
-                "transpose of strikes 's': only strikes that `play` have this field; remove it",
+                "transpose of strikes 's': only strikes with `play` have this field; remove it",
             ),
         ),
         ("strikes: {s: 'Q  lone  1mNs'}", ("E301", "no mark is called 'Q'")),

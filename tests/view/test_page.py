@@ -202,7 +202,7 @@ def test_every_key_does_what_it_says(page: browser.Page) -> None:
         return page.run(
             "JSON.stringify([ergon.page.clock, ergon.page.camera, ergon.page.look,"
             "ergon.page.chosen, ergon.page.following, ergon.page.inspected,"
-            "ergon.page.motion.locked, ergon.page.labels.shown,"
+            "ergon.page.motion.locked, ergon.page.labels.shown, ergon.page.sound.wanted,"
             "document.getElementById('help').hidden, document.getElementById('levels').hidden])"
         )
 
