@@ -52,10 +52,18 @@ def entered(clock: Clock, tempo: TempoMap, beat: float, seconds: float) -> Clock
     return started(tempo, beat, seconds) if clock.goes else Clock(None, beat)
 
 
-def going_on(clock: Clock, before: TempoMap, after: TempoMap, beat: float, seconds: float) -> Clock:
-    """The clock of a piece that stays at a beat while its tempo changes before that beat."""
-    is_same = after.seconds(beat) == before.seconds(beat)
-    return clock if is_same else entered(clock, after, beat, seconds)
+def taking_over(
+    clock: Clock, before: TempoMap, after: TempoMap, beat: float, seconds: float, tick: float
+) -> tuple[Clock, float]:
+    """The clock and the beat with which a version of another tempo map takes over on a beat.
+
+    Where the piece had jumped over that beat a tick [s] before, it goes on from where it is.
+    """
+    if not clock.goes or clock.beat(before, seconds - tick) <= beat + SAME:
+        return clock, beat
+    here = clock.beat(before, seconds)
+    is_same = after.seconds(here) == before.seconds(here)
+    return (clock if is_same else started(after, here, seconds)), here
 
 
 def boundary(tempo: TempoMap, beat: float, grid: Length) -> float:

@@ -14,11 +14,11 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
-from ergon.repl.language.commands import NOW, When
+from ergon.repl.language.commands import NOW, Command, When
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
-from ergon.repl.session.clock import Clock, boundary, entered, going_on, started
+from ergon.repl.session.clock import Clock, boundary, entered, started, taking_over
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import JOIN, Running, follow, horizon
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
@@ -214,13 +214,14 @@ class Commits:
         starts = self._starts(after, on)
         after = sorted(after, key=lambda one: starts[id(one)])
         version = on.version
-        has_lost = not _names(self.head) <= _names(version)
+        has_lost = bool(after) and not _names(self.head) <= _names(version)
         further = []
         for one in after:
             try:
-                before, version = version, self._version(version, one)
-                if has_lost:
-                    _check_names(one, before)
+                made_of = self._version(version, one)
+                if has_lost and one.line and not (one.resets or one.is_read):
+                    read_again(one.line, version)
+                version = made_of
             except REFUSALS as error:
                 waits = f"'{one.line}' waits for {version.piece.tempo_map.written(one.beat)}"
                 raise NotTakenError(f"{waits} and would fail after this line: {error}") from error
@@ -278,14 +279,11 @@ class Commits:
         elif version.enters is not None:
             enter = version.enters
             clock = entered(clock, version.piece.tempo_map, enter, seconds + self.lead)
-        elif clock.goes:
-            # The piece has jumped over the beat of a line that waited: it goes on from where it is.
+        else:
+            tempos = on.version.piece.tempo_map, version.piece.tempo_map
             tick = self.engine.tick_frames / self.rate
-            tempo = on.version.piece.tempo_map
-            if clock.beat(tempo, seconds + self.lead - tick) > one.beat + SAME:
-                seconds += self.lead
-                leave = enter = clock.beat(tempo, seconds)
-                clock = going_on(clock, tempo, version.piece.tempo_map, enter, seconds)
+            clock, enter = taking_over(clock, *tempos, one.beat, seconds + self.lead, tick)
+            leave = enter
         made = follow(
             on,
             version,
@@ -491,15 +489,13 @@ def _names(version: Version) -> frozenset[str]:
     )
 
 
-def _check_names(one: Waiting, version: Version) -> None:
-    """Raise NotTakenError where a line that waits says a name that is gone by then.
+def read_again(line: str, version: Version) -> Sequence[Command]:
+    """The commands of a line of a session, read where its version takes over.
 
-    A render of the session reads the line again, in the order in which lines take effect.
+    So a render of the session reads it. Raises NotTakenError, as where a name is gone by then.
     """
-    if not one.line or one.resets or one.is_read:
-        return
     try:
-        parse(one.line, scope_of(version.piece))
+        return parse(line, scope_of(version.piece))
     except Refusal as refusal:
         raise NotTakenError(refusal.message) from None
 

@@ -13,13 +13,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.exchange.frozen import NotFrozenError
-from ergon.notation.clock.meter import SAME
-from ergon.repl.language.parse import parse
-from ergon.repl.language.refusal import Refusal
-from ergon.repl.language.scope import scope_of
 from ergon.repl.session import version_edits
-from ergon.repl.session.clock import Clock, entered, going_on, started
-from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
+from ergon.repl.session.clock import Clock, entered, started, taking_over
+from ergon.repl.session.commits import (
+    REFUSALS,
+    Commits,
+    VersionEdit,
+    Waiting,
+    fader_ratios,
+    read_again,
+)
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.frozen_parts import HeldPart
 from ergon.repl.session.frozen_parts import held as frozen_held
@@ -195,7 +198,9 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     with _errors_placed(replay.first):
         version = opening.version()
     versions, clock = _earlier(replay, version), Clock(None, opening.at)
-    rate, lead = version.piece.rate, JOIN + opening.tick_frames / version.piece.rate
+    rate = version.piece.rate
+    tick = opening.tick_frames / rate
+    lead = JOIN + tick
     done = {event.get("number", int) for _, _, event in replay.commits}
     waited = [
         (replay.n_frames, replay.late.get(number, replay.lines[number].get("beat", float)), event)
@@ -220,9 +225,8 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
                 clock = Clock(None, clock.beat(tempo, frame / rate))
             elif version.enters is not None:
                 clock = entered(clock, tempo, version.enters, frame / rate + lead)
-            elif clock.goes and clock.beat(before, frame / rate + JOIN) > beat + SAME:
-                here = clock.beat(before, frame / rate + lead)
-                clock = going_on(clock, before, tempo, here, frame / rate + lead)
+            else:
+                clock, _ = taking_over(clock, before, tempo, beat, frame / rate + lead, tick)
     tempo = version.piece.tempo_map
     beat = clock.beat(tempo, replay.n_frames / rate)
     if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):
@@ -268,10 +272,7 @@ def edit_of_line(
     if isinstance(restores, int):
         target = versions.get(restores)
         return version_edits.unchanged if target is None else target.restored
-    try:
-        commands = parse(event.get("line", str), scope_of(on.piece))
-    except Refusal as refusal:
-        raise NotTakenError(refusal.message) from None
+    commands = read_again(event.get("line", str), on)
     if any(
         type(one) in version_edits.READS_FILES for one in commands
     ):  # rendering a journal reads no further file

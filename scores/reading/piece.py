@@ -156,7 +156,7 @@ class Hit:
     jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Strikes:
     """Ergons that hit modules directly: a Poisson `rate` [Hz] for each, or `every` so often.
 
@@ -168,14 +168,14 @@ class Strikes:
     name: str
     to: tuple[Target, ...]
     at: Position
-    span: Length | None
-    until: Position | None
-    rate: float | None
-    every: Length | None
-    times: int | None
-    impulse: tuple[float, float] | None
-    mass: float | None
-    speed: float | None
+    span: Length | None = None
+    until: Position | None = None
+    rate: float | None = None
+    every: Length | None = None
+    times: int | None = None
+    impulse: tuple[float, float] | None = None
+    mass: float | None = None
+    speed: float | None = None
     place: Place
     pattern: Pattern | None = field(default=None, metadata=OMIT_EMPTY)
     notes: Mapping[str, Amount] = field(default_factory=dict, metadata=OMIT_EMPTY)  # of the pattern
