@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,9 +16,6 @@ from .fold import FoldError, FoldOptions, fold_file
 from .render import FileOptions, prepare, write
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from ergon.exchange.wave_header import WaveInfo
 
 _SOUNDS = (".wav", ".flac")
@@ -97,6 +93,8 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
 
 def _by_sides(path: Path, info: WaveInfo, made: Path) -> None:
     """The means of odd and of even channels; one channel alone stays one."""
+    import numpy as np
+
     from ergon import _core
     from ergon.exchange import sound
     from ergon.exchange.safe import writing
@@ -105,14 +103,7 @@ def _by_sides(path: Path, info: WaveInfo, made: Path) -> None:
     format = WaveFormat(info.format.rate, channels, 16)
     with writing(str(made), binary=True, force=True, inputs=(path,)) as file:
         writer = sound.writer(str(made), file, format, info.n_frames, Stamp(path.stem))
-        for block in _sides(sound.read_blocks(path), channels):
-            writer.write(_core.pcm(block, 1.0, 16))
+        for block in sound.read_blocks(path):
+            sides = [block[:, side::channels].mean(axis=1) for side in range(channels)]
+            writer.write(_core.pcm(np.ascontiguousarray(np.stack(sides, axis=1)), 1.0, 16))
         writer.close()
-
-
-def _sides(blocks: Iterator[NDArray[np.float64]], channels: int) -> Iterator[NDArray[np.float64]]:
-    import numpy as np
-
-    for block in blocks:
-        sides = [block[:, side::channels].mean(axis=1) for side in range(channels)]
-        yield np.ascontiguousarray(np.stack(sides, axis=1))
