@@ -7,7 +7,7 @@ use std::error::Error;
 use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{Term, Tie};
 use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
@@ -34,14 +34,7 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
         approaches: &[Approach::Path(Curve::Smooth); 3],
         sources: &[],
     };
-    let manner = Manner {
-        touch: Touch::Open,
-        ergons: Ergons::Event,
-        grain: None,
-        join: 0.02,
-        limit: None,
-        layer: false,
-    };
+    let manner = Manner::OPEN;
     let mut timeline = Timeline::new(Rate::new(RATE)?);
     let key = timeline.key("key", mass);
     timeline.gesture(Gesture::written(key, &points, manner)?)?;

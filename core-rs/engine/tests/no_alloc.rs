@@ -11,7 +11,7 @@ use std::sync::Arc;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Computed, Method, Plan};
@@ -130,12 +130,8 @@ fn a_slow_key_does_not_allocate() {
             sources: &[],
         };
         let manner = Manner {
-            touch: Touch::Open,
-            ergons: Ergons::Event,
             grain,
-            join: 0.02,
-            limit: None,
-            layer: false,
+            ..Manner::OPEN
         };
         let gesture = Gesture::written(key, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();

@@ -40,6 +40,18 @@ pub struct Manner {
     pub layer: bool,
 }
 
+impl Manner {
+    /// As a score plays where it says nothing: exact impulses at every frame, and 20 ms to join.
+    pub const OPEN: Self = Self {
+        touch: Touch::Open,
+        ergons: Ergons::Event,
+        grain: None,
+        join: 0.02,
+        limit: None,
+        layer: false,
+    };
+}
+
 /// A part of a gesture between two ways of moving the key; they follow one another.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Stretch {

@@ -65,6 +65,22 @@ pub struct But {
 }
 
 impl But {
+    /// CORDIS-ANIMA's own contact: a spring k with viscosity z that the striker closes from below, over a gap.
+    #[must_use]
+    pub const fn plain(k: f64, z: f64, gap: f64) -> Self {
+        Self {
+            k,
+            z,
+            gap,
+            side: Side::Below,
+            contact: Contact::Plain,
+            restitution: 1.0,
+            steps: 2,
+            exponent: 1.0,
+            clamp: false,
+        }
+    }
+
     /// κ and ζ of a contact that lasts N steps and gives back e exactly: x[k+N] = −r^N·x[k] whatever
     /// the phase of the contact, with r = e^(1/N), Nθ = π.
     pub(crate) fn exact_restitution(&self) -> (f64, f64) {

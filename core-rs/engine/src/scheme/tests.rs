@@ -1,6 +1,6 @@
 use super::*;
 use crate::law::{Law, LawText};
-use crate::network::{Contact, Side, Tie};
+use crate::network::{Contact, Tie};
 
 const HERTZ: f64 = 44_100.0;
 
@@ -132,15 +132,8 @@ fn oversampling_suffices_and_less_does_not() {
 
 fn but(contact: Contact) -> But {
     But {
-        k: 1.0,
-        z: 0.0,
-        gap: 0.0,
-        side: Side::Below,
         contact,
-        restitution: 1.0,
-        steps: 2,
-        exponent: 1.0,
-        clamp: false,
+        ..But::plain(1.0, 0.0, 0.0)
     }
 }
 

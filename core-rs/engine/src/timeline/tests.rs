@@ -1,6 +1,6 @@
 use super::gate::FADE;
 use super::*;
-use crate::network::{But, Contact, Side, Tie};
+use crate::network::{But, Contact, Tie};
 use crate::units::frame;
 
 /// a – b by link 0; c is tied and alone; d fixed.
@@ -294,15 +294,8 @@ fn a_gate_finds_contacts_of_every_kind() {
     for contact in [Contact::Plain, Contact::Exact] {
         let mut network = network();
         let but = But {
-            k: 1e3,
-            z: 0.0,
-            gap: 0.0,
-            side: Side::Below,
             contact,
-            restitution: 1.0,
-            steps: 2,
-            exponent: 1.0,
-            clamp: false,
+            ..But::plain(1e3, 0.0, 0.0)
         };
         let link = network.but("b", 0, 2, but).unwrap();
         assert!(timeline(44_100.0).couple(&network, link, 0.1, None).is_ok());

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
-use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -38,15 +38,8 @@ fn plan(below: f64) -> Arc<Plan> {
     };
     let reed = network.cel("reed", 2e-2, tie, -below, -below, 0.0).unwrap();
     let but = |side| But {
-        k: 2e4,
-        z: 0.2,
-        gap: 0.0,
         side,
-        contact: Contact::Plain,
-        restitution: 1.0,
-        steps: 2,
-        exponent: 1.0,
-        clamp: false,
+        ..But::plain(2e4, 0.2, 0.0)
     };
     let first = network.n_lia();
     network.but("to", hammer, 24, but(Side::Below)).unwrap();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::script::{Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{Network, Term, Tie};
@@ -58,11 +58,8 @@ fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
     };
     let manner = Manner {
         touch,
-        ergons: Ergons::Event,
-        grain: None,
-        join: 0.02,
         limit: Some(1e3),
-        layer: false,
+        ..Manner::OPEN
     };
     Gesture::written(0, &written, manner).unwrap()
 }

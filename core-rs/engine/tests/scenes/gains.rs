@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -46,15 +46,8 @@ fn hammered(k: f64, ca: Option<Rate>) -> Network {
     };
     let hammer = network.mas("h", 1.7e-3, 0.0, 0.473).unwrap();
     let but = But {
-        k,
-        z: 0.0,
-        gap: 1e-4,
-        side: Side::Below,
-        contact: Contact::Plain,
-        restitution: 1.0,
-        steps: 2,
         exponent: 1.5,
-        clamp: false,
+        ..But::plain(k, 0.0, 1e-4)
     };
     network.but("c", hammer, cell, but).unwrap();
     for (name, first) in [("bell", 0), ("stiff", cell)] {

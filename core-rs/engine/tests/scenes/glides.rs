@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Computed, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
@@ -416,17 +416,7 @@ fn joined_cells(of_spring: [f64; 2], of_contact: [f64; 2]) -> Network {
     let [k, z] = of_spring;
     network.spring("l", 0, 1, 3e3 * k, 3e-3 * z, 0.0).unwrap();
     let [k, z] = of_contact;
-    let contact = But {
-        k: 2e4 * k,
-        z: 1e-2 * z,
-        gap: 1e-4,
-        side: Side::Below,
-        contact: Contact::Plain,
-        restitution: 1.0,
-        steps: 2,
-        exponent: 1.0,
-        clamp: false,
-    };
+    let contact = But::plain(2e4 * k, 1e-2 * z, 1e-4);
     network.but("c", 2, 1, contact).unwrap();
     listen_to_all(&mut network);
     network

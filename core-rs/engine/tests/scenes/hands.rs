@@ -7,21 +7,12 @@ use ergon_engine::gesture::profile::Curve::{Hold, Line, Smooth};
 use ergon_engine::gesture::report::Report;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, Approach::Path, Written};
-use ergon_engine::network::{But, Contact, Error, Network, Side, Term, Tie};
+use ergon_engine::network::{But, Error, Network, Term, Tie};
 use ergon_engine::simulation::{OnFault, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
 use super::scene::options;
-
-const OPEN: Manner = Manner {
-    touch: Touch::Open,
-    ergons: Ergons::Event,
-    grain: None,
-    join: 0.02,
-    limit: None,
-    layer: false,
-};
 
 fn tie() -> Tie {
     Tie::Tuned {
@@ -94,7 +85,10 @@ fn points_are_met_at_every_rate() {
             let mut keys = Keyboard::new(hertz);
             keys.play(
                 &smooth(&[(0.0, 0.0), (0.1, 5e-3), (0.2, 1e-3)]),
-                Manner { touch, ..OPEN },
+                Manner {
+                    touch,
+                    ..Manner::OPEN
+                },
             );
             let (x, reports) = keys.hear(0.3);
             for (t, wanted) in [(0.1, 5e-3), (0.2, 1e-3)] {
@@ -110,14 +104,14 @@ fn points_are_met_at_every_rate() {
 #[test]
 fn a_gesture_from_before_the_piece_is_joined() {
     let mut keys = Keyboard::new(44_100.0);
-    keys.play(&smooth(&[(-0.05, 2e-3), (0.1, 5e-3)]), OPEN);
+    keys.play(&smooth(&[(-0.05, 2e-3), (0.1, 5e-3)]), Manner::OPEN);
     let (x, reports) = keys.hear(0.15);
     assert_eq!(x[0], 0.0);
     assert!((x[4410] - 5e-3).abs() < 1e-12);
     assert!(reports[0].first_point_missed);
     // One that ended before the piece never sounds.
     let mut keys = Keyboard::new(44_100.0);
-    keys.play(&smooth(&[(-0.2, 2e-3), (-0.1, 5e-3)]), OPEN);
+    keys.play(&smooth(&[(-0.2, 2e-3), (-0.1, 5e-3)]), Manner::OPEN);
     let (x, reports) = keys.hear(0.1);
     assert!(x.iter().all(|x| *x == 0.0));
     assert_eq!(reports[0].n_ergons, 0);
@@ -126,8 +120,8 @@ fn a_gesture_from_before_the_piece_is_joined() {
 #[test]
 fn of_two_gestures_at_one_instant_the_later_written_plays() {
     let mut keys = Keyboard::new(44_100.0);
-    keys.play(&smooth(&[(0.05, 0.0), (0.1, 5e-3)]), OPEN);
-    keys.play(&smooth(&[(0.05, 0.0), (0.1, -3e-3)]), OPEN);
+    keys.play(&smooth(&[(0.05, 0.0), (0.1, 5e-3)]), Manner::OPEN);
+    keys.play(&smooth(&[(0.05, 0.0), (0.1, -3e-3)]), Manner::OPEN);
     let (x, reports) = keys.hear(0.15);
     assert!((x[4410] + 3e-3).abs() < 1e-12);
     assert_eq!(reports[0].n_ergons, 0);
@@ -137,12 +131,12 @@ fn of_two_gestures_at_one_instant_the_later_written_plays() {
 #[test]
 fn short_and_long_gestures_do_no_harm() {
     let mut keys = Keyboard::new(44_100.0);
-    keys.play(&smooth(&[(0.05, 2e-3)]), OPEN);
-    keys.play(&smooth(&[(0.1, 0.0), (1e6, 5e-3)]), OPEN);
-    keys.play(&smooth(&[(1e9, 0.0)]), OPEN);
+    keys.play(&smooth(&[(0.05, 2e-3)]), Manner::OPEN);
+    keys.play(&smooth(&[(0.1, 0.0), (1e6, 5e-3)]), Manner::OPEN);
+    keys.play(&smooth(&[(1e9, 0.0)]), Manner::OPEN);
     let (x, _) = keys.hear(0.2);
     assert!((x[2205] - 2e-3).abs() < 1e-12, "joined to its one point");
-    assert!(keys.try_play(&[], OPEN).is_err());
+    assert!(keys.try_play(&[], Manner::OPEN).is_err());
 }
 
 /// Where a hold ends off the grid of frames, the throw still lands on its own frame.
@@ -159,7 +153,7 @@ fn a_throw_right_after_a_hold_lands() {
                 (back, 1e-3, Approach::Throw),
                 (back + 0.02, 1e-3, Path(Smooth)),
             ],
-            OPEN,
+            Manner::OPEN,
         );
         let (x, reports) = keys.hear(0.15);
         for (t, wanted) in [(thrown, 4e-3), (back, 1e-3)] {
@@ -189,7 +183,7 @@ fn a_throw_that_cannot_land_is_not_made() {
             (0.0, 0.0, Approach::Throw),
             (1.0 / 16.0, 5e-3, Approach::Throw),
         ],
-        OPEN,
+        Manner::OPEN,
     );
     let (x, reports) = keys.hear(0.2);
     assert!(x.iter().all(|x| *x == 0.0));
@@ -202,7 +196,7 @@ fn points_that_are_none_are_refused() {
     for way in [Approach::Throw, Path(Smooth)] {
         for (t, x) in [(0.1, f64::NAN), (f64::NAN, 0.0), (f64::INFINITY, 0.0)] {
             assert!(
-                keys.try_play(&[(0.0, 0.0, way), (t, x, way)], OPEN)
+                keys.try_play(&[(0.0, 0.0, way), (t, x, way)], Manner::OPEN)
                     .is_err()
             );
         }
@@ -212,28 +206,31 @@ fn points_that_are_none_are_refused() {
             (0.1, 0.0, Approach::Throw),
             (0.100_001, 1e-3, Approach::Throw),
         ],
-        OPEN,
+        Manner::OPEN,
     );
     assert!(matches!(short, Err(GestureError::Short { index: 1, .. })));
     let points = smooth(&[(0.0, 0.0), (0.1, 1e-3)]);
     for bad in [
         Manner {
             grain: Some(0.0),
-            ..OPEN
+            ..Manner::OPEN
         },
         Manner {
             grain: Some(f64::INFINITY),
-            ..OPEN
+            ..Manner::OPEN
         },
-        Manner { join: -1.0, ..OPEN },
+        Manner {
+            join: -1.0,
+            ..Manner::OPEN
+        },
         Manner {
             limit: Some(0.0),
-            ..OPEN
+            ..Manner::OPEN
         },
         Manner {
             touch: Touch::Tracked,
             ergons: Ergons::Particle,
-            ..OPEN
+            ..Manner::OPEN
         },
     ] {
         assert!(keys.try_play(&points, bad).is_err(), "{bad:?}");
@@ -244,7 +241,7 @@ fn points_that_are_none_are_refused() {
         approaches: &[Approach::Throw],
         sources: &[],
     };
-    let elsewhere = Gesture::written(1, &written, OPEN).unwrap();
+    let elsewhere = Gesture::written(1, &written, Manner::OPEN).unwrap();
     assert_eq!(
         keys.timeline.gesture(elsewhere),
         Err(GestureError::NoKey(1))
@@ -260,7 +257,7 @@ fn a_grain_that_does_not_divide_the_gesture_ends_with_it() {
             &smooth(&[(0.0, 0.0), (0.05, 5e-3)]),
             Manner {
                 grain: Some(grain),
-                ..OPEN
+                ..Manner::OPEN
             },
         );
         let (x, reports) = keys.hear(0.1);
@@ -276,7 +273,7 @@ fn a_grain_is_held_against_the_flights_there_are() {
     let mut keys = Keyboard::new(44_100.0);
     let long = Manner {
         grain: Some(1e9),
-        ..OPEN
+        ..Manner::OPEN
     };
     keys.play(&smooth(&[(0.0, 0.0), (0.02, 5e-3)]), long);
     assert_eq!(keys.hear(0.1).1[0].n_ergons, 1);
@@ -317,17 +314,7 @@ fn a_coupling_inside_a_key_is_refused() {
 /// A stop 10 mm away is no part of a key's own period, nor of a gesture laid over another.
 #[test]
 fn an_open_stop_changes_nothing() {
-    let but = But {
-        k: 1e5,
-        z: 0.0,
-        gap: 0.01,
-        side: Side::Below,
-        contact: Contact::Plain,
-        restitution: 1.0,
-        steps: 2,
-        exponent: 1.0,
-        clamp: false,
-    };
+    let but = But::plain(1e5, 0.0, 0.01);
     let hear = |stop: bool| {
         let mut keys = Keyboard::new(44_100.0);
         if stop {
@@ -336,12 +323,12 @@ fn an_open_stop_changes_nothing() {
         }
         let grain = Manner {
             grain: Some(0.01),
-            ..OPEN
+            ..Manner::OPEN
         };
         keys.play(&smooth(&[(0.0, 0.0), (0.1, 5e-3)]), grain);
         let layer = Manner {
             layer: true,
-            ..OPEN
+            ..Manner::OPEN
         };
         keys.play(&smooth(&[(0.03, 0.0), (0.05, 1e-3), (0.07, 0.0)]), layer);
         keys.hear(0.1).0

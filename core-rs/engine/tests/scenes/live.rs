@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::cell::Cell;
-use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::{DriveKind, HandWay, Source, Timeline};
@@ -36,15 +36,8 @@ fn scene(side: Side) -> Network {
         network.spring("l", i, i + 1, 2e4, 5e-3, 0.0).unwrap();
     }
     let but = But {
-        k: 4e3,
-        z: 0.1,
-        gap: 1e-3,
         side,
-        contact: Contact::Plain,
-        clamp: false,
-        exponent: 1.0,
-        restitution: 1.0,
-        steps: 2,
+        ..But::plain(4e3, 0.1, 1e-3)
     };
     network.but("b", KEY, 4, but).unwrap();
     let point = |first, len, weight| Term::Position { first, len, weight };

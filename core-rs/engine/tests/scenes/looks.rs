@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
-use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Known, Plan};
 use ergon_engine::simulation::{How, Look, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -67,17 +67,7 @@ fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
             .mesh("p", &topology, 0.1 * m, 200.0, Some(0.5), 0.0)
             .unwrap();
         let hammer = network.mas("m", 5e-3 * m, -1e-3, 1.5).unwrap();
-        let but = But {
-            k: 4e4,
-            z: 0.0,
-            gap: 0.0,
-            side: Side::Below,
-            contact: Contact::Plain,
-            restitution: 1.0,
-            steps: 2,
-            exponent: 1.0,
-            clamp: false,
-        };
+        let but = But::plain(4e4, 0.0, 0.0);
         network.but("hits", hammer, skin + 5, but).unwrap();
         if side == "heard" {
             let len = network.n_mat() - first;

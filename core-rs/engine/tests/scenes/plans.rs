@@ -104,15 +104,9 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
         let hammer = network.mas("m", 2.0, -2e-3, 0.8).unwrap();
         let nail = network.sol("n", 0.01).unwrap();
         let but = |k: f64, side| But {
-            k,
-            z: 1e-3,
-            gap: 5e-4,
             side,
             contact,
-            restitution: 1.0,
-            steps: 2,
-            exponent: 1.0,
-            clamp: false,
+            ..But::plain(k, 1e-3, 5e-4)
         };
         network.but("b", hammer, 4, but(0.3, Side::Below)).unwrap();
         network

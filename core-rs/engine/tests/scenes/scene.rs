@@ -115,17 +115,7 @@ impl Scene {
 
     /// A link of one of the [`LINKS`] kinds.
     pub(crate) fn link(&mut self, kind: usize, a: usize, b: usize) -> usize {
-        let but = But {
-            k: 2e4,
-            z: 0.0,
-            gap: 1e-5,
-            side: Side::Below,
-            contact: Contact::Plain,
-            restitution: 1.0,
-            steps: 2,
-            exponent: 1.0,
-            clamp: false,
-        };
+        let but = But::plain(2e4, 0.0, 1e-5);
         let exact = But {
             contact: Contact::Exact,
             k: 1e6,

@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::script::{Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
-use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Known, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::{HandWay, Timeline};
@@ -26,15 +26,8 @@ fn plain() -> Options {
 }
 
 const BUT: But = But {
-    k: 4e3,
-    z: 0.1,
-    gap: 1e-4,
     side: Side::Above,
-    contact: Contact::Plain,
-    clamp: false,
-    exponent: 1.0,
-    restitution: 1.0,
-    steps: 2,
+    ..But::plain(4e3, 0.1, 1e-4)
 };
 
 /// Masses in a row, tied to the ground at both ends.
@@ -151,11 +144,8 @@ fn lean(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
     };
     let manner = Manner {
         touch,
-        ergons: Ergons::Event,
-        grain: None,
-        join: 0.02,
-        limit: None,
         layer,
+        ..Manner::OPEN
     };
     Gesture::written(0, &written, manner).unwrap()
 }

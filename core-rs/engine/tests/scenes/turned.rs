@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
-use ergon_engine::network::{But, Contact, Network, Side, Term};
+use ergon_engine::network::{But, Network, Term};
 use ergon_engine::plan::{Budget, Computed, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
@@ -51,17 +51,7 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
         By::Hammer => {
             network.part("hammer", None);
             let hammer = network.mas("m", 5e-3, -1e-3, 1.5).unwrap();
-            let but = But {
-                k: 4e4,
-                z: 0.0,
-                gap: 0.0,
-                side: Side::Below,
-                contact: Contact::Plain,
-                restitution: 1.0,
-                steps: 2,
-                exponent: 1.0,
-                clamp: false,
-            };
+            let but = But::plain(4e4, 0.0, 0.0);
             network.but("b", hammer, at(1, 4), but).unwrap();
         }
     }

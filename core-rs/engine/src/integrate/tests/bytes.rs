@@ -13,15 +13,10 @@ fn everything() -> Network {
         t60: Some(0.3),
     };
     let but = But {
-        k: 3e5,
-        z: 0.3,
-        gap: 1e-4,
         side: Side::Above,
-        contact: Contact::Plain,
-        restitution: 1.0,
-        steps: 2,
         exponent: 1.5,
         clamp: true,
+        ..But::plain(3e5, 0.3, 1e-4)
     };
     let hammer = network
         .cel("hammer", 5e-3, tie, 0.0, 2e-4, -3.0)

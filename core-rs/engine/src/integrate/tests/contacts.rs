@@ -1,7 +1,7 @@
 //! A hammer on a string, by plain contacts.
 
 use super::*;
-use crate::network::{But, Contact, Side};
+use crate::network::But;
 
 const FRAMES: usize = 300;
 const HAMMER: f64 = 8e-3;
@@ -14,15 +14,8 @@ fn struck(k: f64, exponent: f64, z: f64) -> Network {
     }
     let hammer = network.mas("hammer", HAMMER, -3e-4, 3.0).expect("a mass");
     let but = But {
-        k,
-        z,
-        gap: 0.0,
-        side: Side::Below,
-        contact: Contact::Plain,
-        restitution: 1.0,
-        steps: 2,
         exponent,
-        clamp: false,
+        ..But::plain(k, z, 0.0)
     };
     network.but("felt", hammer, 8, but).expect("a contact");
     network

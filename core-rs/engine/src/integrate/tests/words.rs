@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::law::LawText;
-use crate::network::{But, Contact, Side};
+use crate::network::{But, Contact};
 use crate::scheme::StabilityGuarantee;
 
 /// One mass of 1 kg on a link to a fixed point: λ is κ + c·ζ.
@@ -130,15 +130,8 @@ fn what_a_way_cannot_step_is_refused() {
     refused(&law("1e4*d - 1e9*d**3"), &[Ieq, Trapezoid]);
     let mut network = row(2, 1e4, 0.0, 0.0);
     let but = But {
-        k: 1e4,
-        z: 0.0,
-        gap: 0.0,
-        side: Side::Below,
         contact: Contact::Exact,
-        restitution: 1.0,
-        steps: 2,
-        exponent: 1.0,
-        clamp: false,
+        ..But::plain(1e4, 0.0, 0.0)
     };
     network.but("stop", 0, 1, but).expect("a contact");
     refused(&network, &[Ca2p, Bm4, Ieq, Trapezoid]);

@@ -234,10 +234,10 @@ mod tests {
     use super::*;
     use crate::generator::{Rim, Shape, plate};
     use crate::gesture::profile::Curve;
-    use crate::gesture::script::{Ergons, Gesture, Manner, Touch};
+    use crate::gesture::script::{Gesture, Manner};
     use crate::gesture::written::{Approach, Written};
     use crate::kernel::thread_team::ThreadTeam;
-    use crate::network::{But, Contact, Network, Side, Term, Tie};
+    use crate::network::{But, Network, Term, Tie};
     use crate::plan::{Budget, Method, Plan, Unit};
     use crate::timeline::Timeline;
     use crate::units::Rate;
@@ -267,27 +267,10 @@ mod tests {
         };
         let from = if rests { 0.0 } else { -1e-3 };
         let key = network.cel("m", 0.3, tie, from, 0.0, 0.0).unwrap();
-        let but = But {
-            k: 2e4,
-            z: 0.2,
-            gap: 2e-3,
-            side: Side::Below,
-            contact: Contact::Plain,
-            restitution: 1.0,
-            steps: 2,
-            exponent: 1.0,
-            clamp: false,
-        };
+        let but = But::plain(2e4, 0.2, 2e-3);
         network.but("to", key, 24, but).unwrap();
         timeline.key("key", key);
-        let manner = Manner {
-            touch: Touch::Open,
-            ergons: Ergons::Event,
-            grain: None,
-            join: 0.02,
-            limit: None,
-            layer: false,
-        };
+        let manner = Manner::OPEN;
         let written = Written {
             t: &[BEGINS, BEGINS + 0.06, BEGINS + 0.2],
             x: &[0.0, 4e-3, 0.0],
