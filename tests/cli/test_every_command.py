@@ -20,7 +20,7 @@ COMMANDS = {
     "plot": ["plot", "s.yaml", "go"],
     "export": ["export", "s.yaml", "-o", "exported", "-f"],
 }
-SHORT, LONG = 8, 400  # scores
+SHORT, LONG = 4, 400  # scores
 
 
 def outcomes(seed: int, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
@@ -150,10 +150,10 @@ LIGHT_KEY = (
     "      m: {CEL: {M: 2g, f: A3, t60: 0.5s}}\n"
     "      b: {BUT: {between: [k, m], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}\n"
     "    out: {SOX: m}\n"
-    "gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}\n"
+    "gestures: {knock: 0mm@0 smooth 6mm@1/16 smooth 0mm@1/8}\n"
     "players: {ada: {key: k}}\n"
     "parts: {ada: [{at: 1|1, play: knock}]}\n"
-    "render: {tail: 100ms}\n"
+    "render: {tail: 20ms}\n"
 )
 LIGHT_MASS = (
     "ergon: 1\n"

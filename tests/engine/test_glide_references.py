@@ -63,8 +63,8 @@ def reference(
         (0.0, n_frames / RATE),
         np.concatenate([x0, np.zeros(n)]),
         method="DOP853",
-        rtol=1e-11,
-        atol=1e-16,
+        rtol=1e-9,
+        atol=1e-14,
         t_eval=np.arange(n_frames) / RATE,
     )
     return found.y[:n]

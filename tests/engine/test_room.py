@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sweep import crossed
 
 from ergon._core import EngineError, Mixer
 
@@ -40,15 +41,17 @@ def decay(sound: np.ndarray, f: float) -> float:
     return -60.0 / np.polyfit(np.arange(first, last) / RATE, level[first:last], 1)[0]
 
 
-@pytest.mark.parametrize("size", [4.0, 12.0, 35.0])
 @pytest.mark.parametrize(
-    "t60",
-    [
-        ((200.0, 2.0), (6_000.0, 2.0)),
-        ((200.0, 2.4), (6_000.0, 0.8)),
-        ((125.0, 1.2), (8_000.0, 0.6)),
-        ((300.0, 1.0), (5_000.0, 1.6)),
-    ],
+    ("t60", "size"),
+    crossed(
+        [
+            ((200.0, 2.0), (6_000.0, 2.0)),
+            ((200.0, 2.4), (6_000.0, 0.8)),
+            ((125.0, 1.2), (8_000.0, 0.6)),
+            ((300.0, 1.0), (5_000.0, 1.6)),
+        ],
+        [4.0, 12.0, 35.0],
+    ),
 )
 def test_it_fades_as_asked(t60, size):
     sound = response(t60, size, n_channels=15)

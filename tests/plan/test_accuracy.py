@@ -14,6 +14,7 @@ from accuracy import audit, kept, random_scenes, reference, tables
 from accuracy.__main__ import ALL, NAMED, written
 from accuracy.equations import read
 from scipy.integrate import solve_ivp
+from sweep import few
 
 HONEST_DB = 1.5
 SURE_DB = -90.0
@@ -102,10 +103,7 @@ def test_a_plan_of_a_named_scene_is_as_exact_as_it_says(name: str):
     honest(audit.look(name, named(name), (-40.0, -80.0), plain=False))
 
 
-@pytest.mark.parametrize(
-    "points",
-    [12, pytest.param(30, marks=pytest.mark.slow), pytest.param(60, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize("points", few([12, 30, 60], [12]))
 def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
     found = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
     honest(found)
@@ -114,12 +112,15 @@ def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
     assert plan.real <= -60.0
 
 
-@pytest.mark.parametrize("family", ["mesh", "hammer", "chain", "hard", "law", "bristle"])
+@pytest.mark.parametrize(
+    "family",
+    few(["mesh", "hammer", "chain", "hard", "law", "bristle"], ["mesh", "hammer", "hard", "law"]),
+)
 def test_a_plan_of_a_random_scene_is_as_exact_as_it_says(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))
 
 
-@pytest.mark.parametrize("scene", ["dry-76", "dry-84", "bristle-130"])
+@pytest.mark.parametrize("scene", few(["dry-76", "dry-84", "bristle-130"], ["dry-84"]))
 def test_two_runs_that_stick_alike_are_not_believed(scene: str):
     """In each, one step a frame and two agree far better than either is right."""
     family, _, seed = scene.partition("-")

@@ -1,6 +1,7 @@
 """The work of planning is bounded, and a plan says where it ended at that bound."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ Capture = pytest.CaptureFixture[str]
 
 # A seed whose plan took more than 60 s, for 42 modules.
 HOSTILE = 1
+STARVED = "{error: -60dB, cpu: 0.0001%}"
 
 
 @pytest.fixture(autouse=True)
@@ -31,6 +33,13 @@ def write(monkeypatch: pytest.MonkeyPatch, seed: int, accuracy: str) -> None:
     Path("a.yaml").write_text(random_scores.score(seed))
 
 
+@cache
+def hostile(threads: int) -> _core.Plan:
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        write(monkeypatch, HOSTILE, STARVED)
+        return planned(threads)
+
+
 def planned(threads: int = 1) -> _core.Plan:
     options = AccuracyOptions()
     staged = scores.stage_piece(scores.read("a.yaml", options, None), options, threads=threads)
@@ -38,18 +47,13 @@ def planned(threads: int = 1) -> _core.Plan:
     return staged.stage.plan
 
 
-@pytest.mark.parametrize("seed", [HOSTILE, 16])
-def test_trials_draw_no_more_than_their_allowance(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write(monkeypatch, seed, "{error: -60dB, cpu: 0.0001%}")
-    drawn, most = planned().trials
+def test_trials_draw_no_more_than_their_allowance() -> None:
+    drawn, most = hostile(1).trials
     assert 0.0 < drawn <= most
 
 
-def test_a_plan_cut_short_is_the_same_with_any_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    write(monkeypatch, HOSTILE, "{error: -60dB, cpu: 0.0001%}")
-    one, four = planned(1), planned(4)
+def test_a_plan_cut_short_is_the_same_with_any_threads() -> None:
+    one, four = hostile(1), hostile(4)
     assert any(row.cut_short for row in one.rows())
     assert (one.hash, one.trials) == (four.hash, four.trials)
     assert [row.error_db for row in one.rows()] == [row.error_db for row in four.rows()]
@@ -59,7 +63,7 @@ def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.setenv("ERGON_CACHE", "on")
-    write(monkeypatch, HOSTILE, "{error: -60dB, cpu: 0.0001%}")
+    write(monkeypatch, HOSTILE, STARVED)
     for is_kept in (False, True):
         assert app.run(["plan", "a.yaml", "--json"]) == 0
         out, err = capsys.readouterr()

@@ -1,6 +1,8 @@
 """A plan's bytes: whatever threads, blocks, moments and machines it is played by."""
 
+import hashlib
 import sys
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -8,23 +10,18 @@ import pytest
 from fresh import PLAIN_GLIBC, digest, disabled
 from oracle import bodies
 from oracle.core import play
-from oracle.planned import plan, simulation
 from oracle.scene import Scene
 from oracle.scenes import whole
+
+from ergon import _core
 
 RATE = 44100.0
 N = 11025
 WISHES: list[dict[str, Any]] = [{}, {"method": "modal"}, {"error_db": -60.0}]
 SCRIPT = """
-import hashlib, sys
-from oracle.core import play
-from oracle.planned import plan, simulation
-from tests.plan.test_plan_bytes import orchestra
-scene, wishes = orchestra(), {"error_db": -60.0}
-out = play(simulation(scene, 44100.0, threads=int(sys.argv[2]), **wishes), 11025, int(sys.argv[1]))
-told = plan(scene, 44100.0, **wishes)
-known = repr([(r.parts, r.what, r.modes, r.left_out_db, r.cost) for r in told.rows()]) + told.hash
-print(hashlib.sha256(out.tobytes() + known.encode()).hexdigest(), float(abs(out).max()) > 0.0)
+import sys
+from tests.plan.test_plan_bytes import told
+print(*told(block=int(sys.argv[1]), threads=int(sys.argv[2])))
 """
 
 
@@ -46,21 +43,37 @@ def orchestra() -> Scene:
     return scene
 
 
-def hows() -> set[str]:
-    return {row.what for row in plan(orchestra(), RATE).rows()}
+@cache
+def planned(**wishes: Any) -> tuple[_core.Network, _core.Timeline, _core.Plan]:
+    network, timeline = orchestra().build(_core, RATE)
+    return network, timeline, _core.Plan(network, timeline, **wishes)
+
+
+def simulation(threads: int = 1, **wishes: Any) -> _core.Simulation:
+    network, timeline, made = planned(**wishes)
+    return _core.Simulation(network, timeline, plan=made, threads=threads)
+
+
+def told(block: int, threads: int) -> tuple[str, bool]:
+    """A hash of the sound and of the plan, and whether there is a sound."""
+    out = play(simulation(threads, error_db=-60.0), N, block)
+    made = planned(error_db=-60.0)[-1]
+    rows = [(r.parts, r.what, r.modes, r.left_out_db, r.cost) for r in made.rows()]
+    known = repr(rows) + made.hash
+    sha256 = hashlib.sha256(out.tobytes() + known.encode()).hexdigest()
+    return sha256, bool(np.abs(out).max() > 0.0)
 
 
 def test_the_scene_has_something_of_every_kind():
-    assert hows() == {"modes", "oscillators", "stepped"}
+    assert {row.what for row in planned()[-1].rows()} == {"modes", "oscillators", "stepped"}
 
 
 @pytest.mark.parametrize("wishes", WISHES, ids=str)
 def test_neither_threads_nor_blocks_change_a_byte(wishes: dict[str, Any]):
-    scene = orchestra()
-    sound = play(simulation(scene, RATE, **wishes), N)
+    sound = play(simulation(**wishes), N)
     assert (np.abs(sound).max(axis=0) > 0.0).all()
     for threads, block in ((1, 1), (1, 64), (2, 0), (2, 64), (2, 997), (7, 5000)):
-        again = play(simulation(scene, RATE, threads=threads, **wishes), N, block)
+        again = play(simulation(threads, **wishes), N, block)
         assert again.tobytes() == sound.tobytes(), (threads, block)
 
 
@@ -68,14 +81,14 @@ def test_neither_threads_nor_blocks_change_a_byte(wishes: dict[str, Any]):
 @pytest.mark.parametrize("first", [1, 255, 1000, 4099])
 def test_a_restored_moment_changes_no_byte(first: int, wishes: dict[str, Any]):
     """Also in another simulation of the same plan, and played by more threads in other blocks."""
-    sim = simulation(orchestra(), RATE, **wishes)
+    sim = simulation(**wishes)
     play(sim, first, 64)
     kept = sim.snapshot()
     then = play(sim, 3000)
     sim.restore(kept)
     assert sim.frame == first
     assert play(sim, 3000, 997).tobytes() == then.tobytes()
-    other = simulation(orchestra(), RATE, **wishes)
+    other = simulation(**wishes)
     play(other, 77)
     other.restore(kept)
     assert play(other, 3000, 1).tobytes() == then.tobytes()
@@ -83,7 +96,7 @@ def test_a_restored_moment_changes_no_byte(first: int, wishes: dict[str, Any]):
 
 @pytest.fixture(scope="module")
 def reference() -> str:
-    return digest(SCRIPT, "11025", "1")
+    return told(N, 1)[0]
 
 
 def test_a_fresh_interpreter_makes_the_same(reference: str):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import random_scores
+from sweep import few
 
 import ergon
 from ergon.api.render import RenderOptions
@@ -118,11 +119,12 @@ def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, kept: bool, **options:
 def test_an_edit_recalls_what_it_does_not_change(
     scene: str, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
-    versions = [text(scene), text(scene), text(scene, last="toss"), text(scene, late=4.1)]
+    versions = [text(scene), text(scene, last="toss"), text(scene, late=4.1)]
     scratch = [sound(version, monkeypatch, kept=False) for version in versions]
     assert len(set(scratch)) == 3, "the edits are heard"
-    kept = [sound(version, monkeypatch, kept=True) for version in versions]
-    assert kept == scratch
+    plain, *edits = versions
+    kept = [sound(version, monkeypatch, kept=True) for version in (plain, plain, *edits)]
+    assert kept == [scratch[0], *scratch]
     first, again, *edited = counted.recalled
     assert first == 0
     assert again > 0
@@ -203,10 +205,7 @@ def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytes
     assert counted.recalled[1] == counted.recalled[2] > 0
 
 
-@pytest.mark.parametrize(
-    "seed",
-    [*range(10), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 60))],
-)
+@pytest.mark.parametrize("seed", few(range(60), range(4)))
 def test_random_scores_sound_as_from_scratch(
     seed: int, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from one_bell import SCORE
 from sessions import Stepped
+from sweep import crossed
 
 from ergon.notation.clock.meter import SAME, parse_meter
 from ergon.notation.clock.positions import parse_position
@@ -191,8 +192,13 @@ def _n_calls(own, line):
     return sum(called)
 
 
-@pytest.mark.parametrize("part", ["  ada: []\n", "  ada:\n    - {at: A, play: knock}\n"])
-@pytest.mark.parametrize("of", ["knock every 1/2 times 2", "(knock lean)*2 every 1/4 times 1"])
+@pytest.mark.parametrize(
+    ("part", "of"),
+    crossed(
+        ["  ada: []\n", "  ada:\n    - {at: A, play: knock}\n"],
+        ["knock every 1/2 times 2", "(knock lean)*2 every 1/4 times 1"],
+    ),
+)
 def test_a_line_costs_the_same_however_often_a_block_ran(tmp_path, part, of):
     text = EMPTY.replace("  ada: []\n", part + "  bo: []\n")
     text = text.replace("players:\n", "players:\n  bo: {key: k1}\n")

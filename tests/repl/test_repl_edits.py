@@ -4,7 +4,8 @@ import random
 from pathlib import Path
 
 import pytest
-from edited import SCORES, TWO, begun, opened, piece_of, same
+from edited import SCORES, SPANS, TWO, begun, opened, piece_of, same
+from sweep import crossed
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import keeping, keys, matter, names, parts, scenes, times
@@ -13,9 +14,9 @@ from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
 
 
-@pytest.mark.parametrize("path", SCORES)
-@pytest.mark.parametrize(("start", "stop"), [(0.0, 16.0), (8.0, 16.0), (12.0, 44.0)])
-def test_bars_are_kept_as_they_were(path, start, stop):
+@pytest.mark.parametrize(("path", "span"), SPANS)
+def test_bars_are_kept_as_they_were(path, span):
+    start, stop = span
     texts, piece = opened(path)
     said = keeping.keep(texts, piece, "verse-2", start, stop)
     kept = piece_of(said)
@@ -80,8 +81,7 @@ REFUSED = {"E111", "E303"}
 BY_HAND = [path for path in SCORES if "\nplayers:" in Path(path).read_text(encoding="utf-8")]
 
 
-@pytest.mark.parametrize("path", BY_HAND)
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize(("path", "number"), crossed(BY_HAND, range(6)))
 def test_a_session_of_edits_is_a_score_at_every_step(path, number):
     chance = random.Random(number)
     texts = Texts.read(path)

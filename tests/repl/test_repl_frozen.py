@@ -16,6 +16,7 @@ from captured import check_heard
 from commands import ERGON
 from patience import PATIENCE
 from sessions import Stepped
+from sweep import few
 from tests.rendering.test_frozen import SCORE as SCORE_WITH_HAND
 
 from ergon.cli import app
@@ -147,14 +148,17 @@ def test_lines_about_others_leave_it_frozen(folder: Path):
 
 @pytest.mark.parametrize(
     ("line", "left"),
-    [
-        ("set gong.c.f 300Hz", ["sky"]),
-        ("ada plays knock every 1", ["sky"]),
-        ("link k gong.s.centre BUT K=900N/m gap=1mm", ["sky"]),
-        ("map note 60 gong.c 1e-4Ns", ["sky"]),
-        ("tempo 90", []),
-        ("seed 7", []),
-    ],
+    few(
+        [
+            ("set gong.c.f 300Hz", ["sky"]),
+            ("tempo 90", []),
+            ("ada plays knock every 1", ["sky"]),
+            ("link k gong.s.centre BUT K=900N/m gap=1mm", ["sky"]),
+            ("map note 60 gong.c 1e-4Ns", ["sky"]),
+            ("seed 7", []),
+        ],
+        [("set gong.c.f 300Hz", ["sky"]), ("tempo 90", [])],
+    ),
 )
 def test_a_line_that_changes_its_sound_computes_it_again(folder: Path, line: str, left: list[str]):
     with closing(opened(folder)) as stepped:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import soundfile
 from captured import check_heard
-from commands import ERGON, PATIENT
+from commands import ERGON, PATIENT, forked
 from emulators import emulator
 from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE
@@ -172,9 +172,7 @@ def test_a_journal_restores_what_was_accepted(tmp_path: Path):
 def test_what_is_no_journal_is_refused(tmp_path: Path, text: str):
     (tmp_path / "bad.jsonl").write_text(text, encoding="utf-8")
     for command in (["render", "bad.jsonl", "-o", "x.wav"], ["repl", "--resume", "bad.jsonl"]):
-        done = subprocess.run(
-            [*ERGON, *command], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
+        done = forked(command, tmp_path)
         assert done.returncode == 2
         assert "journal" in done.stderr
         assert "Traceback" not in done.stderr
@@ -223,6 +221,16 @@ def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
     assert done.returncode == 0
 
 
+@pytest.fixture(scope="module")
+def journal(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("journal")
+    with closing(session_on(folder, "null")) as session:
+        ok(session, "play")
+        ok(session, "ada plays knock every 1 now")
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+    return (folder / "session.jsonl").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("event", "fields"),
     [
@@ -240,25 +248,16 @@ def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
         ("end", {"frame": 10**15}),
     ],
 )
-def test_a_hostile_journal_is_refused_by_a_sentence(tmp_path: Path, event: str, fields: dict):
+def test_a_hostile_journal_is_refused_by_a_sentence(
+    tmp_path: Path, journal: str, event: str, fields: dict
+):
     """Nobody's journal makes a render fall over, run on, or read another file."""
-    with closing(session_on(tmp_path, "null")) as session:
-        ok(session, "play")
-        ok(session, "ada plays knock every 1 now")
-        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
     path = tmp_path / "session.jsonl"
-    events = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    events = [json.loads(line) for line in journal.splitlines()]
     changed = next(one for one in reversed(events) if one["event"] == event)
     changed.update(fields)
     path.write_text("".join(json.dumps(one) + "\n" for one in events), encoding="utf-8")
-    done = subprocess.run(
-        [*ERGON, "render", "session.jsonl", "-o", "x.wav"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = forked(["render", "session.jsonl", "-o", "x.wav"], tmp_path)
     assert done.returncode in (1, 2), done.stderr
     assert "internal error" not in done.stderr
     assert done.stderr.strip()

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 from sessions import Stepped
+from sweep import few
 from tests.repl.test_repl_session import SCORE
 
 from ergon.live.clock_follower import ClockFollower
@@ -120,8 +121,10 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
 
 @pytest.mark.parametrize(
     ("bpm", "jitter"),
-    [(120.0, 0.0), (97.3, 0.0), (174.0, 0.001), (120.003, 0.0005)],
-    ids=["same", "slower", "faster", "drift"],
+    few(
+        [(120.0, 0.0), (97.3, 0.0), (174.0, 0.001), (120.003, 0.0005)],
+        [(97.3, 0.0), (120.003, 0.0005)],
+    ),
 )
 def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
     own = Stepped(SCORE, tmp_path, keeps=False)

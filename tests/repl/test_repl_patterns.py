@@ -264,7 +264,7 @@ def sessions(n: int):
     )
 
 
-@sessions(10)
+@sessions(4)
 @given(acts=_ACTS)
 def test_a_random_session_is_its_journal(tmp_path_factory, acts):
     typed_and_rendered(tmp_path_factory.mktemp("session"), acts)

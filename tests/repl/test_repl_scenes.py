@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from edited import SCORES, begun, opened, piece_of
+from edited import SCORES, SPANS, begun, opened, piece_of
 from sessions import Stepped
 
 from ergon.notation.text.edit import EditError
@@ -216,9 +216,9 @@ def test_names_of_scenes_and_files_are_completed(at: Stepped):
     assert "verse.yaml" in {one.text for one in at.session.complete("load ve", 7)}
 
 
-@pytest.mark.parametrize("path", SCORES)
-@pytest.mark.parametrize(("start", "stop"), [(0.0, 16.0), (8.0, 16.0), (12.0, 44.0)])
-def test_what_is_kept_of_any_score_comes_back_in_rounds(path, start, stop):
+@pytest.mark.parametrize(("path", "span"), SPANS)
+def test_what_is_kept_of_any_score_comes_back_in_rounds(path, span):
+    start, stop = span
     texts, piece = opened(path)
     try:
         said = keeping.keep(texts, piece, "verse-2", start, stop)

@@ -4,16 +4,19 @@ from pathlib import Path
 
 import pytest
 from edited import DUET, PIECES, SCORES, TEMPO, TWO, lines, opened, piece_of
+from sweep import crossed
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import keys, names, times
 from ergon.scores.edits.texts import Texts
 
 
-@pytest.mark.parametrize("path", SCORES)
-@pytest.mark.parametrize("at", [0.0, 3.0, 12.0, 22.0, 60.0])
-@pytest.mark.parametrize(("bpm", "over"), [("72", None), ("60 -> 96", "8")])
-def test_the_tempo_holds_from_its_beat(path, at, bpm, over):
+@pytest.mark.parametrize(
+    ("path", "at", "tempo"),
+    crossed(SCORES, [0.0, 3.0, 12.0, 22.0, 60.0], [("72", None), ("60 -> 96", "8")]),
+)
+def test_the_tempo_holds_from_its_beat(path, at, tempo):
+    bpm, over = tempo
     texts, piece = opened(path)
     after = piece_of(times.change(texts, piece, at, bpm, over)).tempo_map
     for k in range(20):

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 from commands import ERGON, PATIENT, forked
 from patience import PATIENCE
+from sweep import crossed
 from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
@@ -269,20 +270,23 @@ LINES = (
 )
 
 
-@pytest.mark.parametrize("line", LINES)
-@pytest.mark.parametrize(
-    "environment",
-    [
-        {"HOME": None, "XDG_CACHE_HOME": None, "XDG_RUNTIME_DIR": None, "ERGON_CACHE": "on"},
-        {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "ERGON_CACHE": "on"},
-        {"HOME": "", "XDG_CACHE_HOME": "/dev/null/x", "ERGON_CACHE": "on"},
-        {"LANG": "C", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
-        {"TMPDIR": "/nonexistent", "TERM": "nothing"},
-    ],
-    ids=["no HOME", "HOME is nowhere", "HOME is empty", "C", "TMPDIR is nowhere"],
-)
-def test_an_environment_without(here: Path, line: str, environment: dict[str, str | None]) -> None:
-    code, _, told = ergon(here, line, **environment)
+ENVIRONMENTS: dict[str, dict[str, str | None]] = {
+    "no HOME": {
+        "HOME": None,
+        "XDG_CACHE_HOME": None,
+        "XDG_RUNTIME_DIR": None,
+        "ERGON_CACHE": "on",
+    },
+    "HOME is nowhere": {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "ERGON_CACHE": "on"},
+    "HOME is empty": {"HOME": "", "XDG_CACHE_HOME": "/dev/null/x", "ERGON_CACHE": "on"},
+    "C": {"LANG": "C", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
+    "TMPDIR is nowhere": {"TMPDIR": "/nonexistent", "TERM": "nothing"},
+}
+
+
+@pytest.mark.parametrize(("line", "name"), crossed(LINES, [*ENVIRONMENTS]))
+def test_an_environment_without(here: Path, line: str, name: str) -> None:
+    code, _, told = ergon(here, line, **ENVIRONMENTS[name])
     assert code == 0, told
 
 

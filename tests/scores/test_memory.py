@@ -20,7 +20,7 @@ _BELL = """\
 ergon: 1
 instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 440Hz, t60: 0.5s}}}, out: {SOX: m}}}
 """
-STEPS = 16  # of each score, one after the other
+STEPS = 12  # of each score, one after the other
 _NUMBER = re.compile(r"\d+")
 _STRANGE = (
     "title: again\n",
@@ -85,7 +85,7 @@ def test_a_loose_memory_keeps_all_but_the_places_of_what_is_right(name: str) -> 
     whole = path.read_text(encoding="utf-8")
     chance = random.Random(name)
     memory, text = Memory(is_loose=True), whole
-    for _ in range(40):
+    for _ in range(20):
         text = _changed(whole if chance.random() < 0.4 else text, chance)
         kept = load(path, text=text, memory=memory)
         new = load(path, text=text)

@@ -1,9 +1,11 @@
 """Scores that ship as the texts of a session, before and after an edit."""
 
 import difflib
+from functools import cache
 from pathlib import Path
 
 import pytest
+from sweep import crossed
 
 from ergon.scores.edits.texts import Texts
 
@@ -11,12 +13,22 @@ ROOT = Path(__file__).parents[2]
 BUNDLED = sorted(ROOT.glob("scores/library/*.yaml"))
 TEMPLATES = sorted(ROOT.glob("cli/templates/*/score.yaml"))
 SCORES = [str(path) for path in BUNDLED + TEMPLATES]
+# Scores, and the beats from and to which a part of each is kept.
+SPANS = crossed(SCORES, [(0.0, 16.0), (8.0, 16.0), (12.0, 44.0)])
 PIECES = ROOT / "tests" / "data" / "pieces"
 DUET, TEMPO, TWO = (str(PIECES / f"{name}.yaml") for name in ("duet", "tempo", "two-keys"))
 
 
 def opened(path, text=None):
+    if text is None and path in SCORES:
+        return _shipped(path)
     texts = Texts.read(path) if text is None else Texts(path, text)
+    return texts, piece_of(texts)
+
+
+@cache
+def _shipped(path):
+    texts = Texts.read(path)
     return texts, piece_of(texts)
 
 

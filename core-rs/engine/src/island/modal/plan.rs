@@ -26,6 +26,9 @@ pub(crate) struct Struck {
     pub(crate) blows: Vec<(u64, f64, f64)>,
 }
 
+/// κ = (ω₀T)² of a mode that nothing draws back, to rounding: all others have 1e-8 and more.
+const LOOSE: f64 = 1e-12;
+
 /// A mode of mass 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mode {
@@ -150,10 +153,11 @@ impl Modal {
         }
     }
 
-    /// What a newton for ever moves a mode by [m].
-    pub(crate) fn compliance(&self, mode: usize) -> f64 {
+    /// What a newton for ever moves a mode by [m]; none where nothing draws it back.
+    pub(crate) fn compliance(&self, mode: usize) -> Option<f64> {
         let Mode { a, b, gain, .. } = self.modes[mode];
-        gain / (1.0 - a + b).max(f64::MIN_POSITIVE)
+        let drawn = 1.0 - a + b;
+        (drawn > LOOSE).then(|| gain / drawn)
     }
 
     /// Whether it has the same modes, seen alike: what strikes it may differ.

@@ -74,6 +74,10 @@ fn normal(
     if let Some(why) = modes.unfit(rate) {
         return Err(why);
     }
+    // As complex modes it may be heard by its forces, too; a session knows normal modes alone.
+    if modes.is_free() && !timeline.is_open {
+        return Err(NoModes::Slow);
+    }
     let (seen, felt) = modes.shapes.split_at(n_out);
     let own = Normal {
         modes: &modes,

@@ -11,6 +11,9 @@ use crate::units::Rate;
 /// would round its frequency (relative error 1e-16/θ²).
 pub(crate) const ANGLE_MIN: f64 = 1e-4;
 
+/// The damping of a mode that nothing holds is rounding below this part of the largest.
+const LOSSLESS: f64 = 1e-9;
+
 /// A weighted sum of positions: (MAT, weight); MATs that do not move count nothing.
 pub(crate) type Row = Vec<(usize, f64)>;
 
@@ -82,7 +85,15 @@ impl Modes {
             None => {
                 let images = seen.split_off(seen.len() - PROBES);
                 let probes = seen.split_off(seen.len() - PROBES);
-                Viscosity::of_modes(&probes, &images).ok_or(NoModes::Damping)?
+                let mut zeta = Viscosity::of_modes(&probes, &images).ok_or(NoModes::Damping)?;
+                let most = zeta.iter().fold(0.0_f64, |most, zeta| most.max(*zeta));
+                for (zeta, lambda) in zeta.iter_mut().zip(&lambda) {
+                    // What no damper feels loses nothing, to rounding.
+                    if *lambda == 0.0 && zeta.abs() <= LOSSLESS * most {
+                        *zeta = 0.0;
+                    }
+                }
+                zeta
             }
         };
         let force = seen.pop().unwrap_or_default();
@@ -117,8 +128,9 @@ impl Modes {
     /// Whether a mode is too slow for its recurrence, or diverges: a discrete body's may (Jury).
     pub(crate) fn unfit(&self, rate: Rate) -> Option<NoModes> {
         let ratios = (0..self.len()).map(|mode| self.ratios(mode, rate));
-        for Ratios { kappa, zeta } in ratios {
-            if kappa < ANGLE_MIN * ANGLE_MIN {
+        for (Ratios { kappa, zeta }, lambda) in ratios.zip(&self.lambda) {
+            // What nothing holds has no frequency to put out of tune.
+            if kappa < ANGLE_MIN * ANGLE_MIN && *lambda != 0.0 {
                 return Some(NoModes::Slow);
             }
             if self.is_discrete && kappa + 2.0 * zeta >= 4.0 {
@@ -130,6 +142,11 @@ impl Modes {
 
     pub(crate) fn len(&self) -> usize {
         self.lambda.len()
+    }
+
+    /// Whether the body moves as a whole and nothing draws it back.
+    pub(crate) fn is_free(&self) -> bool {
+        self.lambda.first() == Some(&0.0)
     }
 
     /// The continuous motion of a mode.

@@ -100,6 +100,11 @@ fn keep(
     let mut kept = choose(&ways(body, squares), &rows, allowed, budget, |mode| {
         body.frequency(mode)
     });
+    // Where the whole body goes is no matter of loudness.
+    let loose = (0..body.modes.len()).filter(|&mode| body.compliance(mode).is_none());
+    kept.modes.extend(loose);
+    kept.modes.sort_unstable();
+    kept.modes.dedup();
     let Some(db) = budget.left_out() else {
         return kept;
     };
@@ -110,8 +115,10 @@ fn keep(
         .collect();
     for port in &body.ports {
         let stiff = stiffest(island_plan, port.mat);
-        let give =
-            |mode: usize| stiff * port.shape[mode] * port.shape[mode] * body.compliance(mode);
+        let give = |mode: usize| {
+            let compliance = body.compliance(mode).unwrap_or(0.0);
+            stiff * port.shape[mode] * port.shape[mode] * compliance
+        };
         let mut lost: f64 = fallen.iter().map(|&mode| give(mode)).sum();
         // The lowest give most; those that nothing moves give nothing.
         fallen.retain(|&mode| {
@@ -132,14 +139,16 @@ fn keep(
 fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     let by = |shape: &Vec<f64>| -> Vec<f64> {
         let each = shape.iter().enumerate();
-        each.map(|(mode, share)| share * share * body.compliance(mode))
+        each.map(|(mode, share)| share * share * body.compliance(mode).unwrap_or(0.0))
             .collect()
     };
     let is_told = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
     let ports = body.ports.iter().filter(|_| !is_told);
     let struck = body.struck.iter().map(|struck| by(&struck.shape));
     let touched = ports.map(|port| by(&port.shape));
-    struck.chain(touched).chain([squares.to_vec()]).collect()
+    let own = squares.iter().enumerate();
+    let own = own.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));
+    struck.chain(touched).chain([own.collect()]).collect()
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].
