@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 from math import floor
@@ -67,9 +67,9 @@ class Listening:
         *,
         highpass: float | None = None,
         reference: float | None = None,
-        part: str | None = None,
+        parts: Collection[str] | None = None,
     ) -> _core.Mixer:
-        """A fresh mixer of all ways, or of one part's; `highpass` [Hz] where a way has none.
+        """A fresh mixer of all ways, or of some parts'; `highpass` [Hz] where a way has none.
 
         `reference` is the ratio of full scale at which reference quantities are heard; None leaves
         SI units.
@@ -83,7 +83,7 @@ class Listening:
         # The routes of an instrument are a group: its gain may be moved while it sounds.
         groups = {name: group for group, name in enumerate(self.parts())}
         for way in self.ways:
-            if part is None or way.part == part:
+            if parts is None or way.part in parts:
                 cut = highpass if way.highpass is None else way.highpass
                 mixer.route(
                     way.tap,

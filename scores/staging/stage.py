@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Hashable, Mapping, Sequence
+from collections.abc import Collection, Container, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -108,15 +108,15 @@ class Stage:
         *,
         highpass: float | None = None,
         reference: float | None = None,
-        part: str | None = None,
+        parts: Collection[str] | None = None,
     ) -> _core.Mixer:
-        """A fresh mixer, of all instruments or of one `part`.
+        """A fresh mixer, of all instruments or of some `parts`.
 
         `highpass` [Hz] is for routes that say nothing of their own; `reference` is the ratio of
         full scale at which reference quantities are heard, None where samples are in SI units.
         """
         mixer = self.listening.mixer(
-            self.rate, self.simulation.n_out, highpass=highpass, reference=reference, part=part
+            self.rate, self.simulation.n_out, highpass=highpass, reference=reference, parts=parts
         )
         for one in self.placed:
             mixer.freeze(*one)
@@ -125,10 +125,14 @@ class Stage:
     def stems(
         self, *, highpass: float | None = None, reference: float | None = None
     ) -> list[tuple[str, _core.Mixer]]:
-        """A fresh mixer for every instrument that is heard."""
+        """A fresh mixer for every instrument that is heard, with all of its notes."""
+        family = {part: name for name, parts in self.piece.families.items() for part in parts}
+        heard: dict[str, list[str]] = {}
+        for part in self.listening.parts():
+            heard.setdefault(family.get(part, part), []).append(part)
         return [
-            (part, self.mixer(highpass=highpass, reference=reference, part=part))
-            for part in self.listening.parts()
+            (name, self.mixer(highpass=highpass, reference=reference, parts=parts))
+            for name, parts in heard.items()
         ]
 
     def fault(self, error: _core.DivergedError) -> Diagnostic:

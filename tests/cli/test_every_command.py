@@ -20,7 +20,7 @@ COMMANDS = {
     "plot": ["plot", "s.yaml", "go"],
     "export": ["export", "s.yaml", "-o", "exported", "-f"],
 }
-SHORT, LONG = 4, 400  # scores
+SHORT, LONG = 3, 400  # scores
 
 
 def outcomes(seed: int, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:

@@ -112,7 +112,7 @@ def is_part_of(few, many):
 
 
 documents = st.integers(0, len(TEXTS) - 1).map(lambda number: Told(read(TEXTS[number]), number))
-quiet = settings(max_examples=100, suppress_health_check=list(HealthCheck))
+quiet = settings(max_examples=50, suppress_health_check=list(HealthCheck))
 
 
 @st.composite

@@ -115,7 +115,7 @@ def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, kept: bool, **options:
     return hashlib.sha256(frames.tobytes()).hexdigest()
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", few(SCENES, ("modes", "ca2p", "exact")))
 def test_an_edit_recalls_what_it_does_not_change(
     scene: str, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):

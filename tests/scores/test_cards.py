@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import yaml
 from docs.generators.cards import centroid, described, measured, play, score
+from sweep import few
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "instruments"
@@ -48,7 +49,7 @@ def test_a_jawari_blooms_and_a_bare_string_does_not() -> None:
     assert shift[2] < 1.0
 
 
-@pytest.mark.parametrize(("family", "name"), CARDS, ids=[name for _, name in CARDS])
+@pytest.mark.parametrize(("family", "name"), few(CARDS, {card[0]: card for card in CARDS}.values()))
 def test_an_instrument_sounds_as_its_card_says(family: str, name: str) -> None:
     said: dict[str, Any] = FAMILIES[family]["cards"][name]
     own = measured(family, name, said).figures

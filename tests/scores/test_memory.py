@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from sweep import few
 
 from ergon.notation.text import document
 from ergon.notation.text.memory import Memory
@@ -20,7 +21,7 @@ _BELL = """\
 ergon: 1
 instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 440Hz, t60: 0.5s}}}, out: {SOX: m}}}
 """
-STEPS = 12  # of each score, one after the other
+STEPS = 16  # of each score, one after the other
 _NUMBER = re.compile(r"\d+")
 _STRANGE = (
     "title: again\n",
@@ -64,7 +65,7 @@ def _told(loaded: Loaded) -> tuple[object, ...]:
     return repr(loaded.piece), loaded.diagnostics, loaded.left_out, [*loaded.files]
 
 
-@pytest.mark.parametrize("name", _SCORES)
+@pytest.mark.parametrize("name", few(_SCORES, _SCORES[::2]))
 def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) -> None:
     path = _LIBRARY / name
     whole = path.read_text(encoding="utf-8")

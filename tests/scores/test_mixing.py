@@ -99,6 +99,22 @@ def test_a_room_goes_on_and_stems_add_up():
     assert 1e-4 < late < 0.1, "the bell itself has faded by 600 dB there"
 
 
+def test_the_notes_of_an_instrument_are_one_stem():
+    bells = "bells: {notes: [C4, E4], modules: {m: {CEL: {M: 2g, f: C4, V0: 1m/s}}}, out: {SOA: m}}"
+    text = score().replace("mix:", f"  {bells}\nmix:")
+    text = text.replace("route:", "route:\n    - {from: bells, to: 1}")
+    staged = stage(load("x.yaml", text=text).piece)
+    frames = np.random.default_rng(1).standard_normal((100, staged.simulation.n_out))
+    whole = np.zeros((100, 2))
+    staged.mixer().process(frames, whole)
+    named = dict(staged.stems())
+    assert list(named) == ["bells", "bell"]
+    stems = [np.zeros_like(whole) for _ in named]
+    for mixer, stem in zip(named.values(), stems, strict=True):
+        mixer.process(frames, stem)
+    assert np.allclose(sum(stems), whole, rtol=0, atol=1e-9 * np.abs(whole).max())
+
+
 def test_live_is_offline(tmp_path):
     """A room, a fade and a radiation while lines are typed, and the journal: the same bytes."""
     treated = "send: {hall: -6dB}, pan: 0.3, radiate: {distance: 3m}, fade: {at: A, gain: -3dB}"
