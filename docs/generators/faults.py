@@ -38,11 +38,10 @@ device that was never calibrated is tried by a fifth of the greatest force at mo
 
 def page() -> str:
     """The page, as Markdown."""
-    lines = [
-        f"| fault | bound | {' | '.join(f'`{device}`' for device in faults.DEVICES)} |",
-        f"|---|---|{'---|' * len(faults.DEVICES)}",
-    ]
-    for row in faults.measured():
+    rows = faults.measured()
+    devices = [f"`{cell.device}`" for cell in rows[0].cells]
+    lines = [f"| fault | bound | {' | '.join(devices)} |", f"|---|---|{'---|' * len(devices)}"]
+    for row in rows:
         cells = [cell.said for cell in row.cells]
         lines.append(f"| {row.fault} | {faults.bound(row)} | {' | '.join(cells)} |")
     return _HEAD + "\n".join(lines) + "\n" + _TAIL

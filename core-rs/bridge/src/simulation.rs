@@ -44,7 +44,7 @@ impl Simulation {
         start: u64,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
-        let on_fault = word("on_fault", on_fault, &words::ON_FAULT)?;
+        let on_fault = word("on_fault", on_fault, words::ON_FAULT)?;
         let options = simulation::Options {
             ledger,
             record,
