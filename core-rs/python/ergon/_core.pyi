@@ -738,7 +738,7 @@ def read_recording(path: str | PathLike[str], span: tuple[int, int] | None = Non
 class Motion:
     """A `.motion` file, as far as it is whole."""
 
-    scene: str
+    manifest: str  # JSON
     is_whole: bool
     is_cut: bool
     duration: float
@@ -758,7 +758,7 @@ class Motion:
 def read_motion(path: str | PathLike[str]) -> Motion:
     """Read what is whole of a `.motion` file.
 
-    Raises OSError, and EngineError where scene or tables are not whole.
+    Raises OSError, and EngineError where manifest or tables are not whole.
     """
 
 # --- what will happen ---------------------------------------------------------------------------
@@ -1114,13 +1114,13 @@ class MotionRecorder:
         look: MotionLook,
         timeline: Timeline,
         *,
-        scene: str,
+        manifest: str,
         places: _Floats,
         keys: Sequence[int],
         n_speakers: int,
         fps: float,
     ) -> Self:
-        """`scene`: JSON; `places`: where points stand [m], (n_points, 3); `keys`: the MAT of each
+        """`manifest`: JSON; `places`: where points stand [m], (n_points, 3); `keys`: the MAT of each
         key. Raises EngineError where a table would be too long."""
     next: int
     def look(self, simulation: Simulation) -> None:
