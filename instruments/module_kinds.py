@@ -355,7 +355,6 @@ def _input(unit: Text, quantity: str) -> Record:
     return Record("module", f"an imposed {quantity}", fields)
 
 
-_MATS = ("MAS", "SOL", "CEL")
 _SCALED = {"BRISTLE": ("sigma0", "Fc"), "DRY": ("K", "F")}
 
 
@@ -363,7 +362,7 @@ def _all() -> dict[str, Kind]:
     kinds = []
     ca = _mats_and_links(True)
     for name, (table, gliding) in _mats_and_links(False).items():
-        family: Family = "mat" if name in _MATS else "link"
+        family: Family = "link" if "between" in table.by_name else "mat"
         scaled = _SCALED.get(name, ("K", "Z"))
         kinds.append(Kind(name, family, table, ca[name][0], gliding, scaled))
     for name, (table, gliding) in _generators().items():
