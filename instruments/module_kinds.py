@@ -115,6 +115,7 @@ def _mats_and_links(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
     decay = Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay")
     cel = (m, stiff, damp, pitch, decay, x0, v0, rest)
     link = (BETWEEN, stiff, damp, rest)
+    # What it is, its fields, and which of them may glide.
     tables = {
         "MAS": ("a point mass", (m, x0, v0), ""),
         "SOL": ("a fixed point", (x0,), ""),
@@ -355,6 +356,7 @@ def _input(unit: Text, quantity: str) -> Record:
     return Record("module", f"an imposed {quantity}", fields)
 
 
+# Of links whose stiffness and viscosity are not called K and Z (`Kind.scaled`).
 _SCALED = {"BRISTLE": ("sigma0", "Fc"), "DRY": ("K", "F")}
 
 
