@@ -155,7 +155,7 @@ class _Scene:
         return reach * start if isinstance(start, float) else 0.0
 
     def _mass(self, end: Target) -> float:
-        """Of one MAT [kg], as the scene sees it; endless where nothing moves it."""
+        """Of one MAT [kg], as the piece sees it; endless where nothing moves it."""
         module = self.modules[end.part, end.module]
         if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
             return inf

@@ -30,7 +30,7 @@ _BODIES = ("STRING", "PLATE")
 
 
 class Led:
-    """A module some of whose parameters are led; `scale` turns its values into the scene's."""
+    """A module some of whose parameters are led; `scale` turns its values into the piece's."""
 
     def __init__(self, module: Module, scale: float) -> None:
         """Take a module."""
