@@ -1,4 +1,4 @@
-"""What is seen of a staged piece: the scene of its motion file, and where that is written."""
+"""What is seen of a staged piece: the manifest of its motion file, and where that is written."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> Mo
         simulation,
         look,
         stage.timeline,
-        scene=json.dumps(scene(stage, look, duration), ensure_ascii=False),
+        manifest=json.dumps(manifest(stage, look, duration), ensure_ascii=False),
         places=_places(stage, look),
         keys=[mat for _, mat, _ in _keys(stage)],
         n_speakers=stage.n_channels,
@@ -79,8 +79,8 @@ def _keys(stage: Stage) -> list[tuple[str, int, bool]]:
     return own + [(name, mat, True) for name, mat in hands.items()]
 
 
-def scene(stage: Stage, look: MotionLook, duration: float | None) -> dict[str, Any]:
-    """The scene of a motion file (docs/motion.md); `duration` [s] is None where nobody knows."""
+def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str, Any]:
+    """The manifest of a motion file (docs/motion.md); `duration` [s] is None where nobody knows."""
     from ergon import _core
 
     piece = stage.piece

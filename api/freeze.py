@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ergon.common.report import Report
 
 from . import score as scores
-from .errors import DivergedError, OptionError
+from .errors import OptionError
 from .options import AccuracyOptions
 from .render import THREADS
 
@@ -94,31 +94,24 @@ def prepare(
 
 def write(prepared: Prepared, options: FreezeOptions, report: Report) -> Frozen:
     """Compute and write the parts."""
-    from ergon import _core
     from ergon.rendering.frozen import write as write_files
 
     stage, loaded = prepared.stage, prepared.loaded
-    try:
-        with report.progress("freezing", prepared.n_frames, stage.rate) as progress:
-            frozen = write_files(
-                stage,
-                prepared.taps,
-                _source(loaded, stage),
-                prepared.folder,
-                progress.at,
-                n_frames=prepared.n_frames,
-                force=options.force,
-                threads=options.threads,
-                inputs=(*loaded.inputs, *options.files),
-            )
-    except _core.DivergedError as error:
-        found = [stage.fault(error)]
-        scores.show(report, loaded, found)
-        raise DivergedError(found, loaded.files) from error
-    gains = stage.gains()
-    if gains:
-        scores.show(report, loaded, gains)
-    return frozen
+    with (
+        scores.computing(stage, loaded, report),
+        report.progress("freezing", prepared.n_frames, stage.rate) as progress,
+    ):
+        return write_files(
+            stage,
+            prepared.taps,
+            _source(loaded, stage),
+            prepared.folder,
+            progress.at,
+            n_frames=prepared.n_frames,
+            force=options.force,
+            threads=options.threads,
+            inputs=(*loaded.inputs, *options.files),
+        )
 
 
 def _folder(path: str) -> Path:

@@ -123,7 +123,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
 
 
 def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: Report) -> None:
-    """Warn of each hand whose forces are scaled because its device cannot bear the scene."""
+    """Warn of each hand whose forces are scaled because its device cannot bear the piece."""
     for limit in performance.hand_limits():
         if limit.scale < 1.0:
             live = stage.live[limit.hand]

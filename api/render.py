@@ -15,7 +15,7 @@ from ergon.exchange.sound import check_ending
 from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
 
 from . import score as scores
-from .errors import DivergedError, OptionError
+from .errors import OptionError
 from .layouts import chunks_of_layout
 from .options import AccuracyOptions
 
@@ -248,20 +248,13 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
 
 @contextmanager
 def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[int], None]]:
-    """Progress; a part that goes non-finite or makes energy is reported in its place."""
-    from ergon import _core
-
-    stage, loaded = prepared.stage, prepared.loaded
-    try:
-        with report.progress(task, min(prepared.job.stop, stage.n_frames), stage.rate) as progress:
-            yield progress.at
-    except _core.DivergedError as error:
-        found = [stage.fault(error)]
-        scores.show(report, loaded, found)
-        raise DivergedError(found, loaded.files) from error
-    gains = stage.gains()
-    if gains:
-        scores.show(report, loaded, gains)
+    """Progress, and what goes wrong on the way (`computing`)."""
+    stage, n_frames = prepared.stage, min(prepared.job.stop, prepared.stage.n_frames)
+    with (
+        scores.computing(stage, prepared.loaded, report),
+        report.progress(task, n_frames, stage.rate) as progress,
+    ):
+        yield progress.at
 
 
 def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorded | None:

@@ -16,7 +16,7 @@ from ergon.common.report import Report
 from ergon.exchange.wave_header import Bits
 from ergon.rendering.level import HIGHPASS, Level
 
-from .errors import OptionError, ScoreError
+from .errors import DivergedError, OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
 
 if TYPE_CHECKING:
@@ -171,6 +171,21 @@ def staging(loaded: Callable[[], Loaded], report: Report | None = None) -> Itera
         read_score = loaded()
         show(report, read_score, error.diagnostics)
         raise ScoreError(error.diagnostics, read_score.files) from error
+
+
+@contextmanager
+def computing(stage: Stage, loaded: Loaded, report: Report) -> Iterator[None]:
+    """Report parts that go non-finite or make energy, in their places. Raises DivergedError."""
+    from ergon import _core
+
+    try:
+        yield
+    except _core.DivergedError as error:
+        found = [stage.fault(error)]
+        show(report, loaded, found)
+        raise DivergedError(found, loaded.files) from error
+    if gains := stage.gains():
+        show(report, loaded, gains)
 
 
 def instant(piece: Piece, text: str, option: str) -> float:

@@ -33,9 +33,9 @@ class TakeStatsOptions:
 
 @dataclass(frozen=True, slots=True)
 class ForceStats:
-    """Forces [N] that a key felt from the scene, and the energy [J] that went through the hand.
+    """Forces [N] that a key felt from the piece, and the energy [J] that went through the hand.
 
-    `given` is what the hand gave to the scene, `taken` what it got back, each added up tick by
+    `given` is what the hand gave to the piece, `taken` what it got back, each added up tick by
     tick; `sent` is the greatest force that was sent to the device.
     """
 
@@ -114,7 +114,7 @@ def _force(recording: _core.Recording, axis: int) -> ForceStats | None:
     sent = np.abs(recording.sent()[:, axis].astype(float))
     if not force.any() and not sent.any():
         return None
-    # The hand gives what it goes against the force of the scene.
+    # The hand gives what it goes against the force of the piece.
     energy = -0.5 * (force[1:] + force[:-1]) * np.diff(x)
     return ForceStats(
         float(np.abs(force).max()),

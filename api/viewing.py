@@ -50,7 +50,7 @@ def beside(motion: Path, report: Report) -> Path | None:
     found = next((p for kind in _SOUNDS if (p := motion.with_suffix(kind)).is_file()), None)
     if found is None:
         return None
-    seen = json.loads(_core.read_motion(motion).scene).get("score_sha256")
+    seen = json.loads(_core.read_motion(motion).manifest).get("score_sha256")
     try:
         heard = sound.read_info(found).score
     except (NotWaveError, OSError):

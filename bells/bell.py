@@ -9,8 +9,9 @@ import numpy as np
 
 from ergon.bells import contact
 from ergon.bells.bands import Array
-from ergon.bells.modes import LN_1000, Modes, Uncertainty, find, fitted, uncertainty
+from ergon.bells.modes import Modes, Uncertainty, find, fitted, uncertainty
 from ergon.bells.stroke import NotAStrokeError, Stroke
+from ergon.common.decay import LN_1000
 
 LEFT = 0.25  # of the energy that modes may leave (-6 dB)
 _SAME = 5.0  # standard deviations within which two strokes have one mode

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ergon.bells.bands import Array
-from ergon.bells.modes import LN_1000
+from ergon.common.decay import LN_1000
 
 MOST = 15  # partials
 _APART = 1.02  # ratio of neighbours: nearer ones need masses of tonnes

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ergon import _core
 from ergon.bells.bands import Array, Bands, Complex
 from ergon.bells.poles import exponentials, polished
+from ergon.common.decay import LN_1000
 
-LN_1000 = 6.907755278982137
 LOW, HIGH = 50.0, 16_000.0  # [Hz] modes are sought here
 _WIDTHS = (80.0, 400.0)  # [Hz] of bands; wider ones in what is left
 _LONGEST = 1_100  # samples of a band

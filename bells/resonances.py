@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, pi
 from pathlib import Path
 
-from ergon.bells.modes import LN_1000
+from ergon.common.decay import LN_1000
 from ergon.common.errors import ErgonError
 
 _MOST = 100_000  # characters of a line, and lines

@@ -12,6 +12,7 @@ from ergon.api.bell import bell as find_bell
 
 from . import options
 from .console import Console, plural
+from .tables import table
 from .units import seconds
 
 if TYPE_CHECKING:
@@ -88,8 +89,7 @@ def _lines(bell: Bell) -> str:
                 f"{100.0 * bell.energy[i]:.2g} %",
             )
         )
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    lines = ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
+    lines = table(rows, right=True).splitlines()
     if len(bell.f) > _SHOWN:
         lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
     for one in bell.strokes:

@@ -41,7 +41,7 @@ def motion(console: Console, path: Path) -> None:
 
     found = read(path)
     try:
-        scene = about(found)
+        manifest = about(found)
     except NotMotionError as error:
         raise Refused(f"{path}: {error}") from None
     sizes: dict[int, int] = {}
@@ -59,30 +59,30 @@ def motion(console: Console, path: Path) -> None:
             "motion",
             file=str(path),
             state=state,
-            title=scene.get("title"),
-            score_sha256=scene.get("score_sha256"),
-            plan_sha256=scene.get("plan_sha256"),
-            seed=scene.get("seed"),
+            title=manifest.get("title"),
+            score_sha256=manifest.get("score_sha256"),
+            plan_sha256=manifest.get("plan_sha256"),
+            seed=manifest.get("seed"),
             duration_s=found.duration,
-            fps=scene["fps"],
+            fps=manifest["fps"],
             points=len(found.names),
-            modes=scene["modes"],
+            modes=manifest["modes"],
             bytes=size,
             **counts,
-            parts=scene["parts"],
+            parts=manifest["parts"],
         )
         return
     lines = [
-        f"{path}: {seconds(found.duration)} at {scene['fps']:g} frames a second, "
+        f"{path}: {seconds(found.duration)} at {manifest['fps']:g} frames a second, "
         f"{plural(len(found.names), 'point')}, {octets(size)}, {state}"
     ]
-    if scene.get("title"):
-        lines.append(f"title:   {scene['title']}")
+    if manifest.get("title"):
+        lines.append(f"title:   {manifest['title']}")
     for name in ("score", "plan"):
-        if scene.get(f"{name}_sha256"):
-            lines.append(f"{name + ':':8} sha256 {scene[f'{name}_sha256']}")
+        if manifest.get(f"{name}_sha256"):
+            lines.append(f"{name + ':':8} sha256 {manifest[f'{name}_sha256']}")
     lines.append("holds:   " + ", ".join(f"{n:,} {name}" for name, n in counts.items()))
-    for part in scene["parts"]:
+    for part in manifest["parts"]:
         why = f" ({part['why']})" if part["why"] else ""
         modes = part["modes"]
         seen = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""

@@ -32,16 +32,16 @@ class NotMotionError(ErgonError, ValueError):
 
 
 def about(motion: Motion) -> dict[str, Any]:
-    """The scene that it begins with (docs/motion.md). Raises NotMotionError."""
-    scene: dict[str, Any] = json.loads(motion.scene)
-    fps = scene.get("fps")
+    """The manifest that it begins with (docs/motion.md). Raises NotMotionError."""
+    manifest: dict[str, Any] = json.loads(motion.manifest)
+    fps = manifest.get("fps")
     if not isinstance(fps, float | int) or not 0.0 < fps <= _FPS_MAX:
         raise NotMotionError(f"its frames a second must be above 0 and at most {_FPS_MAX:,}")
-    for part in scene["parts"]:
+    for part in manifest["parts"]:
         part["name"] = str(part.get("name") or "")
         part["why"] = part.get("why")
         part["modes"] = part.get("modes") if part["kind"] == "modal" else None
-    return scene
+    return manifest
 
 
 def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
@@ -63,7 +63,7 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
 def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
     """`t` [s], `names`, `places` (x, y, z, rest) [m] and `displacement` [m] (n_instants, n_points).
 
-    Displacements are single floats; NaN is what nobody computed. `scene` is JSON.
+    Displacements are single floats; NaN is what nobody computed. `manifest` is JSON.
     """
     import numpy as np
 
@@ -73,7 +73,7 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
         names=np.array(motion.names),
         places=motion.places(),
         displacement=motion.displacements(at.tolist()).astype(np.float32),
-        scene=np.array(motion.scene),
+        manifest=np.array(motion.manifest),
     )
 
 
@@ -102,7 +102,7 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float) -> str:
             f"glTF has a node for each point, {_TARGETS_MAX:,} at most; this has "
             f"{len(motion.names):,}: write npz"
         )
-    scene, places = about(motion), motion.places()
+    manifest, places = about(motion), motion.places()
     moved = motion.displacements(at.tolist())
     # glTF is right-handed with y up: (x, y, z) of the bench is (x, z, -y).
     still = np.stack([places[:, 0], places[:, 2], -places[:, 1]], axis=1)
@@ -134,7 +134,7 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float) -> str:
     times = array(at.astype(np.float32), "SCALAR", bounds=True)
     nodes: list[dict[str, Any]] = []
     samplers, channels, roots = [], [], []
-    for part in scene["parts"]:
+    for part in manifest["parts"]:
         parent = len(nodes)
         roots.append(parent)
         children = list(range(parent + 1, parent + 1 + part["count"]))
@@ -152,9 +152,9 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float) -> str:
             target = {"node": len(nodes) - 1, "path": "translation"}
             channels.append({"sampler": len(samplers) - 1, "target": target})
     whole: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": str(scene.get("made_by"))},
+        "asset": {"version": "2.0", "generator": str(manifest.get("made_by"))},
         "scene": 0,
-        "scenes": [{"name": str(scene.get("title") or "ergon"), "nodes": roots}],
+        "scenes": [{"name": str(manifest.get("title") or "ergon"), "nodes": roots}],
         "nodes": nodes,
         "meshes": [mesh],
         "accessors": accessors,

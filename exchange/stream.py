@@ -34,7 +34,7 @@ _KEYS = ("time_s", "struck", "sign", "mass_kg", "speed_m_s", "impulse_n_s", "sou
 class Names:
     """What the numbers of the engine are called: MAT index and source number to text.
 
-    `reach` of a struck MAT's name: the engine knows a key behind a lever as the scene sees it.
+    `reach` of a struck MAT's name: the engine knows a key behind a lever as the piece sees it.
     """
 
     struck: Callable[[int], str]

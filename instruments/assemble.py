@@ -40,7 +40,7 @@ class Assembly:
 
         Its own springs pull once `every` so many frames, where a plan finds that they may.
 
-        With `reach` s the part lies behind a lever: the scene sees s times its movement, and power
+        With `reach` s the part lies behind a lever: the piece sees s times its movement, and power
         is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
         """
         self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
@@ -132,7 +132,7 @@ _PER_LENGTH_SQUARED = ("M", "K", "Z", "sigma0", "sigma1", "sigma2")
 
 
 def _seen(fields: _Fields, reach: float) -> _Fields:
-    """Fields of a module behind a lever, as the scene sees them."""
+    """Fields of a module behind a lever, as the piece sees them."""
     if reach == 1.0:
         return fields
     seen = dict(fields)
@@ -155,7 +155,7 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
 
 
 def _stretched(value: Any, reach: float) -> Any:
-    """A length, or those of some members of a generator, as the scene sees them."""
+    """A length, or those of some members of a generator, as the piece sees them."""
     if isinstance(value, tuple):
         return tuple(_stretched(one, reach) for one in value)
     if isinstance(value, Start):

@@ -47,12 +47,18 @@ Family = Literal["mat", "link", "generator", "input"]
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A module kind: its family, its table in SI units and its table under `units: ca`."""
+    """A module kind: its family, its table in SI units and its table under `units: ca`.
+
+    `gliding`: the parameters that may change while a piece plays; a generator changes as a whole.
+    `scaled`: of a link, the fields that the engine's factors of K and of Z multiply.
+    """
 
     name: str
     family: Family
     table: Record
     ca_table: Record
+    gliding: tuple[str, ...] = ()
+    scaled: tuple[str, str] = ("K", "Z")
 
 
 def _law(text: str) -> str:
@@ -94,7 +100,8 @@ def _start(name: str, unit: Shape, letter: str) -> Shape:
     return Either(unit, one, ListOf(one))
 
 
-def _mats(ca: bool) -> dict[str, Record]:
+def _mats_and_links(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
+    """The table of each kind, and its parameters that glide."""
     mass, stiffness, damping = (
         (k.POSITIVE, k.NUMBER, k.NUMBER) if ca else (k.MASS, k.STIFFNESS, k.DAMPING)
     )
@@ -108,22 +115,30 @@ def _mats(ca: bool) -> dict[str, Record]:
     decay = Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay")
     cel = (m, stiff, damp, pitch, decay, x0, v0, rest)
     link = (BETWEEN, stiff, damp, rest)
+    # What it is, its fields, and which of them may glide.
     tables = {
-        "MAS": ("a point mass", (m, x0, v0)),
-        "SOL": ("a fixed point", (x0,)),
-        "CEL": ("a mass on a spring to the ground, with viscosity", cel),
-        "RES": ("a spring", (BETWEEN, stiff, rest)),
-        "FRO": ("a damper", (BETWEEN, damp)),
-        "REF": ("a spring and damper", link),
-        "BUT": ("a one-sided contact: the first of `between` strikes the second", _but(ca)),
-        "LNL": ("a non-linear link", _lnl()),
-        "BRISTLE": ("friction with memory: bristles that bend, then slip", _bristle(ca)),
-        "DRY": ("dry friction: it holds up to a level, then slides", _dry(ca)),
+        "MAS": ("a point mass", (m, x0, v0), ""),
+        "SOL": ("a fixed point", (x0,), ""),
+        "CEL": ("a mass on a spring to the ground, with viscosity", cel, "f t60 K Z M"),
+        "RES": ("a spring", (BETWEEN, stiff, rest), "K"),
+        "FRO": ("a damper", (BETWEEN, damp), "Z"),
+        "REF": ("a spring and damper", link, "K Z"),
+        "BUT": ("a one-sided contact: the first of `between` strikes the second", _but(ca), "K Z"),
+        "LNL": ("a non-linear link", _lnl(), ""),
+        "BRISTLE": (
+            "friction with memory: bristles that bend, then slip",
+            _bristle(ca),
+            "sigma0 Fc",
+        ),
+        "DRY": ("dry friction: it holds up to a level, then slides", _dry(ca), "F"),
     }
     constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
     return {
-        name: Record("module", doc, fields, free=constant if name == "LNL" else None)
-        for name, (doc, fields) in tables.items()
+        name: (
+            Record("module", doc, fields, free=constant if name == "LNL" else None),
+            tuple(gliding.split()),
+        )
+        for name, (doc, fields, gliding) in tables.items()
     }
 
 
@@ -204,7 +219,8 @@ _SIDE = k.count_or_size(
 _SIDES = Pair(_SIDE, _SIDE)
 
 
-def _generators() -> dict[str, Record]:
+def _generators() -> dict[str, tuple[Record, tuple[str, ...]]]:
+    """The table of each generator, and its parameters that glide."""
     m = Field("M", k.MASS, "mass of the whole body", required=True)
     f = Field("f", k.PITCH, "lowest mode that is not rigid", required=True)
     t60 = Field(
@@ -291,11 +307,12 @@ def _generators() -> dict[str, Record]:
         Field("places", PLACES, "points of it: how far each mode moves there", shown="point: 1"),
         Field("modes", k.PATH, "a CSV file of f, t60 and levels, instead of lists"),
     )
+    known = "a body of which modes and their levels are known"
     return {
-        "STRING": Record("module", "masses in a row", string),
-        "PLATE": Record("module", "a mesh of masses", plate),
-        "BANK": Record("module", "many CEL", bank),
-        "MODES": Record("module", "a body of which modes and their levels are known", modes),
+        "STRING": (Record("module", "masses in a row", string), ("f", "t60")),
+        "PLATE": (Record("module", "a mesh of masses", plate), ("f", "t60")),
+        "BANK": (Record("module", "many CEL", bank), ("f", "t60")),
+        "MODES": (Record("module", known, modes), ()),
     }
 
 
@@ -339,18 +356,22 @@ def _input(unit: Text, quantity: str) -> Record:
     return Record("module", f"an imposed {quantity}", fields)
 
 
+# Of links whose stiffness and viscosity are not called K and Z (`Kind.scaled`).
+_SCALED = {"BRISTLE": ("sigma0", "Fc"), "DRY": ("K", "F")}
+
+
 def _all() -> dict[str, Kind]:
-    families: dict[str, Family] = dict.fromkeys(("MAS", "SOL", "CEL"), "mat")
-    si, ca = _mats(False), _mats(True)
-    kinds = {
-        name: Kind(name, families.get(name, "link"), table, ca[name]) for name, table in si.items()
-    }
-    for name, table in _generators().items():
-        kinds[name] = Kind(name, "generator", table, table)
+    kinds = []
+    ca = _mats_and_links(True)
+    for name, (table, gliding) in _mats_and_links(False).items():
+        family: Family = "link" if "between" in table.by_name else "mat"
+        scaled = _SCALED.get(name, ("K", "Z"))
+        kinds.append(Kind(name, family, table, ca[name][0], gliding, scaled))
+    for name, (table, gliding) in _generators().items():
+        kinds.append(Kind(name, "generator", table, table, gliding))
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
-    for name, table in inputs.items():
-        kinds[name] = Kind(name, "input", table, table)
-    return kinds
+    kinds += [Kind(name, "input", table, table) for name, table in inputs.items()]
+    return {kind.name: kind for kind in kinds}
 
 
 KINDS = _all()

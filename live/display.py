@@ -184,7 +184,7 @@ def force_sentence(bearing: HandForceBounds) -> str:
 
 
 def why_too_stiff(bearing: HandForceBounds) -> str:
-    """Why a line is refused because a hand's device cannot bear the scene."""
+    """Why a line is refused because a hand's device cannot bear the piece."""
     least = bearing.least
     return (
         f"{bearing.player} would meet {least.met:,.0f} N/m, and the key's device bears "

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 
 from ergon import _core
 
-DEVICES = ("emul", "frame", "firefader", "haply")
-"""Kinds of emulated devices, in the order of the table's columns."""
-
 
 @dataclass(frozen=True, slots=True)
 class Cell:

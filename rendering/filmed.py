@@ -38,7 +38,7 @@ class FilmedSimulation:
     """A simulation at frame 0, whose motion goes into a file; `mixer` is for the levels in it."""
 
     def __init__(self, simulation: Simulation, film: Film, mixer: _Mixer, file: BinaryIO) -> None:
-        """Write scene and tables."""
+        """Write manifest and tables."""
         self._simulation, self._film, self._mixer, self._file = simulation, film, mixer, file
         self._recorder = film.begin(simulation)
 

@@ -49,7 +49,7 @@ def followed(stage: Any) -> list[GestureFidelity]:
 def _together(
     player: str, name: str, key: str, reports: list[Report], reach: float
 ) -> GestureFidelity:
-    # The engine knows a key as the scene sees it, `reach` times as far; a hand knows the key.
+    # The engine knows a key as the piece sees it, `reach` times as far; a hand knows the key.
     worst = max(reports, key=lambda report: report.worst)
     compared = sum(report.compared for report in reports)
     squares = sum(report.rms * report.rms * report.compared for report in reports)

@@ -41,14 +41,13 @@ class Head:
     """Pairs of filters of one head.
 
     `directions` (n, 3), `filters` (n, 2, n_taps) at `rate` [Hz], left ear first, `delays` (n, 2)
-    [s]. Where it `is_panned`, directions in between are panned between those that are there.
+    [s]. Directions in between are panned between those that are there.
     """
 
     rate: float
     directions: NDArray[np.float64]
     filters: NDArray[np.float64]
     delays: NDArray[np.float64]
-    is_panned: bool = True
 
     def pairs(self, array: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
         """Filters of loudspeakers in directions (n, 3) at a rate [Hz], (n, 2, n_taps).

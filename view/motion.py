@@ -26,7 +26,7 @@ def asked_and_done(
 
     About `points` of each curve are told.
 
-    `key` is the key's index on the timeline, `struck` its struck MAT, which the scene sees move
+    `key` is the key's index on the timeline, `struck` its struck MAT, which the piece sees move
     `reach` times as far as the key does.
     """
     import numpy as np

@@ -13,7 +13,7 @@ _HEAD = """\
 Made by `make docs` from `ergon doctor --safety`, which prints the same table and exits with 1
 when a force exceeds its bound.
 
-Each fault is made on each emulated device while a scene pulls a key by a spring and a hand of 400
+Each fault is made on each emulated device while a piece pulls a key by a spring and a hand of 400
 N/m and 4 N·s/m holds it: a key in the program itself (`emul`), a board of the open frame
 (`frame`, 20 N), a FireFader (1.56 N) and Haply's service with its guardian (10 N). Time is
 virtual. The host ticks once a millisecond, and a board's time goes in steps of 0.125 ms; no clock
@@ -31,18 +31,17 @@ _TAIL = """
 Besides, from the fault on no force is greater than the device's greatest, and none grows faster
 than the slew limit (a fifth of the greatest force in a millisecond); a board whose line carries
 no checksum may read any force from garbage. A motor that turns round reaches the greatest force
-before it is found out, where the scene's spring is stronger than the hand. The direction of a
+before it is found out, where the piece's spring is stronger than the hand. The direction of a
 device that was never calibrated is tried by a fifth of the greatest force at most.
 """
 
 
 def page() -> str:
     """The page, as Markdown."""
-    lines = [
-        f"| fault | bound | {' | '.join(f'`{device}`' for device in faults.DEVICES)} |",
-        f"|---|---|{'---|' * len(faults.DEVICES)}",
-    ]
-    for row in faults.measured():
+    rows = faults.measured()
+    devices = [f"`{cell.device}`" for cell in rows[0].cells]
+    lines = [f"| fault | bound | {' | '.join(devices)} |", f"|---|---|{'---|' * len(devices)}"]
+    for row in rows:
         cells = [cell.said for cell in row.cells]
         lines.append(f"| {row.fault} | {faults.bound(row)} | {' | '.join(cells)} |")
     return _HEAD + "\n".join(lines) + "\n" + _TAIL

@@ -16,35 +16,6 @@ from ergon.repl.language.triggers import Condition, Every, parse_condition, pars
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.sections import MAX_BLOCK
 
-# What a block may hold: what changes the music at the beat on which the block runs, reads no file,
-# runs no block and moves no real hand.
-HOLDS: tuple[type[c.Command], ...] = (
-    c.Plays,
-    c.StrikeModules,
-    c.Do,
-    c.Define,
-    c.DefinePhrase,
-    c.Rest,
-    c.Hush,
-    c.Damp,
-    c.Tempo,
-    c.Nudge,
-    c.Set,
-    c.Automate,
-    c.StopLfo,
-    c.Couple,
-    c.Uncouple,
-    c.Build,
-    c.Link,
-    c.Takes,
-    c.Route,
-    c.Remove,
-    c.Gain,
-    c.Mute,
-    c.Solo,
-    c.Unmute,
-    c.Seed,
-)
 _OF_CONDITIONS = ("bar", "beat", "and")
 
 

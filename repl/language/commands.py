@@ -45,11 +45,19 @@ class Command:
     words: Mapping[str, Word] = field(default_factory=dict, compare=False, repr=False)
 
 
+@dataclass(frozen=True, slots=True)
+class BlockCommand(Command):
+    """A command that a block may hold: it changes the music at the beat on which the block runs.
+
+    It reads no file, runs no block and moves no real hand.
+    """
+
+
 # --- what is played ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
-class Define(Command):
+class Define(BlockCommand):
     """`knock = 0@0 6@1/8 0@1/4`: define a gesture."""
 
     name: str
@@ -57,7 +65,7 @@ class Define(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Plays(Command):
+class Plays(BlockCommand):
     """`ada plays knock every 1`: play this in place of the rest of the part."""
 
     player: str
@@ -71,7 +79,7 @@ class Plays(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Do(Command):
+class Do(BlockCommand):
     """`ada do mirror`: transform further what the player plays."""
 
     player: str
@@ -85,7 +93,7 @@ class Do(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class StrikeModules(Command):
+class StrikeModules(BlockCommand):
     """`rain strikes sky.all every 1/2 impulse 2mNs`: strike modules in place of what it struck.
 
     The fields are those of `strikes:` in a score, as texts.
@@ -96,7 +104,7 @@ class StrikeModules(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class DefinePhrase(Command):
+class DefinePhrase(BlockCommand):
     """`phrase tune 0 C4 1mNs, 1/2 E4 to bell`: define a phrase, which `strikes` play.
 
     Its entries have `at`, `what` and `impulse` as texts.
@@ -108,7 +116,7 @@ class DefinePhrase(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Automate(Command):
+class Automate(BlockCommand):
     """`set bell.m.f A3 C4 E4 every 1`, `lfo bell.m.K 0.8..1.2 period 4bar`: change by itself.
 
     `kind` is `set` or `lfo`; the fields are those of `automation:` in a score, as texts.
@@ -120,26 +128,26 @@ class Automate(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class StopLfo(Command):
+class StopLfo(BlockCommand):
     """`lfo bell.m.K off`: the parameter has its own value again."""
 
     target: str
 
 
 @dataclass(frozen=True, slots=True)
-class Rest(Command):
+class Rest(BlockCommand):
     """Play no further occurrence after the one in flight. None: every player."""
 
     player: str | None
 
 
 @dataclass(frozen=True, slots=True)
-class Hush(Command):
+class Hush(BlockCommand):
     """End all gestures and strikes; what sounds rings out."""
 
 
 @dataclass(frozen=True, slots=True)
-class Damp(Command):
+class Damp(BlockCommand):
     """End all gestures, and damp all that sounds with a T60 of `time` [s]."""
 
     time: float
@@ -171,7 +179,7 @@ class Stop(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Tempo(Command):
+class Tempo(BlockCommand):
     """`tempo 72`, or `tempo 60 -> 84 over 4bar`: then `end` and `over` are given."""
 
     bpm: float
@@ -185,7 +193,7 @@ class Tap(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Nudge(Command):
+class Nudge(BlockCommand):
     """Delay the beat by a length; negative: bring it forward."""
 
     by: Length
@@ -202,7 +210,7 @@ class Quant(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Set(Command):
+class Set(BlockCommand):
     """Set a physical parameter to a value [SI], or multiply it by a factor; it glides `over`."""
 
     target: str
@@ -212,7 +220,7 @@ class Set(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Couple(Command):
+class Couple(BlockCommand):
     """Join two keys by a REF: `stiffness` [N/m], `viscosity` [Ns/m]."""
 
     a: str
@@ -222,7 +230,7 @@ class Couple(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Uncouple(Command):
+class Uncouple(BlockCommand):
     """Remove what joins two keys."""
 
     a: str
@@ -230,7 +238,7 @@ class Uncouple(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Build(Command):
+class Build(BlockCommand):
     """`bell2 = bell/bell transpose 7st`: an instrument like another, or from a file.
 
     `fields` replace those of the other, as written.
@@ -243,7 +251,7 @@ class Build(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Link(Command):
+class Link(BlockCommand):
     """Join two modules by a link of a kind, with its fields as written."""
 
     a: str
@@ -253,7 +261,7 @@ class Link(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Takes(Command):
+class Takes(BlockCommand):
     """Let a player take a key; a key that is new is `like` another (None: the first)."""
 
     player: str
@@ -262,7 +270,7 @@ class Takes(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Route(Command):
+class Route(BlockCommand):
     """Let an instrument sound from channels, in a place between two, and in a room.
 
     None: as it did. `send` is a room and a level.
@@ -293,7 +301,7 @@ class Fade(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Remove(Command):
+class Remove(BlockCommand):
     """Remove what has a name, with what belongs to it alone."""
 
     name: str
@@ -406,7 +414,7 @@ class Maps(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Gain(Command):
+class Gain(BlockCommand):
     """Set the ratio of amplitudes of an instrument or a player; None: of everything."""
 
     name: str | None
@@ -414,28 +422,28 @@ class Gain(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class Mute(Command):
+class Mute(BlockCommand):
     """Silence an instrument or a player."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Solo(Command):
+class Solo(BlockCommand):
     """Silence all but an instrument or a player."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Unmute(Command):
+class Unmute(BlockCommand):
     """End mute and solo; None: of everything."""
 
     name: str | None
 
 
 @dataclass(frozen=True, slots=True)
-class Seed(Command):
+class Seed(BlockCommand):
     """Set the number from which all chance derives."""
 
     seed: int

@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language.blocks import HOLDS
-from ergon.repl.language.commands import Build, Command, Define, DefineBlock, DefinePhrase, Takes
+from ergon.repl.language.commands import (
+    BlockCommand,
+    Build,
+    Command,
+    Define,
+    DefineBlock,
+    DefinePhrase,
+    Takes,
+)
 from ergon.repl.language.grammar import command
 from ergon.repl.language.lines import Line, lines
 from ergon.repl.language.refusal import Refusal
@@ -77,12 +84,12 @@ def _check_block(block: DefineBlock, scope: Scope) -> None:
 def _held(line: Line, offset: int, scope: Scope) -> Command | None:
     """The command of a line of a block whose text begins at `offset`. Raises TextError."""
     read = command(Line(line.text, offset + line.start), scope)
-    if read is None or (type(read) in HOLDS and read.when is None):
+    if read is None or (isinstance(read, BlockCommand) and read.when is None):
         return read
     said = line.text.strip()
     place = offset + line.start + line.text.index(said)
     why = "says when it acts, and the lines of a block act when the block is run"
-    if type(read) not in HOLDS:
+    if not isinstance(read, BlockCommand):
         why = "does not change the music, moves a real hand, or is about files, history or blocks"
     message = f"a block cannot hold {quote(said)}: the line {why}"
     raise TextError(message, offset=place, length=len(said))

@@ -20,7 +20,6 @@ _TEMPO = (
     "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
 _FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
-_MOST_FIELDS = 40
 _ENDS = ("to", "between")  # which a link of a line has already
 
 

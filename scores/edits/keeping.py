@@ -56,7 +56,7 @@ def keep(
     if not found:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
-    kept = space.kept(kept, piece, start, stop)
+    kept = space.kept(kept, piece, start)
     kept = window.automation(window.duet(kept)).put(("marks", END), window.at(stop))
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))

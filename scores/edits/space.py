@@ -83,8 +83,8 @@ def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
     return 1.0 if before is None else before[1]
 
 
-def kept(texts: Texts, piece: Piece, start: float, stop: float) -> Texts:
-    """The fades of the beats from `start` to `stop`, told from `start` on."""
+def kept(texts: Texts, piece: Piece, start: float) -> Texts:
+    """The fades from the beat `start` on, told from there."""
     tempo = piece.tempo_map
 
     def within(fade: Fade) -> list[edit.Tree]:

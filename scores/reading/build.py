@@ -202,21 +202,14 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
     pattern = pattern_of(v.given, order) if has_pattern else None
     return Strikes(
-        name=v.context.name,
-        to=to,
-        at=v["at"],
-        span=v["for"],
-        until=v["until"],
-        rate=v["rate"],
-        every=v["every"],
-        times=v["times"],
-        impulse=v["impulse"],
-        mass=v["mass"],
-        speed=v["speed"],
-        place=v.place,
-        pattern=pattern,
-        notes=notes,
+        **_said_of_all(v, to), span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
     )
+
+
+def _said_of_all(v: Values, to: tuple[Target, ...]) -> dict[str, Any]:
+    """The fields of strikes that any may have."""
+    said = ("at", "until", "every", "times", "impulse", "mass", "speed")
+    return {"name": v.context.name, "to": to, "place": v.place, **{name: v[name] for name in said}}
 
 
 def _check_force(values: Values) -> None:
@@ -228,22 +221,9 @@ def _check_force(values: Values) -> None:
 
 def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes of what passes the targets that their names reach."""
-    v = values
-    _check_force(v)
-    return Strikes(
-        name=v.context.name,
-        to=to,
-        at=v["at"],
-        until=v["until"],
-        every=v["every"],
-        times=v["times"],
-        impulse=v["impulse"],
-        mass=v["mass"],
-        speed=v["speed"],
-        place=v.place,
-        length=v["for"],
-        passing=passing(v),
-    )
+    _check_force(values)
+    said = _said_of_all(values, to)
+    return Strikes(**said, length=values["for"], passing=passing(values))
 
 
 def _at_start(read: notation.Notation, said: str, text: Scalar) -> notation.Notation:

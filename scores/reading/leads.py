@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import chain
 from typing import Any
 
 from ergon.instruments.model import Instrument, Module
-from ergon.instruments.module_kinds import KINDS
+from ergon.instruments.module_kinds import KINDS, LINKS
 from ergon.instruments.transpose import is_slow
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
@@ -14,19 +15,10 @@ from ergon.notation.text.errors import TextError, quote
 
 # By the kind of a module; a generator is led as a whole.
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
-    "CEL": ("f", "t60", "K", "Z", "M"),
-    "RES": ("K",),
-    "FRO": ("Z",),
-    "REF": ("K", "Z"),
-    "BUT": ("K", "Z"),
-    "BRISTLE": ("sigma0", "Fc"),
-    "DRY": ("F",),
-    "STRING": ("f", "t60"),
-    "PLATE": ("f", "t60"),
-    "BANK": ("f", "t60"),
+    **{name: kind.gliding for name, kind in KINDS.items() if kind.gliding},
     "INSTRUMENT": ("f",),
 }
-ALL = ("f", "t60", "K", "Z", "M", "sigma0", "Fc", "F")
+ALL = tuple(dict.fromkeys(chain.from_iterable(PARAMETERS.values())))
 # What a factor of the pitch of an instrument leaves as it is, so that such an instrument stays.
 _STIFFENING = ("hardening", "stretching")
 
@@ -102,7 +94,7 @@ def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
             return "has no t60 of its own, so it has no dampers; write one"
         if not isinstance(t60, float):
             return "has a t60 for each of several frequencies, which stay as they are"
-    if module.kind in ("RES", "FRO", "REF", "BUT") and not module.fields.get(parameter):
+    if module.kind in LINKS and not module.fields.get(parameter):
         return f"has no {parameter} of its own that could change; write one above 0"
     return None
 

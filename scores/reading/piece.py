@@ -62,7 +62,7 @@ class Mark:
 class Key:
     """A force-feedback key: a small network with one struck MAT.
 
-    `{M, K, Z}` is one CEL with the name "". `travel` [m]; the scene sees `reach` times the key's
+    `{M, K, Z}` is one CEL with the name "". `travel` [m]; the piece sees `reach` times the key's
     movement. Its springs pull once `every` so many frames. `measured` is what its calibration says
     of the real key: mass without what swings on it [kg], damping [N·s/m], delay [s] where known.
     """

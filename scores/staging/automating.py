@@ -119,7 +119,7 @@ def _points(led: Led, curves: Mapping[str, _Curve], whole: _Curve | None) -> Poi
         if values not in known:  # a swing has the same values in every period
             numbers = led.numbers(dict(zip(curves, values, strict=False)))
             if whole is not None:
-                numbers = led.higher(numbers, values[-1] / whole.own)
+                numbers = led.transposed(numbers, values[-1] / whole.own)
             known[values] = numbers
         points.append((max(0.0, t), *known[values]))
     within = set().union(*(curve.within for curve in all_curves))

@@ -195,7 +195,7 @@ def _joins(module: Module, before: Piece) -> bool:
 
 
 def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
-    """The parameters that can glide, by (part, module), as the scene sees them."""
+    """The parameters that can glide, by (part, module), as the piece sees them."""
     for key in piece.keys.values():
         for module in key.modules:
             if (values := _of(module)) is not None:

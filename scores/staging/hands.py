@@ -425,7 +425,7 @@ class Hands:
             "ergons": manner.ergons,
             "grain": manner.grain,
             "join": manner.join,
-            # Behind a lever the scene sees s·x, and forces divided by s.
+            # Behind a lever the piece sees s·x, and forces divided by s.
             "force_limit": None if limit is None else limit / self._reach(play),
             "layer": manner.layer,
         }

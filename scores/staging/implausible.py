@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 
 from ergon.instruments.model import Module, Target
-from ergon.instruments.module_kinds import member_count
+from ergon.instruments.module_kinds import KINDS, LINKS, member_count
 from ergon.instruments.spread import singles, size
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Key, Piece
@@ -28,7 +28,7 @@ def implausible(piece: Piece) -> list[Diagnostic]:
             found += _pitches(piece, name, module)
             if module.kind == "BUT":
                 found += scene.gaps(name, module)
-            if module.kind in ("BUT", "RES", "REF", "BRISTLE", "DRY"):
+            if module.kind in LINKS:
                 found += scene.stiffness(piece, name, module)
             if module.kind == "BRISTLE":
                 found += _gains(name, module)
@@ -113,7 +113,7 @@ class _Scene:
 
     def stiffness(self, piece: Piece, name: str, link: Module) -> Iterator[Diagnostic]:
         """W328 where the two ends swing against each other, or touch, in less than a frame."""
-        field = "sigma0" if link.kind == "BRISTLE" else "K"
+        field = KINDS[link.kind].scaled[0]
         stiffness = link.fields.get(field)
         if not isinstance(stiffness, float) or stiffness <= 0.0:
             return
@@ -155,7 +155,7 @@ class _Scene:
         return reach * start if isinstance(start, float) else 0.0
 
     def _mass(self, end: Target) -> float:
-        """Of one MAT [kg], as the scene sees it; endless where nothing moves it."""
+        """Of one MAT [kg], as the piece sees it; endless where nothing moves it."""
         module = self.modules[end.part, end.module]
         if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
             return inf

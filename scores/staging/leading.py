@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ergon import _core
 from ergon.common.decay import LN_1000
 from ergon.instruments.model import Module
-from ergon.instruments.module_kinds import member_count
+from ergon.instruments.module_kinds import KINDS, member_count
 from ergon.scores.reading.leads import whole
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.gliding import TWO_PI, ties
@@ -27,13 +27,10 @@ Points = Sequence[Point]
 
 _FOR_EVER = 1e9  # the t60 of what does not fade [s]
 _BODIES = ("STRING", "PLATE")
-# What the engine's factors of K and of Z are factors of.
-_FACTORS = {"BRISTLE": ("sigma0", "Fc"), "DRY": ("K", "F")}
-_OF_LINKS = ("K", "Z")
 
 
 class Led:
-    """A module some of whose parameters are led; `scale` turns its values into the scene's."""
+    """A module some of whose parameters are led; `scale` turns its values into the piece's."""
 
     def __init__(self, module: Module, scale: float) -> None:
         """Take a module."""
@@ -76,10 +73,10 @@ class Led:
             k, sigma = _square_and_sigma(self.own)
             new_k, new_sigma = _square_and_sigma({**self.own, **said})
             return new_k / k, new_sigma / sigma if sigma else 1.0
-        names = _FACTORS.get(kind, _OF_LINKS)
-        return tuple(said[name] / self.own[name] if name in said else 1.0 for name in names)
+        scaled = KINDS[kind].scaled
+        return tuple(said[name] / self.own[name] if name in said else 1.0 for name in scaled)
 
-    def higher(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
+    def transposed(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
         """Its numbers where all times are divided by a ratio, as `transpose` does."""
         stiffness, viscosity, *rest = numbers
         return (stiffness * ratio * ratio, viscosity * ratio, *rest)
@@ -111,8 +108,7 @@ def _own(module: Module) -> dict[str, float]:
         t60 = fields.get("t60")
         return {"f": float(fields["f"]), "t60": t60 if isinstance(t60, float) else _FOR_EVER}
     if module.kind != "CEL":
-        names = _FACTORS.get(module.kind, _OF_LINKS)
-        return {name: float(fields.get(name) or 0.0) for name in names}
+        return {name: float(fields.get(name) or 0.0) for name in KINDS[module.kind].scaled}
     k, z, m = ties(fields)
     sigma = z / (2.0 * m)
     f, t60 = fields.get("f"), fields.get("t60")

@@ -10,7 +10,7 @@ from ergon.instruments.module_kinds import HOLDERS, member_count
 from ergon.instruments.spread import singles
 from ergon.scores.reading.piece import Piece, Route
 
-MAX_POINTS = 256  # measured at once; a scene of 10,000 masses is not read line by line
+MAX_POINTS = 256  # measured at once; a piece of 10,000 masses is not read line by line
 _NAME = "measured points"  # no instrument of a score has a name with a space
 
 

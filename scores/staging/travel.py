@@ -80,7 +80,7 @@ def check_travel(
 
 
 def _limits(key: Key) -> tuple[float, float]:
-    """Both ends of a key's travel as the scene sees them; without a travel there is no end."""
+    """Both ends of a key's travel as the piece sees them; without a travel there is no end."""
     least, most = key.travel or (-math.inf, math.inf)
     return least * key.reach, most * key.reach
 

@@ -64,7 +64,7 @@ def test_a_score_is_shown_with_the_sound_that_render_gives(tmp_path: Path) -> No
     assert shown.sound is not None
     assert np.abs(read(shown.sound) - render(path).frames).max() < 2**-15
     moved = _core.read_motion(shown.motion)
-    assert json.loads(moved.scene)["score"] == str(path)
+    assert json.loads(moved.manifest)["score"] == str(path)
     assert moved.duration == pytest.approx(len(read(shown.sound)) / 44100, abs=0.02)
     assert {one.name for one in tmp_path.iterdir()} == {"s.yaml", "shown"}
 

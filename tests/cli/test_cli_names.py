@@ -129,7 +129,9 @@ def test_bash_completes(scripts: dict[str, Path], tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
     script = scripts["bash"]
     assert complete(script, tmp_path, ["ergon", "ren"]) == ["render"]
-    assert complete(script, tmp_path, ["ergon", "co"]) == ["compile", "completion"]
+    begun = sorted(name for name in app.COMMANDS if name.startswith("co"))
+    assert {"compile", "completion"} <= set(begun)
+    assert complete(script, tmp_path, ["ergon", "co"]) == begun
     assert complete(script, tmp_path, ["ergon", "check", ""]) == ["a.yaml"]
     assert complete(script, tmp_path, ["ergon", "info", ""]) == ["a.take", "a.wav", "a.yaml"]
     assert complete(script, tmp_path, ["ergon", "take", "tr"]) == ["trim"]

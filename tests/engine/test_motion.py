@@ -87,7 +87,7 @@ def film(
         simulation,
         look,
         timeline,
-        scene=json.dumps(about),
+        manifest=json.dumps(about),
         places=np.array([[*net.position_of(mat), 0.0] for mat in mats]),
         keys=[],
         n_speakers=0,
@@ -116,7 +116,7 @@ def test_the_replica_is_where_the_engine_is(filmed: tuple) -> None:
     data, net, timeline, _ = filmed
     replica = Replica(data)
     look_mats = _mats(net, replica)
-    kinds = {part["kind"] for part in replica.scene["parts"]}
+    kinds = {part["kind"] for part in replica.manifest["parts"]}
     assert kinds == {"free", "modal", "sampled"}
     plain = _core.Simulation(net, timeline)
     rng = np.random.default_rng(5)
@@ -128,7 +128,7 @@ def test_the_replica_is_where_the_engine_is(filmed: tuple) -> None:
         row[:] = plain.positions()[look_mats] - rest
     seen = replica.at(frames / RATE)
     engine = _core_displacements(data, frames / RATE)
-    for part in replica.scene["parts"]:
+    for part in replica.manifest["parts"]:
         own = slice(part["first"], part["first"] + part["count"])
         if part["kind"] == "sampled":
             continue
@@ -153,7 +153,7 @@ def test_frames_hold_ten_bits(filmed: tuple) -> None:
         plain.process(np.zeros((frame - plain.frame, plain.n_out)))
         truth.append(plain.positions()[mats] - replica.places[3])
     for number, (times, values) in replica.frames().items():
-        part = replica.scene["parts"][number]
+        part = replica.manifest["parts"][number]
         own = slice(part["first"], part["first"] + part["count"])
         is_truth = np.array(truth)[:, own]
         assert np.allclose(times[:n_frames], np.arange(n_frames) / FPS, atol=1e-6)
@@ -180,7 +180,7 @@ def test_ergons_make_flights_and_nothing_else_does(filmed: tuple) -> None:
     assert all(
         0.0 <= float(e["dt"]) <= 1.1 for _, all in replica.records(ERGONS, ERGON) for e in all
     )
-    free = [part for part in replica.scene["parts"] if part["kind"] == "free"]
+    free = [part for part in replica.manifest["parts"] if part["kind"] == "free"]
     n_free = sum(part["count"] for part in free)
     flights = [
         (t, int(number))
@@ -222,7 +222,7 @@ def test_sound_and_motion_are_the_same_for_any_thread_count() -> None:
         assert same.tobytes() == sound.tobytes()
         assert again == first
     # Without, what nobody hears is told not to be computed.
-    parts = Replica(film(net, timeline, heard, seconds=0.1)[0]).scene["parts"]
+    parts = Replica(film(net, timeline, heard, seconds=0.1)[0]).manifest["parts"]
     assert {(part["kind"], part["why"]) for part in parts} == {("free", None), ("none", "unheard")}
 
 
@@ -233,7 +233,7 @@ def test_a_file_is_segments_with_an_index(filmed: tuple) -> None:
     kind, _, index, at = replica.chunks[-1]
     assert kind == INDEX
     n, parts = np.frombuffer(index, "<u4", 2)
-    assert (n, parts) == (len(states), len(replica.scene["parts"]))
+    assert (n, parts) == (len(states), len(replica.manifest["parts"]))
     rows = np.frombuffer(index, [("t", "<f8"), ("at", "<u8")], n, 16 + 4 * int(parts))
     assert [(float(t), int(byte)) for t, byte in rows] == states
     assert np.frombuffer(index[-8:], "<u8") == at
@@ -266,7 +266,7 @@ def test_a_cut_or_damaged_file_opens_to_its_last_whole_chunk(tmp_path: Path) -> 
     assert not whole.is_cut
     known = [tuple(chunk) for chunk in whole.chunks()]
     ends = [*[at for _, _, _, at in Replica(data).chunks][1:], len(data)]
-    tables = 4  # scene, points, names, links
+    tables = 4  # manifest, points, names, links
     for cut in range(len(data)):
         found = _open(path, data[:cut])
         n_whole = sum(end <= cut for end in ends)

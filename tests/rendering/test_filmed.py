@@ -52,9 +52,9 @@ def test_sound_and_motion_have_the_same_bytes_however_they_are_computed() -> Non
     for i, how in enumerate((["--threads", "1"], ["--threads", "3"], ["--block", "100"])):
         assert render(f"c{i}", "--motion", "--see", "all", *how) == (sound, all_of_it)
     replica = Replica(all_of_it)
-    kinds = {(part["name"], part["kind"]) for part in replica.scene["parts"]}
+    kinds = {(part["name"], part["kind"]) for part in replica.manifest["parts"]}
     assert {("dark", "modal"), ("bell", "sampled"), ("k1", "sampled")} <= kinds
-    unseen = {part["name"]: part["why"] for part in Replica(motion).scene["parts"]}
+    unseen = {part["name"]: part["why"] for part in Replica(motion).manifest["parts"]}
     assert unseen["dark"] == "unheard"
     assert unseen["bell"] is None
 
@@ -62,11 +62,11 @@ def test_sound_and_motion_have_the_same_bytes_however_they_are_computed() -> Non
 def test_keys_contacts_and_levels_are_told() -> None:
     _, motion = render("a", "--motion")
     replica = Replica(motion)
-    assert replica.scene["keys"] == [
+    assert replica.manifest["keys"] == [
         {"name": "k1", "point": replica.names.index("k1"), "player": "ada", "hand": False}
     ]
-    (key,) = (part for part in replica.scene["parts"] if part["name"] == "k1")
-    number = replica.scene["parts"].index(key)
+    (key,) = (part for part in replica.manifest["parts"] if part["name"] == "k1")
+    number = replica.manifest["parts"].index(key)
     times, moved = replica.frames()[number]
     hands = replica.records(HANDS, HAND)
     assert len(hands) == len(times)
@@ -79,12 +79,12 @@ def test_keys_contacts_and_levels_are_told() -> None:
     levels = replica.records(LEVELS, np.dtype("<f4"))
     assert {len(level) for _, level in levels} == {2}
     assert max(level.max() for _, level in levels) > 0.0
-    assert replica.scene["contacts"] == [
+    assert replica.manifest["contacts"] == [
         {"name": "bell.b", "a": replica.names.index("k1"), "b": replica.names.index("bell.m")}
     ]
     assert any(kind == CONTACTS for kind, *_ in replica.chunks)
-    assert [mark["name"] for mark in replica.scene["marks"]] == ["A", "B"]
-    assert {source["file"] for source in replica.scene["sources"]} == {"bell.yaml"}
+    assert [mark["name"] for mark in replica.manifest["marks"]] == ["A", "B"]
+    assert {source["file"] for source in replica.manifest["sources"]} == {"bell.yaml"}
 
 
 def test_info(capsys: Capture) -> None:
@@ -112,12 +112,12 @@ def test_npz_and_csv_hold_what_the_reader_finds() -> None:
         t, moved, names = found["t"], found["displacement"], found["names"]
     assert names.tolist() == replica.names
     there = replica.at(t)
-    free = [part for part in replica.scene["parts"] if part["kind"] != "sampled"]
+    free = [part for part in replica.manifest["parts"] if part["kind"] != "sampled"]
     for part in free:
         own = slice(part["first"], part["first"] + part["count"])
         assert np.allclose(moved[:, own], there[:, own], rtol=1e-5, atol=1e-12)
     for part, (times, values) in replica.frames().items():
-        own = replica.scene["parts"][part]
+        own = replica.manifest["parts"][part]
         columns = slice(own["first"], own["first"] + own["count"])
         n = min(len(times), len(t))
         # Between frames a reader draws a straight line: instants here are frames but for a sample.
@@ -155,7 +155,7 @@ def test_a_gltf_animates_a_node_for_each_point() -> None:
 
     roots = file["scenes"][0]["nodes"]
     assert [file["nodes"][root]["name"] for root in roots] == [
-        part["name"] for part in replica.scene["parts"]
+        part["name"] for part in replica.manifest["parts"]
     ]
     children = [child for root in roots for child in file["nodes"][root]["children"]]
     assert [file["nodes"][child]["name"] for child in children] == replica.names
@@ -168,7 +168,7 @@ def test_a_gltf_animates_a_node_for_each_point() -> None:
         assert (np.diff(times) > 0.0).all()
         point = children.index(channel["target"]["node"])
         part = next(
-            p for p in replica.scene["parts"] if p["first"] <= point < p["first"] + p["count"]
+            p for p in replica.manifest["parts"] if p["first"] <= point < p["first"] + p["count"]
         )
         if part["kind"] == "sampled":
             continue

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGIC = b"ERGM\x01\0\0\0"
-SCENE, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS = range(1, 9)
+MANIFEST, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS = range(1, 9)
 STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS = range(10, 16)
 FLIGHT = np.dtype([("number", "<u4"), ("a", "<f4"), ("b", "<f4")])
 ERGON = np.dtype(
@@ -40,8 +40,8 @@ class Replica:
 
     def __init__(self, data: bytes) -> None:
         self.chunks = list(chunks(data))
-        self.scene: dict[str, Any] = json.loads(self.one(SCENE))
-        n, m = self.scene["points"], self.scene["modes"]
+        self.manifest: dict[str, Any] = json.loads(self.one(MANIFEST))
+        n, m = self.manifest["points"], self.manifest["modes"]
         table = self.one(POINTS)
         assert struct.unpack_from("<I", table) == (n,)
         self.places = np.frombuffer(table, "<f4", 4 * n, 4).reshape(4, n).astype(float)
@@ -71,7 +71,7 @@ class Replica:
 
     def at(self, instants: NDArray[np.float64]) -> NDArray[np.float64]:
         """Displacements at rising instants (n, n_points); of sampled points the last frame's."""
-        n, m = self.scene["points"], self.scene["modes"]
+        n, m = self.manifest["points"], self.manifest["modes"]
         a, b, since = np.zeros(n + m), np.zeros(n + m), np.zeros(n + m)
         told = [(t, kind, p) for kind, t, p, _ in self.chunks if kind in (FLIGHTS, STATE)]
         frames = self.frames()
@@ -90,7 +90,7 @@ class Replica:
                 self.omega == 0.0, b * s, b * np.sin(self.omega * s)
             )
             x = np.exp(-self.sigma * s) * swing
-            for number, part in enumerate(self.scene["parts"]):
+            for number, part in enumerate(self.manifest["parts"]):
                 own = slice(part["first"], part["first"] + part["count"])
                 if part["kind"] == "free":
                     row[own] = x[own]
@@ -110,7 +110,7 @@ class Replica:
             if kind != FRAMES:
                 continue
             part, coding, _, count, hop = struct.unpack_from("<HBBId", payload)
-            n = self.scene["parts"][part]["count"]
+            n = self.manifest["parts"][part]["count"]
             assert coding == 1
             plain = zlib.decompress(payload[16:])
             scale = np.frombuffer(plain, "<f4", count).astype(float)

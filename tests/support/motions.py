@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 SECONDS, FPS = 4.0, 60.0
 NONE = 2**32 - 1
-(SCENE, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS) = range(1, 9)
+(MANIFEST, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS) = range(1, 9)
 (STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS) = range(10, 16)
 CELLS, WIRE, DISC, PLATE, KEYS = 200, 40, 60, 50, 2
 MODES = 6
@@ -160,7 +160,7 @@ class Piece:
     def level(self, i: int, t: float) -> float:
         return 0.5 * 10 ** (-i / 20) * (1 + 0.5 * np.sin(t))
 
-    def scene(self) -> dict[str, object]:
+    def manifest(self) -> dict[str, object]:
         def part(name: str, count: int, kind: str, layout: str) -> dict[str, object]:
             return {
                 "name": name,
@@ -205,7 +205,7 @@ class Piece:
 
     def bytes(self) -> bytes:
         """The whole file."""
-        out = b"ERGM\x01\0\0\0" + chunk(SCENE, 0, json.dumps(self.scene()).encode())
+        out = b"ERGM\x01\0\0\0" + chunk(MANIFEST, 0, json.dumps(self.manifest()).encode())
         rows = np.concatenate([self.xyz, self.rest[None]]).astype("<f4")
         rates = np.zeros((2, self.n))
         rates[:, :CELLS] = self.omega, self.sigma

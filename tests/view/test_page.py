@@ -301,8 +301,8 @@ def storm() -> bytes:
     rng = np.random.default_rng(1)
     xyz = np.concatenate([rng.uniform(-1, 1, (2, STORM)), np.zeros((1, STORM))])
     part = {"name": "sky", "first": 0, "count": STORM, "kind": "sampled", "layout": "bank"}
-    scene = {
-        **PIECE.scene(),
+    manifest = {
+        **PIECE.manifest(),
         **{"points": STORM, "modes": 0, "speakers": [], "keys": [], "duration": 2.0},
         "parts": [part | {"why": None, "modes": None, "exaggeration": None}],
         "contacts": [{"name": f"c{i}", "a": i, "b": i} for i in range(STORM)],
@@ -315,7 +315,7 @@ def storm() -> bytes:
     return b"".join(
         [
             b"ERGM\x01\0\0\0",
-            chunk(1, 0, json.dumps(scene).encode()),
+            chunk(1, 0, json.dumps(manifest).encode()),
             chunk(2, 0, STORM.to_bytes(4, "little") + rows + bytes(16 * STORM)),
             chunk(10, 0, b""),
             chunk(5, 0, ergons.tobytes()),

@@ -11,7 +11,7 @@ use crate::words;
 #[pyfunction]
 pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyResult<Vec<f64>> {
     let point = |(t, x, curve): &(f64, f64, String)| {
-        let Approach::Path(curve) = word("curve", curve, &words::WAYS)? else {
+        let Approach::Path(curve) = word("curve", curve, words::WAYS)? else {
             return Err(refused("path_values", "a throw leads along no path"));
         };
         Ok(Point {

@@ -12,12 +12,12 @@ use crate::error::{refused, word};
 use crate::network::Network;
 use crate::words::Words;
 
-const PROTOCOLS: Words<Protocol, 3> = [
+pub(crate) const PROTOCOLS: Words<Protocol> = &[
     ("firefader", Protocol::FireFader),
     ("frame", Protocol::Frame),
     ("haply", Protocol::Haply),
 ];
-const TRANSPORTS: Words<fn(u16) -> Transport, 3> = [
+const TRANSPORTS: Words<fn(u16) -> Transport> = &[
     ("pty", |_| Transport::Terminal),
     ("udp", Transport::Udp),
     ("ws", Transport::WebSocket),
@@ -69,7 +69,7 @@ pub(crate) fn emulate(
     };
     let options = Options {
         board: Board {
-            protocol: word("protocol", protocol, &PROTOCOLS)?,
+            protocol: word("protocol", protocol, PROTOCOLS)?,
             lockstep,
             touch_gate,
             force_max,
@@ -82,7 +82,7 @@ pub(crate) fn emulate(
             known: [mass, damping],
             range: key.range,
         },
-        transport: word("transport", transport, &TRANSPORTS)?(port),
+        transport: word("transport", transport, TRANSPORTS)?(port),
         axes,
         key,
         model,

@@ -12,7 +12,8 @@ use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use crate::device::{AxisOf, Device, axis};
-use crate::error::{refused, said};
+use crate::emulator::PROTOCOLS;
+use crate::error::{refused, said, word};
 use crate::perform::RecordOf;
 use crate::status::tripped;
 
@@ -183,11 +184,7 @@ pub(crate) fn emulated_device(
 ) -> PyResult<Device> {
     let model = KeyModel::of_row(model.as_slice()?);
     let model = model.map_err(|error| refused("emulated_device", error))?;
-    let protocol = match protocol {
-        "firefader" => Protocol::FireFader,
-        "frame" => Protocol::Frame,
-        _ => return Err(refused("protocol", "must be firefader or frame")),
-    };
+    let protocol = word("protocol", protocol, PROTOCOLS)?;
     let half = 0.5 * travel;
     let key = Key {
         mass: model.mass,

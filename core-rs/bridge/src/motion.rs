@@ -40,7 +40,7 @@ impl MotionLook {
         self.0.points.iter().map(|point| point.mat).collect()
     }
 
-    /// The parts of a scene.
+    /// The parts of a simulation.
     fn runs(&self) -> Vec<LookRun> {
         let run = |run: record::Run| {
             let body = run.body.map(|body| &self.0.bodies[body]);
@@ -79,13 +79,13 @@ pub(crate) struct MotionRecorder {
 #[pymethods]
 impl MotionRecorder {
     #[new]
-    #[pyo3(signature = (simulation, look, timeline, *, scene, places, keys, n_speakers, fps))]
+    #[pyo3(signature = (simulation, look, timeline, *, manifest, places, keys, n_speakers, fps))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         mut simulation: PyRefMut<'_, Simulation>,
         look: &MotionLook,
         timeline: &Timeline,
-        scene: String,
+        manifest: String,
         places: PyReadonlyArray2<'_, f64>,
         keys: Vec<usize>,
         n_speakers: usize,
@@ -97,7 +97,7 @@ impl MotionRecorder {
         }
         let places = rows(&places, "places", 3)?;
         let setup = Setup {
-            scene,
+            manifest,
             places: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
             ergons: own.written(&timeline.inner),
             keys,
@@ -161,8 +161,8 @@ fn from_read(error: ReadError) -> PyErr {
 #[pymethods]
 impl Motion {
     #[getter]
-    fn scene(&self) -> &str {
-        &self.0.scene
+    fn manifest(&self) -> &str {
+        &self.0.manifest
     }
 
     #[getter]

@@ -159,7 +159,7 @@ impl Network {
         hardening: f64,
         stretching: f64,
     ) -> PyResult<usize> {
-        let ends = word("ends", ends, &words::ENDS)?;
+        let ends = word("ends", ends, words::ENDS)?;
         let topology = computing(py, || match inharmonicity {
             None => generator::string(masses, ends, stiffness),
             Some(b) => generator::stiff_string(masses, ends, b),
@@ -187,9 +187,9 @@ impl Network {
     ) -> PyResult<usize> {
         let shape = match sides {
             Some((across, up)) => Shape::Rectangle { across, up },
-            None => word("shape", shape, &words::SHAPES)?,
+            None => word("shape", shape, words::SHAPES)?,
         };
-        let rim = word("rim", rim, &words::RIMS)?;
+        let rim = word("rim", rim, words::RIMS)?;
         let topology = computing(py, || match bending {
             None if shape == Shape::Disc => generator::round_membrane(radius, rim),
             None => generator::plate(shape, radius, rim),
@@ -214,7 +214,7 @@ impl Network {
         hole: f64,
         seed: i128,
     ) -> PyResult<usize> {
-        let spread = word("spread", spread, &words::SPREADS)?;
+        let spread = word("spread", spread, words::SPREADS)?;
         let place = placed(place, hole)?;
         computing(py, || {
             self.0.bank(
@@ -332,8 +332,8 @@ impl Network {
         clamp: bool,
         steps: u32,
     ) -> PyResult<usize> {
-        let side = word("side", side, &words::SIDES)?;
-        let contact = word("contact", contact, &words::CONTACTS)?;
+        let side = word("side", side, words::SIDES)?;
+        let contact = word("contact", contact, words::CONTACTS)?;
         let but = But {
             k: K,
             z: Z,
@@ -606,7 +606,7 @@ impl Network {
 
 /// How the members of a bank lie, by its word; `hole` is that of a galaxy.
 fn placed(place: &str, hole: f64) -> PyResult<MemberPlace> {
-    Ok(match word("place", place, &words::PLACES)? {
+    Ok(match word("place", place, words::PLACES)? {
         MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole },
         other => other,
     })

@@ -40,7 +40,7 @@ type HandOf<'py> = (
 );
 /// (ticks after the change, factor of the stiffness, factor of the viscosity)
 type StepOf = (u64, f64, f64);
-/// (ticks after the change, greatest factor of the scene's force)
+/// (ticks after the change, greatest factor of the piece's force)
 type BoundOf = (u64, f64);
 /// The fields of a `LiveBoard`.
 type BoardOf = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisOf>);
@@ -175,12 +175,12 @@ impl Performance {
         })
     }
 
-    /// How much of the scene's force each real hand may get.
+    /// How much of the piece's force each real hand may get.
     fn hand_limits(&self) -> PyResult<Vec<HandLimit>> {
         self.with(|own| own.hand_limits().iter().map(HandLimit::of).collect())
     }
 
-    /// The limit of a real hand for a scene with this response [N/m] (n_ticks,); None where the hand is not real.
+    /// The limit of a real hand for a piece with this response [N/m] (n_ticks,); None where the hand is not real.
     fn hand_limit(
         &self,
         py: Python<'_>,

@@ -189,7 +189,7 @@ fn budget(
     match (method, error, cents, upto) {
         (None, None, None, None) => Ok(Budget::default()),
         (Some(method), None, None, None) => {
-            Ok(Budget::Method(word("method", method, &words::METHODS)?))
+            Ok(Budget::Method(word("method", method, words::METHODS)?))
         }
         (None, Some(db), None, None) => Ok(Budget::Error(finite("error_db", db, db < 0.0)?)),
         (None, None, Some(cents), upto) => {

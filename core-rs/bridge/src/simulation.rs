@@ -44,7 +44,7 @@ impl Simulation {
         start: u64,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
-        let on_fault = word("on_fault", on_fault, &words::ON_FAULT)?;
+        let on_fault = word("on_fault", on_fault, words::ON_FAULT)?;
         let options = simulation::Options {
             ledger,
             record,
@@ -144,7 +144,7 @@ impl Simulation {
         Ok(self.0.strike(point, strike_impulse(impulse)?))
     }
 
-    /// Mean force of the scene on a real hand over the last whole tick [N].
+    /// Mean force of the piece on a real hand over the last whole tick [N].
     fn felt(&self, hand: usize) -> f64 {
         self.0.felt(hand)
     }

@@ -131,7 +131,7 @@ impl HandStatus {
     }
 }
 
-/// How much of the scene's force a real hand may get.
+/// How much of the piece's force a real hand may get.
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct HandLimit {
     hand: usize,

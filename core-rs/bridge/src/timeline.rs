@@ -67,7 +67,7 @@ impl Timeline {
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let approaches = curve
             .iter()
-            .map(|curve| word("curve", curve, &words::WAYS))
+            .map(|curve| word("curve", curve, words::WAYS))
             .collect::<PyResult<Vec<Approach>>>()?;
         let written = Written {
             t: &t,
@@ -259,7 +259,7 @@ impl Timeline {
         own: bool,
     ) -> PyResult<()> {
         self.there("drive", mat)?;
-        let kind = word("kind", kind, &words::DRIVES)?;
+        let kind = word("kind", kind, words::DRIVES)?;
         let source = match (constant, take) {
             (Some(constant), None) => Source::Constant(constant),
             (None, Some(take)) => {
@@ -296,7 +296,7 @@ impl Timeline {
         positions: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<usize> {
         self.there("hand", mat)?;
-        let way = word("way", way, &words::HAND_WAYS)?;
+        let way = word("way", way, words::HAND_WAYS)?;
         let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
         self.inner
             .hand(
@@ -346,8 +346,8 @@ fn manner(
     limit: Option<f64>,
     layer: bool,
 ) -> PyResult<Manner> {
-    let touch = word("touch", touch, &words::TOUCHES)?;
-    let ergons = word("ergons", ergons, &words::ERGONS)?;
+    let touch = word("touch", touch, words::TOUCHES)?;
+    let ergons = word("ergons", ergons, words::ERGONS)?;
     Ok(Manner {
         touch,
         ergons,

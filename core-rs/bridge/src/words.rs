@@ -10,47 +10,47 @@ use ergon_engine::simulation::OnFault;
 use ergon_engine::timeline::{DriveKind, HandWay};
 
 /// A table of words.
-pub(crate) type Words<T, const N: usize> = [(&'static str, T); N];
+pub(crate) type Words<T> = &'static [(&'static str, T)];
 
-pub(crate) const ENDS: Words<Ends, 3> = [
+pub(crate) const ENDS: Words<Ends> = &[
     ("fixed", Ends::Fixed),
     ("free", Ends::Free),
     ("left", Ends::Left),
 ];
-pub(crate) const SHAPES: Words<Shape, 3> = [
+pub(crate) const SHAPES: Words<Shape> = &[
     ("hex", Shape::Hex),
     ("square", Shape::Square),
     ("disc", Shape::Disc),
 ];
-pub(crate) const RIMS: Words<Rim, 2> = [("free", Rim::Free), ("fixed", Rim::Fixed)];
-pub(crate) const SPREADS: Words<Spread, 2> = [("even", Spread::Even), ("random", Spread::Random)];
-pub(crate) const PLACES: Words<Place, 3> = [
+pub(crate) const RIMS: Words<Rim> = &[("free", Rim::Free), ("fixed", Rim::Fixed)];
+pub(crate) const SPREADS: Words<Spread> = &[("even", Spread::Even), ("random", Spread::Random)];
+pub(crate) const PLACES: Words<Place> = &[
     ("line", Place::Line),
     ("spiral", Place::Spiral),
     ("galaxy", Place::Galaxy { hole: 0.3 }),
 ];
-pub(crate) const SIDES: Words<Side, 2> = [("below", Side::Below), ("above", Side::Above)];
-pub(crate) const CONTACTS: Words<Contact, 3> = [
+pub(crate) const SIDES: Words<Side> = &[("below", Side::Below), ("above", Side::Above)];
+pub(crate) const CONTACTS: Words<Contact> = &[
     ("plain", Contact::Plain),
     ("exact", Contact::Exact),
     ("magic", Contact::Magic),
 ];
-pub(crate) const WAYS: Words<Approach, 4> = [
+pub(crate) const WAYS: Words<Approach> = &[
     ("smooth", Approach::Path(Curve::Smooth)),
     ("line", Approach::Path(Curve::Line)),
     ("hold", Approach::Path(Curve::Hold)),
     ("throw", Approach::Throw),
 ];
-pub(crate) const TOUCHES: Words<Touch, 2> = [("open", Touch::Open), ("tracked", Touch::Tracked)];
-pub(crate) const ERGONS: Words<Ergons, 2> =
-    [("event", Ergons::Event), ("particle", Ergons::Particle)];
-pub(crate) const HAND_WAYS: Words<HandWay, 2> = [("hold", HandWay::Hold), ("line", HandWay::Line)];
-pub(crate) const DRIVES: Words<DriveKind, 2> = [
+pub(crate) const TOUCHES: Words<Touch> = &[("open", Touch::Open), ("tracked", Touch::Tracked)];
+pub(crate) const ERGONS: Words<Ergons> =
+    &[("event", Ergons::Event), ("particle", Ergons::Particle)];
+pub(crate) const HAND_WAYS: Words<HandWay> = &[("hold", HandWay::Hold), ("line", HandWay::Line)];
+pub(crate) const DRIVES: Words<DriveKind> = &[
     ("position", DriveKind::Position),
     ("force", DriveKind::Force),
 ];
-pub(crate) const ON_FAULT: Words<OnFault, 2> = [("stop", OnFault::Stop), ("mute", OnFault::Mute)];
-pub(crate) const METHODS: Words<Method, 6> = [
+pub(crate) const ON_FAULT: Words<OnFault> = &[("stop", OnFault::Stop), ("mute", OnFault::Mute)];
+pub(crate) const METHODS: Words<Method> = &[
     ("ca", Method::Ca),
     ("modal", Method::Modal),
     ("ca2p", Method::Ca2p),

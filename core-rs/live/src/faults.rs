@@ -93,7 +93,7 @@ pub struct Measurement {
 
 impl Fault {
     /// All faults, in the order of the table.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: &[Self] = &[
         Self::NotANumber,
         Self::Infinite,
         Self::Huge,
@@ -201,7 +201,7 @@ impl Fault {
 
 impl Emulator {
     /// All emulated devices.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: &[Self] = &[
         Self::InProcess,
         Self::Board(Protocol::Frame),
         Self::Board(Protocol::FireFader),
@@ -210,20 +210,13 @@ impl Emulator {
 
     /// Its name in a URL.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::InProcess => "emul",
-            Self::Board(Protocol::Frame) => "frame",
-            Self::Board(Protocol::FireFader) => "firefader",
-            Self::Board(Protocol::Haply) => "haply",
-        }
+        self.kind().name()
     }
 
     fn kind(self) -> Kind {
         match self {
             Self::InProcess => Kind::Emul,
-            Self::Board(Protocol::Frame) => Kind::Frame,
-            Self::Board(Protocol::FireFader) => Kind::FireFader,
-            Self::Board(Protocol::Haply) => Kind::Haply,
+            Self::Board(protocol) => protocol.into(),
         }
     }
 }
@@ -246,12 +239,9 @@ impl Measurement {
 /// # Errors
 /// [`DeviceError`] where an emulator does not answer its own driver.
 pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
-    let pairs = Fault::ALL
-        .into_iter()
-        .flat_map(|fault| Emulator::ALL.map(|emulator| (fault, emulator)));
-    pairs
-        .map(|(fault, emulator)| experiment::measured(fault, emulator))
-        .collect()
+    let of =
+        |&fault| (Emulator::ALL.iter()).map(move |&emulator| experiment::measured(fault, emulator));
+    Fault::ALL.iter().flat_map(of).collect()
 }
 
 #[cfg(test)]

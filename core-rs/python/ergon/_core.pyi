@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 __version__: str
 GRID: int  # events that a plan has to foresee begin at multiples of this many frames
-FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer scene takes over [s]
-FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played with (0 to 1)
+FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer piece takes over [s]
+FORCE_SCALE_MIN: float  # least part of the piece's force that a hand is played with (0 to 1)
 MAX_MODAL: int  # modes that a MODES may have
 MAX_PLACES: int  # places that a MODES may have
 
@@ -715,7 +715,7 @@ class Recording:
     def positions(self) -> _Floats:
         """Positions that the simulation used [m], (n_ticks, n_axes)."""
     def forces(self) -> _Floats:
-        """Forces of the scene on the keys [N], (n_ticks, n_axes)."""
+        """Forces of the piece on the keys [N], (n_ticks, n_axes)."""
     def sent(self) -> NDArray[np.float32]:
         """Forces sent to the devices, after the safety stages [N], (n_ticks, n_axes)."""
     def flags(self) -> NDArray[np.uint8]:
@@ -738,7 +738,7 @@ def read_recording(path: str | PathLike[str], span: tuple[int, int] | None = Non
 class Motion:
     """A `.motion` file, as far as it is whole."""
 
-    scene: str
+    manifest: str  # JSON
     is_whole: bool
     is_cut: bool
     duration: float
@@ -758,7 +758,7 @@ class Motion:
 def read_motion(path: str | PathLike[str]) -> Motion:
     """Read what is whole of a `.motion` file.
 
-    Raises OSError, and EngineError where scene or tables are not whole.
+    Raises OSError, and EngineError where manifest or tables are not whole.
     """
 
 # --- what will happen ---------------------------------------------------------------------------
@@ -1114,13 +1114,13 @@ class MotionRecorder:
         look: MotionLook,
         timeline: Timeline,
         *,
-        scene: str,
+        manifest: str,
         places: _Floats,
         keys: Sequence[int],
         n_speakers: int,
         fps: float,
     ) -> Self:
-        """`scene`: JSON; `places`: where points stand [m], (n_points, 3); `keys`: the MAT of each
+        """`manifest`: JSON; `places`: where points stand [m], (n_points, 3); `keys`: the MAT of each
         key. Raises EngineError where a table would be too long."""
     next: int
     def look(self, simulation: Simulation) -> None:
@@ -1222,7 +1222,7 @@ class Simulation:
         EngineError where the impulse is not finite.
         """
     def felt(self, hand: int) -> float:
-        """Mean force of the scene on a real hand [N] over the last whole tick."""
+        """Mean force of the piece on a real hand [N] over the last whole tick."""
     def fork(self) -> Simulation:
         """An independent copy in the same state."""
     def damp(self, t60: float | None) -> None:
@@ -1511,9 +1511,9 @@ class HandStatus:
     """The state of a hand of a performance."""
 
     position: float  # of the key [m]
-    force: float  # of the scene on the key [N]
+    force: float  # of the piece on the key [N]
     sent: float  # to the motor, after the safety stages [N]
-    scale: float  # factor of the scene's force, 0 to 1
+    scale: float  # factor of the piece's force, 0 to 1
     real: bool  # a person moves the key, not its stand-in
     touch: bool  # a finger is on the key
     enabled: bool  # the device lets forces through
@@ -1550,11 +1550,11 @@ class Status:
 
 @final
 class HandLimit:
-    """How much of the scene's force a real hand may get, so that device and scene stay stable."""
+    """How much of the piece's force a real hand may get, so that device and piece stay stable."""
 
     hand: int
     scale: float  # factor of the force, 0 to 1
-    stiffness: float  # greatest stiffness of scene and guidance [N/m]
+    stiffness: float  # greatest stiffness of piece and guidance [N/m]
     limit: float  # greatest stable stiffness [N/m]
 
 class GuidanceSpring(NamedTuple):
@@ -1568,9 +1568,9 @@ class LiveHand(NamedTuple):
     """A hand of a performance."""
 
     standin: _Floats  # position at each tick where no person plays [m], (n_ticks,)
-    reach: float  # factor between key and scene
+    reach: float  # factor between key and piece
     guidance: GuidanceSpring | tuple[float, float, bool] | None
-    response: _Floats  # ReachableNetwork.response of the scene, or none of it, (n_ticks,)
+    response: _Floats  # ReachableNetwork.response of the piece, or none of it, (n_ticks,)
     # Of the key as measured: mass [kg], damping [N·s/m] and, where it is known, delay [s].
     measured: tuple[float, float, float | None] | None
 
@@ -1688,13 +1688,13 @@ class Performance:
         The latest 256 edges are kept. Raises EngineError when the performance is closed.
         """
     def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
-        """The force limit of a real hand in another scene; None where the hand is not real.
+        """The force limit of a real hand in another piece; None where the hand is not real.
 
-        `response` (n_ticks,) [N/m] is what ReachableNetwork.response returns for that scene. Raises EngineError
+        `response` (n_ticks,) [N/m] is what ReachableNetwork.response returns for that piece. Raises EngineError
         when the performance is closed.
         """
     def hand_limits(self) -> list[HandLimit]:
-        """The force limit of each real hand in the scene that the performance began with.
+        """The force limit of each real hand in the piece that the performance began with.
 
         Raises EngineError when the performance is closed.
         """
@@ -1752,7 +1752,7 @@ class Performance:
         are (group, gain). `standins`: new stand-in positions of each hand from this tick on [m]
         (n_ticks,), an empty one keeps the old. `guidance`: of each hand (ticks after the change,
         factor of K, factor of Z). `bounds`: of each hand (ticks after the change, greatest factor
-        of the scene's force); the force falls before a lower bound and rises after a higher one.
+        of the piece's force); the force falls before a lower bound and rises after a higher one.
         `damp`: as in Simulation.damp; 0 removes it. Raises EngineError.
         """
     def stop(self) -> None:

@@ -91,18 +91,18 @@ export function project(m, x, y, z, width, height) {
 }
 
 /** Nine views: the whole, the dome from within and above, from the side, then the parts, the largest first. */
-export function presets(scene) {
-  const bench = scene.extent();
-  const room = scene.speakers.reduce((far, s) => Math.max(far, Math.hypot(...s.xyz)), bench.radius);
+export function presets(model) {
+  const bench = model.extent();
+  const room = model.speakers.reduce((far, s) => Math.max(far, Math.hypot(...s.xyz)), bench.radius);
   const looks = [
     { target: bench.centre, distance: 1.75 * bench.radius, yaw: 0.35, pitch: 0.6 },
     { target: [0, 0.02 * room, 0.3 * room], distance: 0.35 * room, yaw: 0, pitch: -0.35 },
     { target: [0, 0, 0.2 * room], distance: 2.0 * room, yaw: 0, pitch: 1.5 },
     { target: [0, 0, 0.2 * room], distance: 2.1 * room, yaw: 0.5, pitch: 0.3 },
   ];
-  const parts = [...scene.parts].sort((a, b) => b.count - a.count).slice(0, 5);
+  const parts = [...model.parts].sort((a, b) => b.count - a.count).slice(0, 5);
   for (const part of parts) {
-    const { centre, radius } = scene.extent(scene.pointsOf(part));
+    const { centre, radius } = model.extent(model.pointsOf(part));
     looks.push({ target: centre, distance: 1.9 * Math.max(radius, 0.1 * bench.radius), yaw: 0.25, pitch: 0.45 });
   }
   return looks;

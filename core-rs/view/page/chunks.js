@@ -1,7 +1,7 @@
 // The bytes of a `.motion` file, as they come, into chunks; each is looked at only when its check sum is right.
 
 export const KIND = {
-  scene: 1, points: 2, flights: 3, frames: 4, ergons: 5, contacts: 6, levels: 7, hands: 8,
+  manifest: 1, points: 2, flights: 3, frames: 4, ergons: 5, contacts: 6, levels: 7, hands: 8,
   clock: 9, state: 10, index: 11, links: 12, shapes: 13, names: 14, peaks: 15,
 };
 

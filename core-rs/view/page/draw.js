@@ -26,23 +26,23 @@ export class Drawing {
     this.sparks = 0; // drawn in the last picture
   }
 
-  /** Points and links, where the scene or its tables are new. */
-  follow(scene) {
-    if (this.scene === scene && this.version === scene.version) return;
+  /** Points and links, where the model or its tables are new. */
+  follow(model) {
+    if (this.model === model && this.version === model.version) return;
     this.rest?.delete();
     this.state?.delete();
-    this.rest = new PointTexture(this.gl, 0, scene.n);
-    this.state = new PointTexture(this.gl, 1, scene.n);
-    const looks = scene.parts.map((part) => 1024 * (STYLE[part.layout] ?? 0) + apart(scene, part));
-    for (let p = 0; p < scene.n; p++) {
-      this.rest.data.set([scene.x[p], scene.y[p], scene.z[p], looks[scene.partOf[p]]], 4 * p);
+    this.rest = new PointTexture(this.gl, 0, model.n);
+    this.state = new PointTexture(this.gl, 1, model.n);
+    const looks = model.parts.map((part) => 1024 * (STYLE[part.layout] ?? 0) + apart(model, part));
+    for (let p = 0; p < model.n; p++) {
+      this.rest.data.set([model.x[p], model.y[p], model.z[p], looks[model.partOf[p]]], 4 * p);
     }
     this.rest.put();
-    this.links.put(scene.links.length ? scene.links : new Uint32Array(2));
-    this.dome = domeLines(scene.speakers);
+    this.links.put(model.links.length ? model.links : new Uint32Array(2));
+    this.dome = domeLines(model.speakers);
     this.lines.put(this.dome.length ? this.dome : new Float32Array(3));
-    this.scene = scene;
-    this.version = scene.version;
+    this.model = model;
+    this.version = model.version;
   }
 
   /**
@@ -50,22 +50,22 @@ export class Drawing {
    */
   instant(story, motion, t, look) {
     const { gl } = this;
-    const { scene } = story;
-    this.follow(scene);
+    const { model } = story;
+    this.follow(model);
     const [width, height] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
     this.always = { M: look.matrix, view: [width / 2, height / 2], px: height / 720, rest: { unit: 0 }, state: { unit: 1 }, gain: 1, whole: motion.whole };
     this.clear();
     if (look.trails) {
       for (let k = TRAIL; k > 0; k--) {
         motion.at(Math.max(0, t - k * TRAIL_STEP * look.rate), look.rate);
-        this.stand(scene, motion, look.seen);
-        this.points(scene, 0.35 * (1 - k / (TRAIL + 1)));
+        this.stand(model, motion, look.seen);
+        this.points(model, 0.35 * (1 - k / (TRAIL + 1)));
       }
     }
     motion.at(t, look.rate);
-    this.stand(scene, motion, look.seen);
-    if (this.show.links) this.drawLinks(scene);
-    if (this.show.points) this.points(scene, 1);
+    this.stand(model, motion, look.seen);
+    if (this.show.links) this.drawLinks(model);
+    if (this.show.points) this.points(model, 1);
     this.drawFlashes(story, motion, t, look, width, height);
     if (this.show.speakers) this.drawSpeakers(story, t);
   }
@@ -87,9 +87,9 @@ export class Drawing {
   }
 
   /** How every point stands, to the graphics card. */
-  stand(scene, motion, seen) {
+  stand(model, motion, seen) {
     const { data } = this.state;
-    scene.parts.forEach((part, i) => {
+    model.parts.forEach((part, i) => {
       const gain = motion.exaggeration(i);
       const dark = part.kind === "none" || !motion.known[i];
       for (let p = part.first, at = 4 * part.first; p < part.first + part.count; p++, at += 4) {
@@ -102,19 +102,19 @@ export class Drawing {
     this.state.put();
   }
 
-  points(scene, gain) {
+  points(model, gain) {
     const { gl } = this;
     this.programs.points.use({ ...this.always, gain });
     this.quad.attribute(0, 2);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, scene.n);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, model.n);
   }
 
-  drawLinks(scene) {
+  drawLinks(model) {
     const { gl } = this;
-    if (!scene.links.length) return;
+    if (!model.links.length) return;
     this.programs.links.use({ ...this.always, gain: 0.8 });
     this.links.attribute(0, 2, { each: 1, integers: true });
-    gl.drawArraysInstanced(gl.LINES, 0, 2, scene.links.length / 2);
+    gl.drawArraysInstanced(gl.LINES, 0, 2, model.links.length / 2);
     gl.vertexAttribDivisor(0, 0);
   }
 
@@ -130,13 +130,13 @@ export class Drawing {
   }
 
   sparksAt(story, motion, t, look, px) {
-    const { scene, ergons } = story;
+    const { model, ergons } = story;
     const { matrix: m, reach } = look;
     const found = { points: [], values: [], radii: [] };
     ergons.between(t - 0.3 * reach, t + reach, (e) => {
       const p = e.point;
-      if (p >= scene.n || look.seen[scene.partOf[p]] === 0) return;
-      const depth = m[3] * scene.x[p] + m[7] * scene.y[p] + m[11] * scene.z[p] + m[15];
+      if (p >= model.n || look.seen[model.partOf[p]] === 0) return;
+      const depth = m[3] * model.x[p] + m[7] * model.y[p] + m[11] * model.z[p] + m[15];
       const near = Math.min(5, Math.max(0.7, (2.3 * motion.whole) / Math.max(depth, 1e-9)));
       const d = e.t - t;
       const { size, light } = spark(look.still && d < 0.1 * reach ? 0.1 * reach : d, reach, Math.abs(e.impulse) / (ergons.greatest || 1));
@@ -162,7 +162,7 @@ export class Drawing {
 
   drawSpeakers(story, t) {
     const { gl } = this;
-    const { speakers } = story.scene;
+    const { speakers } = story.model;
     if (!speakers.length) return;
     const now = levels(story, t);
     const at = new Float32Array(4 * speakers.length);
@@ -196,36 +196,36 @@ export class Drawing {
 }
 
 /** About how far apart the points of a part are [m]. */
-function apart(scene, part) {
-  const { radius } = scene.extent(scene.pointsOf(part));
+function apart(model, part) {
+  const { radius } = model.extent(model.pointsOf(part));
   if (part.count < 2) return 1;
   const share = part.layout === "string" ? 2 / part.count : Math.sqrt(Math.PI / part.count);
   return Math.min(1000, radius * share);
 }
 
 function contactsAt(story, motion, t, px) {
-  const { scene, contacts } = story;
+  const { model, contacts } = story;
   const found = { at: [], radii: [] };
   contacts.between(t - 0.2, t, (c) => {
-    const link = scene.contacts[c.contact];
+    const link = model.contacts[c.contact];
     const flash = link ? contactFlash(t - c.t, Math.abs(c.force) / (contacts.greatest || 1)) : 0;
     if (flash <= 0) return;
-    found.at.push(...middle(scene, motion, link.a, link.b), flash);
+    found.at.push(...middle(model, motion, link.a, link.b), flash);
     found.radii.push(px * CONTACT);
   });
   return found;
 }
 
 /** Between two points, as they are drawn [m]. */
-function middle(scene, motion, a, b) {
-  const height = (p) => scene.z[p] + motion.exaggeration(scene.partOf[p]) * motion.z[p];
-  return [(scene.x[a] + scene.x[b]) / 2, (scene.y[a] + scene.y[b]) / 2, (height(a) + height(b)) / 2];
+function middle(model, motion, a, b) {
+  const height = (p) => model.z[p] + motion.exaggeration(model.partOf[p]) * motion.z[p];
+  return [(model.x[a] + model.x[b]) / 2, (model.y[a] + model.y[b]) / 2, (height(a) + height(b)) / 2];
 }
 
 /** Of each loudspeaker: its level [dB re full scale], and that as a share from 0 (−60 dB) to 1. */
 export function levels(story, t) {
   const row = story.levels.at(t);
-  return story.scene.speakers.map((_, i) => {
+  return story.model.speakers.map((_, i) => {
     const db = 20 * Math.log10((row?.[i] ?? 0) + 1e-12);
     return { db, share: Math.max(0, Math.min(1, 1 + db / 60)) };
   });

@@ -7,14 +7,14 @@ const NEAR = 14; // [px]
 
 /** The point that is drawn nearest to a place of the picture; null where none is near. */
 export function pick(story, motion, look, x, y, width, height) {
-  const { scene } = story;
+  const { model } = story;
   let best = NEAR ** 2;
   let found = null;
-  scene.parts.forEach((part, i) => {
+  model.parts.forEach((part, i) => {
     if (look.seen[i] === 0) return;
     const gain = motion.exaggeration(i);
     for (let p = part.first; p < part.first + part.count; p++) {
-      const at = project(look.matrix, scene.x[p], scene.y[p], scene.z[p] + gain * motion.z[p], width, height);
+      const at = project(look.matrix, model.x[p], model.y[p], model.z[p] + gain * motion.z[p], width, height);
       if (!at) continue;
       const far = (at[0] - x) ** 2 + (at[1] - y) ** 2;
       if (far < best) {
@@ -28,11 +28,11 @@ export function pick(story, motion, look, x, y, width, height) {
 
 /** What is told of a point at t: lines of text. */
 export function describe(story, motion, point, t) {
-  const { scene, flights } = story;
-  const part = scene.parts[scene.partOf[point]];
-  const lines = [scene.nameOf(point)];
-  const omega = scene.omega[point];
-  const sigma = scene.sigma[point];
+  const { model, flights } = story;
+  const part = model.parts[model.partOf[point]];
+  const lines = [model.nameOf(point)];
+  const omega = model.omega[point];
+  const sigma = model.sigma[point];
   if (omega > 0) lines.push(`f ${si(omega / (2 * Math.PI), "Hz")}`);
   if (sigma > 0) lines.push(`T60 ${si(Math.log(1000) / sigma, "s")}`);
   if (part.kind === "free") {
@@ -51,10 +51,10 @@ export function describe(story, motion, point, t) {
 
 /** What a hand does to a key. */
 function hand(story, point, t) {
-  const number = story.scene.keys.findIndex((key) => key.point === point);
+  const number = story.model.keys.findIndex((key) => key.point === point);
   const row = number < 0 ? null : story.hands.at(t)?.get(number);
   if (!row) return [];
-  const { name, player } = story.scene.keys[number];
+  const { name, player } = story.model.keys[number];
   const lines = [`key ${name}${player ? `, ${player}` : ""}: at ${si(row.position, "m")}`];
   if (Number.isFinite(row.asked)) lines.push(`asked to be at ${si(row.asked, "m")}`);
   return lines;
@@ -65,7 +65,7 @@ function lastErgon(story, point, t) {
   if (!last) return ["no ergon yet"];
   const speed = Number.isFinite(last.speed) ? ` at ${si(last.speed, "m/s")}` : "";
   const lines = [`last ergon ${si(last.impulse, "N·s")}${speed}, ${last.t.toFixed(3)} s`];
-  const source = story.scene.source(last.source);
+  const source = story.model.source(last.source);
   if (source) lines.push(source.line ? `${source.name}, ${source.file}:${source.line}` : source.name);
   return lines;
 }

@@ -10,21 +10,21 @@ export class Labels {
     this.shown = true;
   }
 
-  follow(scene) {
-    if (this.scene === scene && this.version === scene.version) return;
-    this.scene = scene;
-    this.version = scene.version;
+  follow(model) {
+    if (this.model === model && this.version === model.version) return;
+    this.model = model;
+    this.version = model.version;
     this.box.replaceChildren();
     this.all = [];
-    for (const s of scene.speakers) this.add("speaker", s.name, () => s.xyz);
-    for (const k of scene.keys) this.add("key", k.name, () => [scene.x[k.point], scene.y[k.point], scene.z[k.point]], k.point);
-    scene.parts.forEach((part, i) => {
+    for (const s of model.speakers) this.add("speaker", s.name, () => s.xyz);
+    for (const k of model.keys) this.add("key", k.name, () => [model.x[k.point], model.y[k.point], model.z[k.point]], k.point);
+    model.parts.forEach((part, i) => {
       if (part.layout === "key" || !part.count) return;
       // What of an instrument is not computed has no words of its own where the rest has.
-      const isRest = part.kind === "none" && scene.parts.some((other) => other.name === part.name && other.kind !== "none");
+      const isRest = part.kind === "none" && model.parts.some((other) => other.name === part.name && other.kind !== "none");
       if (isRest) return;
-      const { centre } = scene.extent(scene.pointsOf(part));
-      const edge = Math.min(...Array.from(scene.pointsOf(part), (p) => scene.y[p]));
+      const { centre } = model.extent(model.pointsOf(part));
+      const edge = Math.min(...Array.from(model.pointsOf(part), (p) => model.y[p]));
       this.add("part", part.name, () => [centre[0], edge, centre[2]], part.first, i);
     });
   }
@@ -38,7 +38,7 @@ export class Labels {
   }
 
   place(story, motion, t, look, width, height) {
-    this.follow(story.scene);
+    this.follow(story.model);
     this.box.hidden = !this.shown;
     if (!this.shown) return;
     const now = levels(story, t);
@@ -48,13 +48,13 @@ export class Labels {
       const [x, y, z] = label.at();
       const at = project(look.matrix, x, y, z, width, height);
       const style = label.element.style;
-      const part = label.part ?? (label.point === null ? null : story.scene.partOf[label.point]);
+      const part = label.part ?? (label.point === null ? null : story.model.partOf[label.point]);
       const gone = !at || (part !== null && look.seen[part] === 0);
       label.element.hidden = gone;
       if (label.kind === "speaker") label.element.dataset.level = now[speaker++].db.toFixed(1);
       if (gone) continue;
       if (label.part !== null) {
-        const words = this.words(story.scene.parts[label.part], motion, label.part);
+        const words = this.words(story.model.parts[label.part], motion, label.part);
         label.element.textContent = words;
         below(taken, at, words);
       }

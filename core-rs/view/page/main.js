@@ -61,7 +61,7 @@ class Page {
       chunks.push(value);
       this.changed();
     }
-    if (!this.story.scene) throw new Error("the file ends before its scene does");
+    if (!this.story.model) throw new Error("the file ends before its manifest does");
   }
 
   async listen() {
@@ -71,22 +71,22 @@ class Page {
   }
 
   take(chunk) {
-    const before = this.story.scene;
+    const before = this.story.model;
     this.story.take(chunk);
-    const { scene } = this.story;
-    if (scene !== before || scene.version !== this.known) this.begin(scene);
+    const { model } = this.story;
+    if (model !== before || model.version !== this.known) this.begin(model);
   }
 
-  /** A new scene, or a table of it. */
-  begin(scene) {
-    const same = this.motion?.story.scene === scene;
-    this.known = scene.version;
+  /** A new model, or a table of it. */
+  begin(model) {
+    const same = this.motion?.story.model === model;
+    this.known = model.version;
     this.motion = new Motion(this.story);
-    this.presets = presets(scene);
+    this.presets = presets(model);
     this.camera.scale = this.motion.whole;
-    if (!same) this.look.seen = scene.parts.map(() => 1);
+    if (!same) this.look.seen = model.parts.map(() => 1);
     if (!this.moved) this.camera.look(this.presets[0]);
-    document.title = `${scene.title || "ergon"}: view`;
+    document.title = `${model.title || "ergon"}: view`;
   }
 
   lost() {
@@ -133,19 +133,19 @@ class Page {
   /** A key that is followed stays in the middle. */
   keepUp() {
     if (this.following === null) return;
-    const { scene } = this.story;
-    const { point } = scene.keys[this.following];
-    this.camera.target = [scene.x[point], scene.y[point], scene.z[point]];
+    const { model } = this.story;
+    const { point } = model.keys[this.following];
+    this.camera.target = [model.x[point], model.y[point], model.z[point]];
   }
 
   text() {
     const { clock, story } = this;
-    const { scene } = story;
-    const mark = scene.marks.filter((m) => m.seconds <= clock.t + 1e-9).at(-1);
+    const { model } = story;
+    const mark = model.marks.filter((m) => m.seconds <= clock.t + 1e-9).at(-1);
     const slow = clock.rate === 1 ? "×1" : `×1/${Math.round(1 / clock.rate)}`;
-    const part = scene.parts[this.chosen];
+    const part = model.parts[this.chosen];
     const words = [
-      scene.title || "ergon",
+      model.title || "ergon",
       `${shown(clock.t, clock.rate)} of ${story.duration.toFixed(1)} s`,
       mark ? `section ${mark.name}` : "",
       `${slow} ${clock.runs ? "runs" : "stands"}`,
@@ -159,7 +159,7 @@ class Page {
     if (this.inspected !== null) point.textContent = describe(story, this.motion, this.inspected, clock.t).join("\n");
     const list = element("levels");
     if (!list.hidden) {
-      const rows = levels(story, clock.t).map(({ db }, i) => `${scene.speakers[i].name} ${db > -100 ? db.toFixed(0) : "−∞"} dB`);
+      const rows = levels(story, clock.t).map(({ db }, i) => `${model.speakers[i].name} ${db > -100 ? db.toFixed(0) : "−∞"} dB`);
       list.replaceChildren(...rows.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
     }
   }
@@ -176,7 +176,7 @@ class Page {
   loop(now) {
     const { clock, story } = this;
     const runs = clock.runs;
-    if (story.scene) {
+    if (story.model) {
       clock.tick(now / 1000, story.duration);
       this.sound.follow(clock);
       story.prepare(Math.min(clock.t + AHEAD, story.end));
@@ -217,7 +217,7 @@ class Page {
   }
 
   mark(step) {
-    const at = this.story.scene.marks.map((m) => m.seconds);
+    const at = this.story.model.marks.map((m) => m.seconds);
     const { t } = this.clock;
     const next = step > 0 ? at.find((s) => s > t + 1e-6) : at.filter((s) => s < t - 1e-6).at(-1);
     if (next !== undefined) this.seek(next);
@@ -232,7 +232,7 @@ class Page {
   }
 
   follow(step) {
-    const { keys, parts, partOf } = this.story.scene;
+    const { keys, parts, partOf } = this.story.model;
     if (!step || !keys.length) {
       this.following = null;
       return;
@@ -247,7 +247,7 @@ class Page {
   }
 
   choose(step) {
-    const { parts } = this.story.scene;
+    const { parts } = this.story.model;
     this.chosen = (this.chosen + step + parts.length) % parts.length;
     const part = parts[this.chosen];
     this.tell(`part ${part.name}: ${part.count} points`);
@@ -274,7 +274,7 @@ class Page {
   }
 
   inspect(step) {
-    const part = this.story.scene.parts[this.chosen];
+    const part = this.story.model.parts[this.chosen];
     const at = this.inspected === null ? (step > 0 ? -1 : 0) : this.inspected - part.first;
     const next = (((at + step) % part.count) + part.count) % part.count;
     this.showPoint(part.first + next, 40, 90);
@@ -341,7 +341,7 @@ async function main() {
     .load()
     .catch((error) => {
       page.tell(`The motion cannot be read further: ${error.message}.`);
-      if (!page.story.scene) throw error;
+      if (!page.story.model) throw error;
     })
     .then(async () => {
       if (asked.has("sound")) await page.listen();

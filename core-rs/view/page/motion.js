@@ -8,16 +8,16 @@ const SHOWN = 0.12; // share of a part's size that its largest displacement is d
 
 export class Motion {
   constructor(story) {
-    const n = story.scene.n;
+    const n = story.model.n;
     this.story = story;
     this.z = new Float32Array(n); // [m]
     this.sweep = new Float32Array(n); // [m]
     this.light = new Float32Array(n); // 0 at rest … 1
     this.sign = new Float32Array(n); // of meshes: −1 … 1
-    this.known = story.scene.parts.map(() => true);
-    this.locked = story.scene.parts.map((part) => part.exaggeration);
-    this.sizes = story.scene.parts.map((part) => story.scene.extent(story.scene.pointsOf(part)).radius);
-    this.whole = story.scene.extent().radius;
+    this.known = story.model.parts.map(() => true);
+    this.locked = story.model.parts.map((part) => part.exaggeration);
+    this.sizes = story.model.parts.map((part) => story.model.extent(story.model.pointsOf(part)).radius);
+    this.whole = story.model.extent().radius;
     this.one = { z: 0, amplitude: 0 };
   }
 
@@ -27,7 +27,7 @@ export class Motion {
     story.flights.to(t);
     this.sweep.fill(0);
     this.sign.fill(0);
-    story.scene.parts.forEach((part, i) => {
+    story.model.parts.forEach((part, i) => {
       if (part.kind === "free") this.free(part, i, t, rate);
       else if (part.kind === "modal") this.modal(part, i, t, rate);
       else if (part.kind === "sampled") this.sampled(part, i, t);
@@ -35,7 +35,7 @@ export class Motion {
   }
 
   free(part, i, t, rate) {
-    const { scene, flights, loudest } = this.story;
+    const { model, flights, loudest } = this.story;
     const { one } = this;
     for (let p = part.first; p < part.first + part.count; p++) {
       const a = flights.a[p];
@@ -44,8 +44,8 @@ export class Motion {
         this.z[p] = this.light[p] = 0;
         continue;
       }
-      const omega = scene.omega[p];
-      flight(a, b, omega, scene.sigma[p], t - flights.begin[p], one);
+      const omega = model.omega[p];
+      flight(a, b, omega, model.sigma[p], t - flights.begin[p], one);
       const fast = strobes(omega, rate);
       this.z[p] = fast ? 0 : one.z;
       if (fast) this.sweep[p] = one.amplitude;
@@ -55,7 +55,7 @@ export class Motion {
   }
 
   modal(part, i, t, rate) {
-    const { scene, flights, peaks } = this.story;
+    const { model, flights, peaks } = this.story;
     const { z, sweep, one } = this;
     const from = part.first;
     z.fill(0, from, from + part.count);
@@ -63,8 +63,8 @@ export class Motion {
       const a = flights.a[id];
       const b = flights.b[id];
       if (a === 0 && b === 0) continue;
-      flight(a, b, scene.omega[id], scene.sigma[id], t - flights.begin[id], one);
-      if (strobes(scene.omega[id], rate)) {
+      flight(a, b, model.omega[id], model.sigma[id], t - flights.begin[id], one);
+      if (strobes(model.omega[id], rate)) {
         const square = one.amplitude ** 2;
         for (let p = 0; p < shape.length; p++) sweep[from + p] += square * shape[p] * shape[p];
       } else {

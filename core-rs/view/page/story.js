@@ -4,40 +4,40 @@ import { KIND } from "./chunks.js";
 import { Contacts, Ergons, Rows } from "./events.js";
 import { Flights } from "./flights.js";
 import { Frames } from "./frames.js";
-import { Scene } from "./scene.js";
+import { Model } from "./model.js";
 
 export class Story {
   constructor() {
-    this.scene = null;
+    this.model = null;
     this.end = 0; // [s] up to where it is known
   }
 
   begin(bytes) {
-    this.scene = new Scene(bytes);
-    this.flights = new Flights(this.scene.points + this.scene.modes);
-    this.frames = this.scene.parts.map((part) => new Frames(part.count));
+    this.model = new Model(bytes);
+    this.flights = new Flights(this.model.points + this.model.modes);
+    this.frames = this.model.parts.map((part) => new Frames(part.count));
     this.ergons = new Ergons();
     this.contacts = new Contacts();
     this.levels = new Rows();
     this.hands = new Rows();
-    this.peaks = new Float32Array(this.scene.parts.length); // [m]
-    this.loudest = new Float64Array(this.scene.parts.length); // [m/s] of free points
-    this.largest = new Float64Array(this.scene.parts.length); // [m] of them
+    this.peaks = new Float32Array(this.model.parts.length); // [m]
+    this.loudest = new Float64Array(this.model.parts.length); // [m/s] of free points
+    this.largest = new Float64Array(this.model.parts.length); // [m] of them
     this.end = 0;
   }
 
   /** Takes a chunk. */
   take(chunk) {
     const { kind, seconds, view, bytes } = chunk;
-    if (kind === KIND.scene) return this.begin(bytes);
-    if (!this.scene) throw new Error("a motion begins with its scene; this one does not");
+    if (kind === KIND.manifest) return this.begin(bytes);
+    if (!this.model) throw new Error("a motion begins with its manifest; this one does not");
     const does = DO[kind];
     if (does) does(this, seconds, view, bytes);
     if (kind !== KIND.index) this.end = Math.max(this.end, seconds);
   }
 
   get duration() {
-    return this.scene?.duration ?? this.end;
+    return this.model?.duration ?? this.end;
   }
 
   /** A promise that what is drawn at `t` is at hand; null where it is. */
@@ -48,14 +48,14 @@ export class Story {
 
   /** How fast free points of each part are at most, and how far they go. */
   hear(view) {
-    const { scene } = this;
+    const { model } = this;
     for (let at = 0; at + 12 <= view.byteLength; at += 12) {
       const i = view.getUint32(at, true);
-      if (i >= scene.n) continue;
+      if (i >= model.n) continue;
       const far = Math.hypot(view.getFloat32(at + 4, true), view.getFloat32(at + 8, true));
-      const fast = scene.omega[i] * far;
-      const part = scene.partOf[i];
-      if (far > this.largest[part] && scene.omega[i] > 0) this.largest[part] = far;
+      const fast = model.omega[i] * far;
+      const part = model.partOf[i];
+      if (far > this.largest[part] && model.omega[i] > 0) this.largest[part] = far;
       if (fast > this.loudest[part]) this.loudest[part] = fast;
     }
   }
@@ -78,10 +78,10 @@ function hands(view) {
 }
 
 const DO = {
-  [KIND.points]: (s, _, view) => s.scene.takePoints(view),
-  [KIND.links]: (s, _, view) => s.scene.takeLinks(view),
-  [KIND.names]: (s, _, view, bytes) => s.scene.takeNames(bytes),
-  [KIND.shapes]: (s, _, view) => s.scene.takeShapes(view),
+  [KIND.points]: (s, _, view) => s.model.takePoints(view),
+  [KIND.links]: (s, _, view) => s.model.takeLinks(view),
+  [KIND.names]: (s, _, view, bytes) => s.model.takeNames(bytes),
+  [KIND.shapes]: (s, _, view) => s.model.takeShapes(view),
   [KIND.state]: (s, t, view) => {
     s.hear(view);
     s.flights.takeState(t, view);

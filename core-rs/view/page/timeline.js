@@ -60,7 +60,7 @@ export class Timeline {
       paper.fillRect(x(clock.loop[0]), 0, x(clock.loop[1]) - x(clock.loop[0]), h);
     }
     paper.font = "11px system-ui, sans-serif";
-    for (const mark of story.scene.marks) {
+    for (const mark of story.model.marks) {
       paper.fillStyle = "#8fa3c0";
       paper.fillRect(x(mark.seconds), 0, 1, h);
       paper.fillText(mark.name, x(mark.seconds) + 3, 10);

@@ -10,7 +10,7 @@ pub const NONE: u32 = u32::MAX;
 /// Kinds of chunks.
 pub mod kind {
     /// JSON.
-    pub const SCENE: u16 = 1;
+    pub const MANIFEST: u16 = 1;
     /// Table of points.
     pub const POINTS: u16 = 2;
     /// Free oscillations that begin.

@@ -14,7 +14,7 @@ pub enum ReadError {
     /// It begins otherwise.
     #[error("this is no motion file: it does not begin with ERGM and version 1")]
     Magic,
-    /// Its scene or a table is not whole, or damaged.
+    /// Its manifest or a table is not whole, or damaged.
     #[error("the {0} of this motion file is missing or damaged")]
     Table(&'static str),
     /// A payload that another program version wrote.
@@ -44,8 +44,8 @@ pub struct MotionFile {
     bytes: Vec<u8>,
     /// All chunks that are whole.
     pub chunks: Vec<Place>,
-    /// The scene, as JSON.
-    pub scene: String,
+    /// The manifest, as JSON.
+    pub manifest: String,
     /// Whether the last chunk is the index: the file was ended.
     pub is_whole: bool,
     /// Points.
@@ -84,7 +84,7 @@ impl MotionFile {
     /// Read what is whole of a file.
     ///
     /// # Errors
-    /// [`ReadError`] where its scene and tables are not whole, or a chunk that is whole does not hold what it should.
+    /// [`ReadError`] where its manifest and tables are not whole, or a chunk that is whole does not hold what it should.
     pub fn new(bytes: Vec<u8>) -> Result<Self, ReadError> {
         if !bytes.starts_with(&MAGIC) {
             return Err(ReadError::Magic);
@@ -92,7 +92,7 @@ impl MotionFile {
         let (mut chunks, mut at) = (Vec::new(), MAGIC.len());
         // A damaged chunk ends what can be trusted, as a cut does.
         while let Ok((chunk, n)) = motion::read(&bytes[at..]) {
-            let known = (kind::SCENE..=kind::PEAKS).contains(&chunk.kind);
+            let known = (kind::MANIFEST..=kind::PEAKS).contains(&chunk.kind);
             if known && chunk.version != VERSION {
                 return Err(ReadError::Version(chunk.kind, chunk.version));
             }
@@ -109,7 +109,7 @@ impl MotionFile {
             is_whole: is_ended && at == bytes.len(),
             bytes,
             chunks,
-            scene: String::new(),
+            manifest: String::new(),
             n_points: 0,
             n_modes: 0,
             places: Vec::new(),
@@ -117,7 +117,7 @@ impl MotionFile {
             parts: Vec::new(),
             oscillations: Vec::new(),
         };
-        own.scene().ok_or(ReadError::Table("scene"))?;
+        own.manifest().ok_or(ReadError::Table("manifest"))?;
         own.points().ok_or(ReadError::Table("table of points"))?;
         own.names().ok_or(ReadError::Table("list of names"))?;
         own.shapes().ok_or(ReadError::Table("table of shapes"))?;
@@ -157,19 +157,19 @@ impl MotionFile {
         Some(self.payload(place))
     }
 
-    fn scene(&mut self) -> Option<()> {
-        let text = std::str::from_utf8(self.first(kind::SCENE)?)
+    fn manifest(&mut self) -> Option<()> {
+        let text = std::str::from_utf8(self.first(kind::MANIFEST)?)
             .ok()?
             .to_owned();
-        let scene: Value = serde_json::from_str(&text).ok()?;
+        let manifest: Value = serde_json::from_str(&text).ok()?;
         let count = |value: &Value, name: &str| -> Option<usize> {
             usize::try_from(value.get(name)?.as_u64()?)
                 .ok()
                 .filter(|n| *n <= MOST)
         };
-        (self.n_points, self.n_modes) = (count(&scene, "points")?, count(&scene, "modes")?);
+        (self.n_points, self.n_modes) = (count(&manifest, "points")?, count(&manifest, "modes")?);
         let mut until = 0;
-        for part in scene.get("parts")?.as_array()? {
+        for part in manifest.get("parts")?.as_array()? {
             let (first, count_here) = (count(part, "first")?, count(part, "count")?);
             if first != until {
                 return None;
@@ -195,7 +195,7 @@ impl MotionFile {
                 kind,
             });
         }
-        self.scene = text;
+        self.manifest = text;
         (until == self.n_points).then_some(())
     }
 

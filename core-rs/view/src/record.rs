@@ -32,8 +32,8 @@ const SHAPED: u64 = 4;
 /// What is recorded beside what moves.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The scene, as JSON.
-    pub scene: String,
+    /// The manifest, as JSON.
+    pub manifest: String,
     /// Where each point stands [m]   (n_points)
     pub places: Vec<[f64; 3]>,
     /// Ergons that are known beforehand, by rising instant.
@@ -95,7 +95,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// The file begins: scene and tables.
+    /// The file begins: manifest and tables.
     ///
     /// # Errors
     /// A sentence where a table would be too long.
@@ -141,7 +141,7 @@ impl Recorder {
         };
         tables::put_all(&mut own.out, network, (&own.look, &own.setup), &own.runs);
         if own.out.len() > MOST {
-            return Err("the tables of this scene are too long for a motion file".into());
+            return Err("the tables of this piece are too long for a motion file".into());
         }
         Ok(own)
     }

@@ -271,7 +271,7 @@ fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
     let _alone = alone();
     let lent = Lent::new("many.motion", b"", 0);
     let server = Server::start(Options::local(lent.0.clone())).expect("a server");
-    server.hub().greet(b"scene");
+    server.hub().greet(b"manifest");
     let mut pages: Vec<_> = (0..16)
         .map(|_| watch(&server, "/live").expect("a page"))
         .collect();
@@ -281,7 +281,7 @@ fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
     for page in &mut pages {
         assert_eq!(
             page.read().expect("a greeting"),
-            Message::binary(&b"scene"[..])
+            Message::binary(&b"manifest"[..])
         );
         page.send(Message::text("ping 12.5")).expect("a ping");
         let pong = page.read().expect("a pong").into_text().expect("text");

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::{Device, DeviceError, Gone, InProcess, Kind, Sample, Spec, Stats, Unit, Url};
 use crate::device::MAX_AXES;
-use crate::emulate::{Firmware, Hand, Key, Keys, Options, Protocol};
+use crate::emulate::{Firmware, Hand, Key, Keys, Options};
 use crate::safety::SafeForce;
 
 /// A tick of 44 samples at 44.1 kHz.
@@ -73,11 +73,7 @@ impl Emulated {
 /// # Errors
 /// [`DeviceError`] where the board cannot be, or has no such wire.
 pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
-    let kind = match options.board.protocol {
-        Protocol::FireFader => Kind::FireFader,
-        Protocol::Frame => Kind::Frame,
-        Protocol::Haply => Kind::Haply,
-    };
+    let kind = Kind::from(options.board.protocol);
     let url = Url::in_process(kind);
     let firmware = options.firmware().map_err(|error| url.closed(error))?;
     let board = BoardHere {

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::DeviceError;
+use crate::emulate::Protocol;
 
 /// The protocols.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +21,28 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// All kinds, by their names.
+    const NAMED: &[(&str, Self)] = &[
+        ("firefader", Self::FireFader),
+        ("frame", Self::Frame),
+        ("frame+udp", Self::FrameUdp),
+        ("haply", Self::Haply),
+        ("emul", Self::Emul),
+    ];
+
+    /// Its name, with which a URL begins.
+    pub(crate) fn name(self) -> &'static str {
+        let known = Self::NAMED.iter().find(|(_, kind)| *kind == self);
+        known.expect("every kind has a name").0
+    }
+
+    /// All names in a sentence.
+    fn names() -> String {
+        let names: Vec<_> = Self::NAMED.iter().map(|(name, _)| *name).collect();
+        let (last, others) = names.split_last().expect("there are kinds");
+        format!("{} and {last}", others.join(", "))
+    }
+
     /// Whether its address is that of a serial port, whose board may have a serial number.
     pub(crate) fn is_serial(self) -> bool {
         match self {
@@ -29,13 +52,16 @@ impl Kind {
     }
 }
 
-const KINDS: [(&str, Kind); 5] = [
-    ("firefader", Kind::FireFader),
-    ("frame", Kind::Frame),
-    ("frame+udp", Kind::FrameUdp),
-    ("haply", Kind::Haply),
-    ("emul", Kind::Emul),
-];
+/// By which driver an emulated board is played.
+impl From<Protocol> for Kind {
+    fn from(protocol: Protocol) -> Self {
+        match protocol {
+            Protocol::FireFader => Self::FireFader,
+            Protocol::Frame => Self::Frame,
+            Protocol::Haply => Self::Haply,
+        }
+    }
+}
 
 /// Options, and whether each takes a value.
 const FLAGS: [&str; 2] = ["lockstep", "wide"];
@@ -71,9 +97,7 @@ pub struct Url {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UrlError {
     /// No such protocol.
-    #[error(
-        "'{0}' is not a kind of device; the kinds are firefader, frame, frame+udp, haply and emul"
-    )]
+    #[error("'{0}' is not a kind of device; the kinds are {names}", names = Kind::names())]
     Kind(String),
     /// A protocol that is known to exist, and not spoken here.
     #[error(
@@ -115,7 +139,7 @@ impl Url {
         if name == "hapi" {
             return Err(UrlError::NotSpoken(name.to_owned()));
         }
-        let kind = KINDS.iter().find(|known| known.0 == name);
+        let kind = Kind::NAMED.iter().find(|known| known.0 == name);
         let kind = kind.ok_or_else(|| UrlError::Kind(name.to_owned()))?.1;
         let (rest, axis) = match rest.rsplit_once('#') {
             None => (rest, None),
@@ -250,7 +274,10 @@ mod tests {
     fn names_what_it_does_not_know() {
         for (text, word) in [
             ("hapi:/dev/ttyACM1", "not supported yet"),
-            ("falcon:usb", "not a kind of device"),
+            (
+                "falcon:usb",
+                "the kinds are firefader, frame, frame+udp, haply and emul",
+            ),
             ("/dev/ttyACM0", "colon"),
             ("firefader:", "a path"),
             ("emul:here", "takes no address"),

@@ -22,6 +22,12 @@ pub enum Protocol {
     Haply,
 }
 
+impl Protocol {
+    /// All of them.
+    #[cfg(test)]
+    pub(crate) const ALL: &[Self] = &[Self::FireFader, Self::Frame, Self::Haply];
+}
+
 /// The emulated Haply device's name.
 pub(crate) const HAPLY_ID: &str = "EMUL";
 /// The finger that FireFader's sensor sees.

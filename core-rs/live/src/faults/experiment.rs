@@ -167,27 +167,15 @@ fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
         world.now()
     };
     let device_is_here = host.guarded.in_lockstep();
-    let line = |host: &mut Host, trouble: Trouble| host.shared.world().trouble = trouble;
-    let defect = |host: &mut Host, defect: Defect| host.guarded.device_mut().defect = defect;
-    let usual = Trouble::default();
+    let line = |host: &Host, make: fn(&mut Trouble)| make(&mut host.shared.world().trouble);
+    let device =
+        |host: &mut Host, make: fn(&mut Defect)| make(&mut host.guarded.device_mut().defect);
     match fault {
         Fault::NotANumber => host.ask = Ask::Force(f64::NAN),
         Fault::Infinite => host.ask = Ask::Force(f64::INFINITY),
         Fault::Huge => return let_go_of_a_huge_force(host),
-        Fault::NoReplies if device_is_here => defect(
-            &mut host,
-            Defect {
-                blind: true,
-                ..Defect::default()
-            },
-        ),
-        Fault::NoReplies => line(
-            &mut host,
-            Trouble {
-                replies_lost: true,
-                ..usual
-            },
-        ),
+        Fault::NoReplies if device_is_here => device(&mut host, |defect| defect.blind = true),
+        Fault::NoReplies => line(&host, |trouble| trouble.replies_lost = true),
         Fault::HostStalled => {
             shared.world().advance(HOST_STALL);
             return since;
@@ -202,58 +190,16 @@ fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
             return since;
         }
         Fault::BoardStalled => {
-            line(
-                &mut host,
-                Trouble {
-                    board_stalled: true,
-                    ..usual
-                },
-            );
+            line(&host, |trouble| trouble.board_stalled = true);
             let _ = host.run(BOARD_STALL);
-            line(&mut host, usual);
+            line(&host, |trouble| trouble.board_stalled = false);
         }
-        Fault::WrongWay => defect(
-            &mut host,
-            Defect {
-                wrong_way: true,
-                ..Defect::default()
-            },
-        ),
-        Fault::Frozen => defect(
-            &mut host,
-            Defect {
-                frozen: true,
-                ..Defect::default()
-            },
-        ),
-        Fault::SharedLine => line(
-            &mut host,
-            Trouble {
-                another_program: true,
-                ..usual
-            },
-        ),
-        Fault::Unplugged => line(
-            &mut host,
-            Trouble {
-                unplugged: true,
-                ..usual
-            },
-        ),
-        Fault::GarbageReplies => line(
-            &mut host,
-            Trouble {
-                replies_random: true,
-                ..usual
-            },
-        ),
-        Fault::GarbageRequests => line(
-            &mut host,
-            Trouble {
-                requests_random: true,
-                ..usual
-            },
-        ),
+        Fault::WrongWay => device(&mut host, |defect| defect.wrong_way = true),
+        Fault::Frozen => device(&mut host, |defect| defect.frozen = true),
+        Fault::SharedLine => line(&host, |trouble| trouble.another_program = true),
+        Fault::Unplugged => line(&host, |trouble| trouble.unplugged = true),
+        Fault::GarbageReplies => line(&host, |trouble| trouble.replies_random = true),
+        Fault::GarbageRequests => line(&host, |trouble| trouble.requests_random = true),
         Fault::Uncalibrated | Fault::OpenedTwice => unreachable!("made without a performance"),
     }
     if host.run(LOOK).is_err() {

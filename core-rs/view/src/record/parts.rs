@@ -8,7 +8,7 @@ use ergon_engine::simulation::{How, Look, Oscillation, Record};
 
 use crate::payload::NONE;
 
-/// A run of points of one kind: a part of a scene.
+/// A run of points of one kind: a part, or some of it that is computed alike.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     /// Its part in the network.

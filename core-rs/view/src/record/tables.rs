@@ -1,4 +1,4 @@
-//! The tables that follow the scene: points, names, links, shapes.
+//! The tables that follow the manifest: points, names, links, shapes.
 
 use ergon_engine::network::{LinkKind, Network};
 use ergon_engine::simulation::{How, Look, Oscillation, Point};
@@ -7,14 +7,14 @@ use super::{Run, Setup, chunks};
 use crate::motion::MOST;
 use crate::payload::{Bytes, half, kind, put};
 
-/// Scene and tables, behind what is in `out`.
+/// Manifest and tables, behind what is in `out`.
 pub(super) fn put_all(
     out: &mut Vec<u8>,
     network: &Network,
     (look, setup): (&Look, &Setup),
     runs: &[Run],
 ) {
-    put(out, kind::SCENE, 0.0, setup.scene.as_bytes());
+    put(out, kind::MANIFEST, 0.0, setup.manifest.as_bytes());
     put(out, kind::POINTS, 0.0, &points(look, setup).0);
     let names = look.points.iter();
     let names: String = names
@@ -46,7 +46,7 @@ fn points(look: &Look, setup: &Setup) -> Bytes {
     table
 }
 
-/// Springs, by the points of their ends. Contacts are in the scene.
+/// Springs, by the points of their ends. Contacts are in the manifest.
 fn links(look: &Look, network: &Network) -> Bytes {
     let mut by_mat = vec![None; network.n_mat()];
     for (at, point) in look.points.iter().enumerate() {

@@ -13,7 +13,7 @@ pub enum Keep {
     Latest,
 }
 
-/// Most bytes of messages that wait for somebody: seconds of the largest scene.
+/// Most bytes of messages that wait for somebody: seconds of the largest piece.
 const MOST: usize = 16 << 20;
 
 /// Messages by their numbers, bounded in bytes whatever viewers do.
@@ -60,7 +60,7 @@ impl Hub {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What every viewer is sent before anything else: the scene, and the state at some instant.
+    /// What every viewer is sent before anything else: the manifest, and the state at some instant.
     pub fn greet(&self, bytes: &[u8]) {
         self.inner().greeting = Some(bytes.into());
         self.news.notify_all();
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn a_late_viewer_gets_every_event_and_the_latest_frame() {
         let hub = Hub::default();
-        hub.greet(b"scene");
+        hub.greet(b"manifest");
         let mut late = hub.join();
         let mut prompt = hub.join();
         let mut seen = Vec::new();
@@ -175,7 +175,7 @@ mod tests {
             seen.extend(all(&hub, &mut prompt));
         }
         assert_eq!(seen.len(), 11);
-        let events = ["scene", "event 0", "event 1", "event 2", "event 3"];
+        let events = ["manifest", "event 0", "event 1", "event 2", "event 3"];
         let mut wanted: Vec<_> = events.map(message).into();
         wanted.extend(["event 4", "frame 4"].map(message));
         assert_eq!(all(&hub, &mut late), wanted);

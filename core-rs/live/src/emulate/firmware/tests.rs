@@ -165,7 +165,7 @@ proptest! {
         pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..100), 0..20),
         lockstep in any::<bool>(),
     ) {
-        for protocol in [Protocol::FireFader, Protocol::Frame, Protocol::Haply] {
+        for &protocol in Protocol::ALL {
             let mut firmware = firmware(board(protocol, lockstep), 3, Hand::Resting);
             for (i, piece) in pieces.iter().enumerate() {
                 firmware.hear(piece, ms(i as u64), &mut |_| ());

@@ -164,11 +164,7 @@ pub(super) fn haply_text(dice: &mut Dice) {
 }
 
 pub(super) fn board_bytes(dice: &mut Dice) {
-    let protocol = match dice.below(3) {
-        0 => Protocol::FireFader,
-        1 => Protocol::Frame,
-        _ => Protocol::Haply,
-    };
+    let protocol = Protocol::ALL[dice.below(Protocol::ALL.len())];
     let board = Board {
         protocol,
         lockstep: dice.below(2) == 0,

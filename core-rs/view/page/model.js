@@ -3,16 +3,16 @@
 const NONE = 0xffffffff;
 const MOST = 1 << 22; // points and modes that a page takes
 
-/** The scene of a file, whose tables come after it. */
-export class Scene {
+/** What a file shows: its manifest, and the tables that come after it. */
+export class Model {
   constructor(bytes) {
     Object.assign(this, JSON.parse(new TextDecoder().decode(bytes)));
     const n = this.points;
     if (![n, this.modes].every((many) => Number.isInteger(many) && many >= 0 && many <= MOST)) {
-      throw new Error(`a scene of ${n} points and ${this.modes} modes is none that can be drawn`);
+      throw new Error(`a model of ${n} points and ${this.modes} modes is none that can be drawn`);
     }
     if (this.parts.some((part) => !(part.first >= 0 && part.count >= 0 && part.first + part.count <= n))) {
-      throw new Error("a part has points that the scene has not");
+      throw new Error("a part has points that the model has not");
     }
     this.n = n;
     this.x = new Float32Array(n);
