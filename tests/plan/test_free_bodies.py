@@ -1,4 +1,4 @@
-"""Bodies that nothing holds, touched: their modes, and how they move as a whole."""
+"""Bodies that nothing holds, or a nail: their modes, and how they move as a whole."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -8,8 +8,10 @@ import pytest
 from oracle import ode
 from oracle.planned import error_db, plan, render
 from oracle.scene import Scene
-from planned_sound import planned, played
+from planned_sound import planned, played, ready
 from sessions import Stepped
+
+from ergon import _core
 
 RATE = 44100.0
 N = 4410
@@ -34,7 +36,7 @@ gestures: {{knock: 0mm@0 smooth 5mm@30ms smooth 0mm@120ms}}
 players: {{ada: {{key: k1}}}}
 parts: {{ada: [{{at: 1|1, play: knock}}]}}
 strikes: {{a: {{to: [gong.p.4], at: 0.15s, impulse: 2mNs}}}}
-render: {{tail: 0.3s, bits: float}}
+render: {{tail: 0.1s, bits: float}}
 """
 
 
@@ -76,6 +78,24 @@ def test_a_free_plate_goes_by_its_modes(body: str) -> None:
     rough, fine, sound = (np.diff(one[:n], axis=0) for one in (rough, fine, sound))
     assert error_db(rough, fine) < -90.0
     assert error_db(sound, fine) <= -80.0
+
+
+def test_a_plate_that_is_hung_goes_by_its_modes() -> None:
+    """The nail loses otherwise than the metal, and the plate has more masses than complex modes."""
+    text = SCORE.format(body=BODIES["disc"].replace("masses: 37", "masses: 310"))
+    nail = "nail: {SOL: {}}\n      hang: {REF: {between: [nail, p.5], K: 2kN/m, Z: 0.5Ns/m}}"
+    text = text.replace("      b: {BUT", f"      {nail}\n      b: {{BUT")
+    _, made = planned(text, error_db=-60.0)
+    assert [row.what for row in made.rows()] == ["stepped", "modes"]
+    finer = text + f"rates: {{audio: {44_100 * 8}Hz}}\n"
+    fine, sound = played(finer, method="bm4")[::8], played(text, error_db=-60.0)
+    n = min(len(fine), len(sound))
+    assert error_db(sound[:n], fine[:n]) <= -60.0
+    # The same where a session plays it, which knows no complex modes.
+    stage = ready(text.replace("masses: 310", "masses: 37"))
+    stage.timeline.open()
+    session = _core.Plan(stage.network, stage.timeline, error_db=-60.0)
+    assert [row.what for row in session.rows()] == ["stepped", "modes"]
 
 
 @pytest.mark.parametrize("line", ["set gong.b.K 2kN/m", "set gong.p.f x1.1", "undo"])

@@ -27,6 +27,9 @@ use crate::units::Rate;
 /// stepping at as many times the rate is.
 const MOST: f64 = 2.0;
 
+/// Ties of a body that may be stepped beside its modes: a thing is hung in a few places.
+const TIES_MAX: usize = 8;
+
 /// An island cut into what is stepped and bodies.
 pub(in crate::plan) struct Cut {
     /// What is stepped; ports of bodies are masses in it.
@@ -80,7 +83,10 @@ pub(in crate::plan) fn cut(
             };
             match found_modes {
                 Ok(modal) => found.push((body, modal)),
-                Err(reason) => why = Some(reason),
+                Err(reason) => match untied(network, timeline, &body, memo) {
+                    Some((body, modal)) => found.push((body, BodyPlan::Modal(modal))),
+                    None => why = Some(reason),
+                },
             }
         }
     }
@@ -239,6 +245,19 @@ fn modal(
         of: Arc::new(subset.network),
         answers: None,
     })
+}
+
+/// A body by its modes without its ties to what does not move, which are stepped as links at its ports: a gong hung by a
+/// nail, whose tie loses otherwise than its metal.
+fn untied(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    memo: &Memo<'_>,
+) -> Option<(Body, Modal)> {
+    let body = body.untied(network, TIES_MAX)?;
+    let modal = modal(network, timeline, &body, memo).ok()?;
+    Some((body, modal))
 }
 
 /// A body by its complex modes; ports by their index in the island.

@@ -16,6 +16,7 @@ const PORTS_ANY: usize = 64;
 const MASSES_A_PORT: usize = 4;
 
 /// A set of MATs that inner links join, and the ports where others end.
+#[derive(Clone)]
 pub(in crate::plan) struct Body {
     pub(in crate::plan) mats: Vec<u32>,
     pub(in crate::plan) guests: Vec<u32>,
@@ -143,6 +144,32 @@ impl Wiring {
 }
 
 impl Body {
+    /// The body without the single links that tie it to what does not move: they end at ports then. `None` where it has
+    /// none, or more than `most`.
+    pub(in crate::plan) fn untied(&self, network: &Network, most: usize) -> Option<Self> {
+        let is_single = |link: usize| {
+            let mut runs = network.runs().iter();
+            runs.any(|run| run.first == link && run.len == 1)
+        };
+        let is_guest = |mat: usize| self.guests.binary_search(&(mat as u32)).is_ok();
+        let is_ours = |link: usize| self.links.binary_search(&(link as u32)).is_ok();
+        let (mut own, mut ties) = (self.clone(), Vec::new());
+        own.guests.clear();
+        for (link, a, b) in ends(network).filter(|&(link, ..)| is_ours(link)) {
+            let held = [(a, b), (b, a)].into_iter().find(|&(end, _)| is_guest(end));
+            match held {
+                Some((_, port)) if is_single(link) => {
+                    ties.push(link as u32);
+                    own.ports.push(port as u32);
+                }
+                Some((guest, _)) => own.guests.push(guest as u32),
+                None => {}
+            }
+        }
+        own.links.retain(|link| !ties.contains(link));
+        (1..=most).contains(&ties.len()).then(|| own.tidy())
+    }
+
     /// Every module once, in order.
     pub(in crate::plan) fn tidy(mut self) -> Self {
         for list in [&mut self.guests, &mut self.links, &mut self.ports] {
