@@ -39,8 +39,8 @@ class Bell:
 
     `heard` are levels where it was listened to; a stroke at a place moves a mode there by the
     product of both, of which the largest is 1. `reference` is how loud that is in the recording of
-    the hardest stroke (of full scale, 1). `energy` is each mode's share of the energy of the loudest stroke. Standard
-    deviations are None where a table, not a recording, told the modes.
+    the hardest stroke (of full scale, 1). `energy` is each mode's share of the energy of the
+    loudest stroke. Standard deviations are None where a table, not a recording, told the modes.
     """
 
     f: Array

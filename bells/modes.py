@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,12 +166,12 @@ def fitted(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]
     return modes, sound - played(modes, sound.size, rate)
 
 
-def _sum(s: Complex, n: int) -> Complex:
+def _sum(s: NDArray[Any], n: int) -> Complex:
     """Σ of e^(s·k) over k < n."""
     return np.asarray(np.expm1(s * n) / np.expm1(s))
 
 
-def _along(s: Complex, sound: Array) -> Complex:
+def _along(s: NDArray[Any], sound: Array) -> Complex:
     """Σ of sound[k]·e^(s·k), for each s (m,)."""
     step = np.exp(np.arange(_BLOCK)[:, None] * s)
     total = np.zeros(s.size, complex)

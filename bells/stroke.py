@@ -71,7 +71,7 @@ def stroke(name: str, sound: Array, rate: float) -> Stroke:
     _refuse_second(name, heard, rate)
     loudest = int(np.argmax(np.abs(heard[: round(_LATEST * rate)]))) + round(0.001 * rate)
     skip = max(round(_AFTER * rate), min(loudest, round(_LATEST * rate)))
-    # A soft push is in its middle shortly before the loudest sample, not where it began: what decays
+    # A soft push is in its middle shortly before the loudest sample, not where it began: what falls
     # fast would be thought of as having been louder by hundreds of dB.
     return Stroke(name, heard[skip:], rate, min(skip / rate, _AFTER))
 

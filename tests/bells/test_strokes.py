@@ -97,7 +97,7 @@ def test_strokes_soft_to_hard_and_at_places_give_levels_and_the_contact():
 
 
 def hertz(f: np.ndarray, length: float) -> np.ndarray:
-    """What a push leaves of modes that is narrower than half a sine, as two round bodies make it."""
+    """What a push leaves of modes that is narrower than half a sine, as of two round bodies."""
     t = np.linspace(0.0, length, 801)
     push = np.sin(np.pi * t / length) ** 1.5
     return np.abs(push @ np.exp(-2j * np.pi * f * t[:, None])) / push.sum()
