@@ -16,6 +16,8 @@ from ergon.bells.instrument import FormError, text
 from ergon.bells.resonances import TableError, read
 from ergon.bells.stroke import read as sound_of
 from ergon.cli import app
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
 
 F = (219.0, 219.6, 440.0, 657.0, 1320.0)
 T60 = (3.0, 2.7, 2.0, 1.2, 0.6)
@@ -136,6 +138,19 @@ def test_a_hand_plays_a_bell_from_a_loud_recording_without_more_gain(
     assert run(["render", "s.yaml", "-o", "s.wav"]) == 0
     assert "W325" not in capsys.readouterr().err
     assert 0.02 < np.abs(sound_of(Path("s.wav"))[0]).max() < 1.0
+
+
+def test_a_real_hand_feels_a_bell_as_stiff_as_the_contact_with_its_hammer() -> None:
+    """Whatever the level of the microphone: what a hand gets is computed from this answer."""
+    recorded(0.5)
+    Path("s.yaml").write_text(PLAYED)
+    piece = load("s.yaml").piece
+    assert piece is not None
+    network = stage(piece).network
+    key = next(i for i in range(network.n_mat) if network.name_of(i) == "k1")
+    felt = network.reachable_network(key, 44100.0).response(44, (400, 4096))
+    assert felt is not None
+    assert 3900.0 < np.abs(felt).max() < 4100.0
 
 
 def test_a_chain_is_refused_where_it_is_none() -> None:
