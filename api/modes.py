@@ -70,9 +70,10 @@ class PartModes:
     there (n_modes,); of several masses it is their sum. A mode that an impulse of 1 N·s at one
     point excites moves another point by the product of both over 2π·frequency [m].
 
-    `is_certified` says that no mode is missing, by the inertia of the stiffness matrix. `n_laws`
-    links with a law were taken at their slope at rest, `n_contacts` contacts as open. `inputs` are
-    the files that the modes were computed from.
+    `is_certified` says that no mode is missing, by the inertia of the stiffness matrix, and that
+    each is one of its own, by what it leaves of the equations. `n_laws` links with a law were taken
+    at their slope at rest, `n_contacts` contacts as open. `inputs` are the files that the modes
+    were computed from.
     """
 
     part: str

@@ -222,7 +222,8 @@ def _chosen(own: TunablePart, by: Sequence[str]) -> list[Value]:
     for word in by:
         meant = names.get(_WORDS.get(word, word))
         if meant is None:
-            close = nearest(word, [*names, *_WORDS])
+            words = [word for word, field in _WORDS.items() if field in names]
+            close = nearest(word, [*names, *words])
             asked = f"did you mean '{close}'?" if close else f"there are {', '.join(names)}"
             raise OptionError("by", f"{own.name} has no value '{word}' above 0; {asked}")
         found.update(dict.fromkeys(meant))
@@ -279,6 +280,9 @@ class _Search:
             if np.abs(slope).max() > _FLAT:
                 self.values.append(value)
         if values and not self.values:
+            if own.is_listed:
+                where = f"the list `f` of {own.name}'s MODES"
+                raise OptionError("part", f"its modes are {where}: write the frequencies there")
             names = ", ".join(own.target(value) for value in values)
             raise OptionError("by", f"no mode feels {names}; name others, or leave `by` out")
 

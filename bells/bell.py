@@ -19,6 +19,7 @@ _LEAST_APART = 0.02  # [Hz]
 _NEAR = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
 _ONE = 0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
 _FAINT = 1e-7  # of the energy of every stroke: what other modes left
+_PEAK = 0.5  # of full scale: all modes of a table together
 _FIRST = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
 
 
@@ -38,8 +39,9 @@ class Bell:
     """A struck object: modes from low to high, each (n,), and their levels at places (n, places).
 
     `heard` are levels where it was listened to; a stroke at a place moves a mode there by the
-    product of both. `energy` is each mode's share of the energy of the loudest stroke. Standard
-    deviations are None where a table, not a recording, told the modes.
+    product of both, of which the largest is 1. `reference` is how loud that is in the recording of
+    the hardest stroke (of full scale, 1). `energy` is each mode's share of the energy of the
+    loudest stroke. Standard deviations are None where a table, not a recording, told the modes.
     """
 
     f: Array
@@ -51,6 +53,7 @@ class Bell:
     deviation: Uncertainty | None
     strokes: tuple[Heard, ...]
     contact: float
+    reference: float
 
     @property
     def pitch(self) -> float:
@@ -152,7 +155,8 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
         for i, impulse, length in zip(own, told.impulses, told.lengths, strict=True):
             heard[i] = float(impulse), length
     length = min(lengths, default=contact.LENGTH)
-    table /= np.abs(table).max()
+    reference = float(np.abs(table).max())
+    table /= reference
     listened, levels = _split(table)
     loudest = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.c) ** 2)))
     best = [np.min([getattr(fit.deviation, what) for fit in fits], axis=0) for what in "fd"]
@@ -171,6 +175,7 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
         Uncertainty(best[0], best[1], level),
         told_strokes,
         length,
+        reference,
     )
 
 
@@ -195,10 +200,15 @@ def _signs(modes: Modes) -> Array:
 
 
 def of_table(rows: Sequence[tuple[float, float, float]], count: int | None = None) -> Bell:
-    """The bell of resonances, each f [Hz], t60 [s] and amplitude; the loudest `count`."""
+    """The bell of resonances, each f [Hz], t60 [s] and amplitude; the loudest `count`.
+
+    Tables have no full scale: all modes together are half of it.
+    """
     kept = sorted(rows, key=lambda row: -(row[2] ** 2) * row[1])[: count or len(rows)]
     f, t60, a = (np.array(column) for column in zip(*sorted(kept), strict=True))
     heard, levels = _split((a / np.abs(a).max())[:, None])
     energy = a * a * t60
     whole = sum(row[2] ** 2 * row[1] for row in rows)
-    return Bell(f, t60, ("point",), levels, heard, energy / whole, None, (), contact.LENGTH)
+    reference = _PEAK / float(np.sum(np.abs(levels[:, 0] * heard)))
+    told = contact.LENGTH, reference
+    return Bell(f, t60, ("point",), levels, heard, energy / whole, None, (), *told)

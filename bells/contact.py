@@ -11,10 +11,14 @@ from ergon.bells.bands import Array
 HAMMER = 0.008  # mass [kg]
 SPEED = 1.0  # at which it strikes [m/s]
 LENGTH = 1e-4  # of a contact, where strokes do not tell it: hardly heard [s]
-_TRIED = np.geomspace(5e-5, 1e-2, 80)  # lengths [s]
+_TRIED = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
 _REACH = 1.2  # f·length up to which the spectrum of a push is that of half a sine
-_LEAST = 3  # modes that tell a length
+_SHAPE = 0.15  # logarithm: how far pushes of other shapes are from it there
+_BEYOND = 0.8  # and beyond, where they have zeros of their own
 _KNOWN = 0.03  # levels are no better than this, relatively
+_LEAST = 5  # modes within reach: fewer do not tell a length
+_RANGE = 4.0  # cost above the least: two standard deviations
+_TOLD = 2.0  # a length is told where the longest in that range is so many times the shortest
 
 
 def spectrum(f: Array, length: float) -> Array:
@@ -35,7 +39,8 @@ def stiffness(length: float, mass: float = HAMMER, speed: float = SPEED) -> floa
 class Strokes:
     """Strokes at one place: levels of modes (n,), and of each stroke its impulse and length [s].
 
-    Impulses are relative to the hardest; lengths are None where there is one stroke.
+    Impulses are relative to the hardest; lengths are None where strokes do not tell them: of one
+    stroke, or of some that are alike, or so long that hardly a mode is within reach.
     """
 
     levels: Array
@@ -51,50 +56,57 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
         return Strokes(amplitudes[0], np.ones(1), (None,))
     with np.errstate(divide="ignore"):
         logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
-    weights = 1.0 / (np.minimum(errors, 1e3) ** 2 + _KNOWN**2)
-    shapes = np.log(np.maximum(np.stack([spectrum(f, one) for one in _TRIED]), 1e-3))
-    sure = np.stack([f * one < _REACH for one in _TRIED])
-    lengths = np.full(n_strokes, -1)
-    best = np.inf
-    others = [s for s in range(n_strokes) if s != hardest]
-    for own in range(len(_TRIED)):  # the hardest stroke's; then each other's beside it
-        chosen, cost = {hardest: own}, 0.0
-        for s in others:
-            costs = [
-                _apart(
-                    logs[s] - shapes[i] - logs[hardest] + shapes[own],
-                    _both(weights[s], weights[hardest]) * (sure[i] & sure[own]),
-                )
-                for i in range(own, len(_TRIED))  # softer strokes last longer
-            ]
-            at = int(np.argmin(costs))
-            chosen[s], cost = own + at, cost + costs[at]
-        if cost < best:
-            best = cost
-            lengths[list(chosen)] = list(chosen.values())
-    common = np.zeros((n_strokes, f.size))
-    impulses = np.zeros(n_strokes)
-    for s in range(n_strokes):
-        common[s] = logs[s] - shapes[lengths[s]]
-        known = _both(weights[s], weights[hardest]) * sure[lengths[s]]
-        away = common[s] - (logs[hardest] - shapes[lengths[hardest]])
-        impulses[s] = np.sum(known * away) / max(np.sum(known), 1e-300)
-        common[s] -= impulses[s]
-    share = weights * np.stack([np.maximum(sure[i], 1e-6) for i in lengths])
-    mean = np.sum(share * common, axis=0) / np.sum(share, axis=0)
-    return Strokes(np.exp(mean), np.exp(impulses), tuple(float(_TRIED[i]) for i in lengths))
+    variance = np.minimum(errors, 1e3) ** 2 + _KNOWN**2
+    shapes, doubts = _shapes(f)
+    # Of each other stroke: what it costs (tried, tried) that the hardest and it have two lengths.
+    costs = {
+        s: _costs(logs[s] - logs[hardest], variance[s] + variance[hardest], shapes, doubts)
+        for s in range(n_strokes)
+        if s != hardest
+    }
+    total = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
+    likely = np.flatnonzero(total <= total.min() + _RANGE)
+    is_told = _TRIED[likely[-1]] <= _TOLD * _TRIED[likely[0]]
+    own = int(np.argmin(total)) if is_told else int(likely[0])
+    chosen = [own if s == hardest else int(np.argmin(costs[s][own])) for s in range(n_strokes)]
+    is_told &= all(np.count_nonzero(f * _TRIED[at] < _REACH) >= _LEAST for at in chosen)
+    weights = 1.0 / (variance + doubts[chosen])
+    common = logs - shapes[chosen]
+    away = common - common[hardest]
+    both = weights * weights[hardest] / (weights + weights[hardest])
+    impulses = np.sum(both * away, axis=1) / np.sum(both, axis=1)
+    mean = np.sum(weights * (common - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
+    lengths = tuple(float(_TRIED[at]) if is_told else None for at in chosen)
+    return Strokes(np.exp(mean), np.exp(impulses), lengths)
 
 
-def _both(a: Array, b: Array) -> Array:
-    return a * b / (a + b)
+def _shapes(f: Array) -> tuple[Array, Array]:
+    """Logarithm of what a push of each length leaves of each mode, and its variance (tried, n)."""
+    x = f * _TRIED[:, None]
+    is_near = x < _REACH
+    beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
+    exact = np.stack([spectrum(f, one) for one in _TRIED])
+    shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
+    return shapes, np.where(is_near, _SHAPE * (x / _REACH) ** 2, _BEYOND) ** 2
 
 
-def _apart(logs: Array, weights: Array) -> float:
-    """How far levels differ, apart from a common factor; the fewer modes tell it, the less it is
-    believed."""
-    known = np.count_nonzero(weights)
-    if known < max(_LEAST, logs.size / 3.0):
-        return np.inf
-    mean = np.sum(weights * logs) / np.sum(weights)
-    square = float(np.sum(weights * (logs - mean) ** 2) / np.sum(weights))
-    return (square + _KNOWN * _KNOWN) * (logs.size / known) ** 2
+def _costs(logs: Array, variance: Array, shapes: Array, doubts: Array) -> Array:
+    """Twice the negative logarithm of likelihood (tried, tried); infinite where the second is
+    shorter, for softer strokes last longer. `logs` (n,) are of the second over the first."""
+    costs = np.full((len(shapes), len(shapes)), np.inf)
+    for first in range(len(shapes)):
+        rest = logs - (shapes[first:] - shapes[first])
+        doubt = variance + doubts[first] + doubts[first:]
+        doubt[0] = variance  # of one length what is left of a mode is the same
+        mean = np.median(rest, axis=1)
+        for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
+            weight = 1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _far(rest, mean) / 2.0)
+            mean = np.sum(weight * rest, axis=1) / np.sum(weight, axis=1)
+        away = _far(rest, mean) / np.sqrt(doubt)
+        cost = np.where(away < 2.0, away**2, 4.0 * away - 4.0) + np.log(doubt)
+        costs[first, first:] = np.sum(cost, axis=1)
+    return costs
+
+
+def _far(rest: Array, mean: Array) -> Array:
+    return np.asarray(np.abs(rest - mean[:, None]))

@@ -13,6 +13,10 @@ from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import quote
 
 PLACE_MASS = 0.2  # [kg] of the place that is struck, beside a hammer of 8 g
+_IMPULSE = (  # [N·s] of a hammer that jumps back without loss
+    2.0 * contact.HAMMER * PLACE_MASS / (contact.HAMMER + PLACE_MASS) * contact.SPEED
+)
+_FULL_SCALE = 10.0  # [m/s] of a SOV, where a score gives no level
 LISTENED = "mic"
 _FORMS = ("modes", "cels", "chain")
 _WIDTH = 110
@@ -27,7 +31,7 @@ def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
     if form not in _FORMS:
         raise FormError(f"{quote(form)} is no form of a bell; write modes, cels or chain")
     body = {"modes": _modes, "cels": _cels, "chain": _chain}[form]
-    head = [f"# {line}".rstrip() for line in _head(bell)]
+    head = [f"# {line}".rstrip() for line in _head(bell, form)]
     lines = ["ergon: 1", "instruments:", f"  {name}:", f"    f: {_number(bell.pitch)}Hz"]
     lines += [
         "    modules:",
@@ -36,13 +40,17 @@ def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
     return "\n".join([*head, *lines, *body(bell)]) + "\n"
 
 
-def _head(bell: Bell) -> Iterator[str]:
+def _head(bell: Bell, form: str) -> Iterator[str]:
     yield f"{len(bell.f)} modes, struck at {', '.join(bell.places)}."
     for one in bell.strokes:
         length = "" if one.contact is None else f", contact {1e3 * one.contact:.2g} ms"
         share = f"{100.0 * one.explained:.2f} % of its energy explained"
         yield f"{one.name} at {one.place}: impulse {one.impulse:.3g}{length}, {share}"
     yield "Masses are chosen, for a recording tells levels only."
+    if form == "modes":
+        loud = f"{20.0 * np.log10(bell.reference):.1f} dBFS"
+        told = " as in the recording" if bell.strokes else ""
+        yield f"A hammer at {contact.SPEED:g} m/s makes the loudest mode {loud} loud{told}."
     yield "A key gives the hammer a push, and stops before `gap`:"
     yield "  {BUT: {between: [k1, bell.hammer], K: 4kN/m, Z: 2Ns/m}}"
 
@@ -61,7 +69,8 @@ def _felt(bell: Bell, at: str, name: str = "felt") -> str:
 
 def _modes(bell: Bell) -> list[str]:
     places = {name: bell.levels[:, i] for i, name in enumerate(bell.places)}
-    places[LISTENED] = bell.heard
+    # A push J of a mode M moves it at φ·J/M [m/s].
+    places[LISTENED] = bell.heard * (bell.reference * _FULL_SCALE * _mass(bell) / _IMPULSE)
     rows = ["      body:", "        MODES:", f"          M: {_number(_mass(bell) * 1e3)}g"]
     rows += _list("          f: ", [f"{_number(f)}Hz" for f in bell.f])
     rows += _list("          t60: ", [f"{_number(t, 6)}s" for t in bell.t60])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,13 @@ _SHORTEST = 40
 _MOST = 16  # modes of a band
 _SKIP = 3.0  # over a band's width: what its edge smears [s]
 _DECAYS = 0.03, 1.5  # least decay [1/s]; most, over a band's width
+_FASTEST = _DECAYS[1] * _WIDTHS[1]  # decay [1/s]
 _FITTED = 2.0  # [s] of the beginning that tell amplitudes
 _KNOWN = 0.5  # of its decay: a mode that is known less is none
 _AROUND = 20.0, 200.0  # [Hz] on both sides of a mode that is removed; its neighbours are polished
 _POLISHED = 3_000  # samples
-_REMOVED = 40  # modes, at most
+_ROUNDS = 40  # of removals, at most
+_BLOCK = 4096  # samples
 _NEAR = 25.0  # [Hz] around a mode, where the residual tells its noise
 
 
@@ -74,26 +77,45 @@ def find(sound: Array, rate: float) -> tuple[Modes, Array]:
         if f:
             order = np.argsort(f)
             found, rest = fitted(sound, rate, np.array(f)[order], np.array(d)[order])
-    for _ in range(_REMOVED):
+    for _ in range(_ROUNDS):
         told = uncertainty(found, rest, rate)
-        worst = int(np.argmax(told.d / found.d)) if found.f.size else -1
-        if worst < 0 or told.d[worst] < _KNOWN * found.d[worst]:
+        worst = _unknown(found, told)
+        if not worst:
             break
         found, rest = _without(found, rest, worst, sound, rate)
     return found, rest
 
 
+def _unknown(modes: Modes, told: Uncertainty) -> list[int]:
+    """Modes whose decay is not known, the worst first; of those near each other the worst alone."""
+    share = told.d / modes.d
+    chosen: list[int] = []
+    for at in np.argsort(-share):
+        if share[at] < _KNOWN:
+            break
+        reach = _reach(modes, at)
+        if all(abs(modes.f[at] - modes.f[one]) > reach + _reach(modes, one) for one in chosen):
+            chosen.append(int(at))
+    return chosen
+
+
+def _reach(modes: Modes, at: int) -> float:
+    """How far [Hz] from a mode its neighbours lie, which take what it had."""
+    return float(np.clip(3.0 * modes.d[at], *_AROUND))
+
+
 def _without(
-    modes: Modes, rest: Array, worst: int, sound: Array, rate: float
+    modes: Modes, rest: Array, worst: list[int], sound: Array, rate: float
 ) -> tuple[Modes, Array]:
-    """The modes without one; those near it take what it had."""
-    _core.poll()
-    reach = float(np.clip(3.0 * modes.d[worst], *_AROUND))
-    is_near = np.abs(modes.f - modes.f[worst]) < reach
-    near = np.flatnonzero(is_near)
+    """The modes without some; those near each take what it had."""
     f, d = modes.f.copy(), modes.d.copy()
-    others = near[near != worst]
-    if others.size:
+    for one in worst:
+        _core.poll()
+        reach = _reach(modes, one)
+        near = np.flatnonzero(np.abs(modes.f - modes.f[one]) < reach)
+        others = near[near != one]
+        if not others.size:
+            continue
         own = rest + played(modes.some(near), rest.size, rate)
         low, top = float(f[near].min()) - reach, float(f[near].max()) + reach
         signal, slow, centre = Bands(own, rate).take(max(low, 1.0), top)
@@ -102,7 +124,7 @@ def _without(
         z = np.exp((-d[others] + 2j * np.pi * (f[others] - centre)) / slow)
         z, _, _ = polished(signal, z)
         new_f, new_d = centre + np.angle(z) * slow / (2.0 * np.pi), -np.log(np.abs(z)) * slow
-        is_fit = (np.abs(new_f - f[others]) < reach) & (new_d > _DECAYS[0])
+        is_fit = (np.abs(new_f - f[others]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
         f[others[is_fit]], d[others[is_fit]] = new_f[is_fit], new_d[is_fit]
     kept = np.delete(np.arange(f.size), worst)
     kept = kept[np.argsort(f[kept])]
@@ -127,24 +149,45 @@ def fitted(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]
     if not f.size:
         return NONE, sound
     n = min(sound.size, round(_FITTED * rate))
-    s = -d + 2j * np.pi * f
-    turn = np.exp(np.arange(n)[:, None] / rate * s)
-    basis = np.concatenate([turn.real, -turn.imag], axis=1)
-    gram, right = basis.T @ basis, basis.T @ sound[:n]
+    s = (-d + 2j * np.pi * f) / rate
+    # Σ of products of real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
+    both, turned = _sum(s[:, None] + s, n), _sum(s[:, None] + s.conj(), n)
+    gram = 0.5 * np.block(
+        [
+            [(turned + both).real, (turned - both).imag],
+            [-(turned + both).imag, (turned - both).real],
+        ]
+    )
+    along = _along(s, sound[:n])
+    right = np.concatenate([along.real, -along.imag])
     size = np.sqrt(gram.diagonal())
-    both = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
-    modes = Modes(f, d, both[: f.size] + 1j * both[f.size :])
+    found = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+    modes = Modes(f, d, found[: f.size] + 1j * found[f.size :])
     return modes, sound - played(modes, sound.size, rate)
+
+
+def _sum(s: NDArray[Any], n: int) -> Complex:
+    """Σ of e^(s·k) over k < n."""
+    return np.asarray(np.expm1(s * n) / np.expm1(s))
+
+
+def _along(s: NDArray[Any], sound: Array) -> Complex:
+    """Σ of sound[k]·e^(s·k), for each s (m,)."""
+    step = np.exp(np.arange(_BLOCK)[:, None] * s)
+    total = np.zeros(s.size, complex)
+    for begin in range(0, sound.size, _BLOCK):
+        block = sound[begin : begin + _BLOCK]
+        total += np.exp(begin * s) * (block @ step[: block.size])
+    return total
 
 
 def played(modes: Modes, n: int, rate: float) -> Array:
     """The sum of modes as a sound (n,)."""
     sound = np.zeros(n)
-    block = 4096
-    step = np.exp(np.arange(block)[:, None] / rate * modes.poles)
-    for begin in range(0, n, block):
+    step = np.exp(np.arange(_BLOCK)[:, None] / rate * modes.poles)
+    for begin in range(0, n, _BLOCK):
         c = modes.c * np.exp(begin / rate * modes.poles)
-        sound[begin : begin + block] = (step[: n - begin] @ c).real
+        sound[begin : begin + _BLOCK] = (step[: n - begin] @ c).real
     return sound
 
 

@@ -33,7 +33,7 @@ class NotAStrokeError(ErgonError):
 
 @dataclass(frozen=True)
 class Stroke:
-    """What follows a stroke (n,) at `rate` [Hz], `delay` [s] after it began."""
+    """What follows a stroke (n,) at `rate` [Hz], `delay` [s] after the push was at its middle."""
 
     name: str
     sound: Array
@@ -71,7 +71,9 @@ def stroke(name: str, sound: Array, rate: float) -> Stroke:
     _refuse_second(name, heard, rate)
     loudest = int(np.argmax(np.abs(heard[: round(_LATEST * rate)]))) + round(0.001 * rate)
     skip = max(round(_AFTER * rate), min(loudest, round(_LATEST * rate)))
-    return Stroke(name, heard[skip:], rate, skip / rate)
+    # A soft push is in its middle shortly before the loudest sample, not where it began: what falls
+    # fast would be thought of as having been louder by hundreds of dB.
+    return Stroke(name, heard[skip:], rate, min(skip / rate, _AFTER))
 
 
 def _onset(sound: Array, rate: float) -> int:

@@ -94,7 +94,9 @@ def _lines(bell: Bell) -> str:
         lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
     for one in bell.strokes:
         left = 10.0 * np.log10(max(1.0 - one.explained, 1e-12))
-        contact = "" if one.contact is None else f", contact {1e3 * one.contact:.2g} ms"
+        contact = f", contact {1e3 * one.contact:.2g} ms" if one.contact else ""
+        if one.contact is None and sum(other.place == one.place for other in bell.strokes) > 1:
+            contact = ", contact not told by these strokes"
         impulse = f"impulse {one.impulse:.2g} of the hardest" if one.impulse != 1.0 else "hardest"
         what = f"{100.0 * one.explained:.2f} % of the energy explained, {left:.1f} dB left"
         lines.append(f"{one.name} at {one.place}: {what}; {impulse}{contact}")

@@ -16,7 +16,7 @@ from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.metrology.calibration_file import Calibration
-    from ergon.metrology.comparison import Difference
+    from ergon.metrology.comparison import Difference, Gain
 
 _FAR = 3.0  # deviations: farther apart than chance explains
 
@@ -160,33 +160,34 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     from ergon.metrology.comparison import gains
     from ergon.metrology.gesture import MeasurementError
 
-    without = calibration(plain)
     try:
-        gain, reads = gains(without, calibration(loaded), mass)
+        found = gains(calibration(plain), calibration(loaded), mass)
     except MeasurementError as error:
         raise Refused(str(error)) from None
-    own = without.figures
-    pushes = None if reads is None else gain / reads
     if console.json:
-        console.record(
-            "gains",
-            mass_gain=gain,
-            position_gain=reads,
-            force_gain=pushes,
-            M=gain * own["M"],
-            K=gain * own["K"],
-            Z=gain * own["Z"],
-        )
+        names = {"mass": "mass_gain", "position": "position_gain", "force": "force_gain"}
+        told: dict[str, float | None] = {}
+        for name in ("mass", "position", "force", "M", "K", "Z"):
+            one = found.get(name)
+            told[names.get(name, name)] = None if one is None else one.value
+            told[f"{names.get(name, name)}_deviation"] = None if one is None else one.deviation
+        console.record("gains", **told)
         return
     console.data(
-        f"true over found: {gain:.5g}; so M is {gain * own['M'] * 1e3:.5g} g, "
-        f"K {gain * own['K']:.5g} N/m, Z {gain * own['Z']:.4g} Ns/m\n"
+        f"true over found: {_with(found['mass'])}; so M is {_with(found['M'], 1e3)} g, "
+        f"K {_with(found['K'])} N/m, Z {_with(found['Z'])} Ns/m\n"
     )
-    if reads is None or pushes is None:
+    if "position" not in found:
         console.say(
             "the key does not sink under the mass, so the gains of sensor and motor are not known "
             "apart from each other"
         )
     else:
-        console.data(f"the sensor reads {reads:.5g} m for a metre\n")
-        console.data(f"the motor gives {pushes:.5g} N for a newton\n")
+        console.data(f"the sensor reads {_with(found['position'])} m for a metre\n")
+        console.data(f"the motor gives {_with(found['force'])} N for a newton\n")
+
+
+def _with(gain: Gain, times: float = 1.0) -> str:
+    """A figure and its standard deviation."""
+    told = f"{times * gain.value:.5g}"
+    return told if gain.deviation is None else f"{told} ± {times * gain.deviation:.2g}"

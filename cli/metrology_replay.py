@@ -10,6 +10,7 @@ import click
 
 from . import metrology_score, options
 from .console import Console
+from .emulate import Quantity
 from .metrology_compare import calibration
 from .metrology_fit import gesture, written
 from .outcome import Refused
@@ -30,6 +31,9 @@ _HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
 @metrology_score.chosen
 @click.option("--no-gate", is_flag=True, help="As for `ergon metrology DEVICE`.")
 @click.option(
+    "--force-step", type=Quantity("FORCE"), default=0.0, help="As for `ergon metrology DEVICE`."
+)
+@click.option(
     "--width", type=click.IntRange(24, 1000), help="Width in characters. Default: the terminal's."
 )
 @options.target("Write a picture of asked, real, model and residual into this SVG file.")
@@ -44,6 +48,7 @@ def replay(
     score: str | None,
     key: str | None,
     no_gate: bool,
+    force_step: float,
     width: int | None,
     output: str | None,
     force: bool,
@@ -70,7 +75,7 @@ def replay(
     took = (
         gesture(console, Path(real), hand)
         if is_take
-        else _pushed(console, real, path, gated=not no_gate)
+        else _pushed(console, real, path, force_step=force_step, gated=not no_gate)
     )
     found = comparison.replay(known.row, took)
     if not console.json:
@@ -83,7 +88,9 @@ def replay(
         written(console, picture(found, title), Path(output), force=force, dry=dry)
 
 
-def _pushed(console: Console, device: str, path: Floats | None, *, gated: bool) -> Gesture:
+def _pushed(
+    console: Console, device: str, path: Floats | None, *, force_step: float, gated: bool
+) -> Gesture:
     """Knocks on a key of a device, or forces that lead it along a path."""
     from ergon.metrology.gesture import MeasurementError
     from ergon.metrology.ladder import climb
@@ -91,7 +98,7 @@ def _pushed(console: Console, device: str, path: Floats | None, *, gated: bool) 
 
     from .metrology_measure import opened
 
-    axis, _ = opened(device, gated=gated)
+    axis, _ = opened(device, force_step=force_step, gated=gated)
     console.say("let go of the key: it is pushed now, gently at first")
     try:
         takes = record(climb(axis), "held-out", lasts(path), lambda kind, part: None, path=path)

@@ -149,7 +149,8 @@ def _warn(console: Console, part: PartModes) -> None:
     if part.n_contacts:
         console.warn(f"{part.part}: {plural(part.n_contacts, 'contact')} counted as open")
     if not part.is_certified:
-        console.warn(f"{part.part}: modes may be missing: the search for more ended without them")
+        why = "the search ended before all were known"
+        console.warn(f"{part.part}: modes may be missing, or be told twice: {why}")
 
 
 def _lines(part: PartModes) -> str:

@@ -15,6 +15,8 @@ from .gesture import MeasurementError
 from .parameters import INDEX, START
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from .calibration_file import Calibration
     from .gesture import Floats, Gesture
 
@@ -145,21 +147,62 @@ def chi_squared(one: Calibration, other: Calibration) -> tuple[float, int]:
     return float(np.sum(along[known] ** 2 / values[known])), int(known.sum())
 
 
-def gains(plain: Calibration, loaded: Calibration, mass: float) -> tuple[float, float | None]:
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """A figure of a weighed key, and its standard deviation; None where files do not tell it."""
+
+    value: float
+    deviation: float | None
+
+
+def gains(plain: Calibration, loaded: Calibration, mass: float) -> dict[str, Gain]:
     """What a device makes of forces and lengths, from a key without and with a weighed mass [kg].
 
-    The first is G, the true mass over the one that was found; the second is what the device reads
-    for a metre, None for a key that the mass does not sink. Raises MeasurementError.
+    `mass` is the true mass over the one that was found, `position` what the device reads for a
+    metre and `force` what the motor gives for a newton: both are missing for a key that the mass
+    does not sink. M [kg], K [N/m] and Z [N·s/m] are the key's true ones. Deviations are to first
+    order in those of the files and their covariances. Raises MeasurementError.
     """
     heavier = loaded.figures["M"] - plain.figures["M"]
     if heavier <= 0:
         raise MeasurementError("the key with the mass was found no heavier than without it")
     gain = mass / heavier
+    # Logarithms' derivatives by figures of the first file, and of the second.
+    grows = {"M": 1.0 / heavier}, {"M": -1.0 / heavier}
+    found = {"mass": _gain(gain, plain, loaded, *grows)}
+    for name in ("M", "K", "Z"):
+        own = plain.figures[name]
+        first = dict(grows[0])
+        first[name] = first.get(name, 0.0) + (1.0 / own if own else 0.0)
+        found[name] = _gain(gain * own, plain, loaded, first, grows[1])
     rests = (plain.figures.get("rest"), loaded.figures.get("rest"))
     if rests[0] is None or rests[1] is None:
-        return gain, None
-    sinks = abs(rests[1] - rests[0])
+        return found
+    sinks, k = rests[1] - rests[0], plain.figures["K"]
     wobble = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
     # Dry friction holds a key anywhere near there; the fit knows the middle.
-    reads = sinks * gain * plain.figures["K"] / (mass * _GRAVITY)
-    return gain, float(reads) if sinks > max(wobble, 1e-9) else None
+    if abs(sinks) <= max(wobble, 1e-9):
+        return found
+    pushes = mass * _GRAVITY / (abs(sinks) * k)
+    fell = {"K": -1.0 / k, "rest": 1.0 / sinks}, {"rest": -1.0 / sinks}
+    read = {name: -x for name, x in fell[0].items()} | grows[0], {"rest": 1.0 / sinks} | grows[1]
+    found["position"] = _gain(gain / pushes, plain, loaded, *read)
+    found["force"] = _gain(pushes, plain, loaded, *fell)
+    return found
+
+
+def _gain(
+    value: float,
+    plain: Calibration,
+    loaded: Calibration,
+    first: Mapping[str, float],
+    second: Mapping[str, float],
+) -> Gain:
+    """A figure by the derivatives of its logarithm by figures of two files."""
+    variance = 0.0
+    for one, slopes in ((plain, first), (loaded, second)):
+        if not all(name in one.deviations for name in slopes):
+            return Gain(value, None)
+        own = np.array(list(slopes.values()))
+        variance += float(own @ one.covariance(list(slopes)) @ own)
+    return Gain(value, abs(value) * float(np.sqrt(variance)))

@@ -40,6 +40,11 @@ class TunablePart:
     def _own(self) -> Key | Instrument:
         return self.piece.keys.get(self.name) or self.piece.instruments[self.name]
 
+    @property
+    def is_listed(self) -> bool:
+        """Whether modes of it are written one by one (MODES), so that nothing else moves them."""
+        return any(module.kind == "MODES" for module in self._own.modules)
+
     def values(self) -> Iterator[Value]:
         """Every number above 0 of its modules that may move its modes."""
         for module in self._own.modules:

@@ -1,4 +1,8 @@
-"""TSV files that Qualisys Track Manager exports: a header of names and values, then rows in mm."""
+"""TSV files that Qualisys Track Manager exports: a header of names and values, then rows in mm.
+
+3D data are three columns a marker; 6D data sixteen a body, the first three of which are where it
+is.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,7 @@ from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
 _FIRST = (b"FILE_VERSION", b"NO_OF_FRAMES")
 _AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
 _LEADING_MAX = 2  # columns before the positions: the number of the frame, its time
+_WIDTHS = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
 _HIGH = 1e9  # mm: more is damage
 
 
@@ -26,26 +31,30 @@ def is_qtm(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Where the rows of a file are: their first line, and columns before the positions."""
+    """Where the rows of a file are: their first line, columns before the positions, and of each
+    marker or body."""
 
     path: Path
     names: list[str]
     first: int
     leading: int
+    columns: int
 
     def values(self, line: str, number: int) -> list[float]:
         """Positions of a row; nan for empty cells. A tab may come last."""
-        cells, width = line.split("\t"), self.leading + 3 * len(self.names)
+        cells, width = line.split("\t"), self.leading + self.columns * len(self.names)
         if len(cells) == width + 1 and not cells[-1]:
             cells.pop()
         if len(cells) != width:
             raise TakeError(
-                f"the number of values in this line is {len(cells)}, but the markers need {width}",
+                f"the number of values in this line is {len(cells)}, but the "
+                f"{'markers' if self.columns == 3 else 'bodies'} need {width}",
                 self.path,
                 number,
             )
         try:
-            values = [float(cell or "nan") for cell in cells[self.leading :]]
+            starts = range(self.leading, width, self.columns)
+            values = [float(cell or "nan") for at in starts for cell in cells[at : at + 3]]
         except ValueError:
             raise TakeError("this line is not a row of numbers", self.path, number) from None
         if any(abs(value) > _HIGH for value in values):
@@ -88,22 +97,28 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _Rows]:
         first = 0, ""
         for numbered in lines(file, path):
             word, *values = numbered[1].split("\t")
-            if "MARKER_NAMES" not in header:
+            if header.keys().isdisjoint(_WIDTHS):
                 header[word.strip()] = values
             elif word not in _AFTER_NAMES:
                 first = numbered
                 break
-    names = [name.strip() for name in header.get("MARKER_NAMES", ())]
+    kind = next((kind for kind in _WIDTHS if kind in header), "MARKER_NAMES")
+    columns = _WIDTHS[kind]
+    names = [name.strip() for name in header.get(kind, ())]
     while names and not names[-1]:
         names.pop()
     if not names:
-        raise TakeError("this file of QTM has no MARKER_NAMES; export 3D data with a header", path)
+        raise TakeError(
+            "this file of QTM has no MARKER_NAMES and no BODY_NAMES; export 3D or 6D data with a "
+            "header",
+            path,
+        )
     number, cells = first[0], first[1].split("\t")
     # Titles of columns may come first. Every line may end in a tab, and so does that of the names.
     has_titles = any(cell[:1].isalpha() for cell in cells)
-    is_tabbed = not header["MARKER_NAMES"][-1].strip()
-    leading = len(cells) - 3 * len(names) - is_tabbed
-    return header, _Rows(path, names, number + has_titles, min(max(leading, 0), _LEADING_MAX))
+    is_tabbed = not header[kind][-1].strip()
+    leading = min(max(len(cells) - columns * len(names) - is_tabbed, 0), _LEADING_MAX)
+    return header, _Rows(path, names, number + has_titles, leading, columns)
 
 
 def _text(path: Path) -> io.TextIOWrapper:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture import bvh_file, c3d_file, qtm_file, sdif_file
+from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
 from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened
@@ -57,7 +57,7 @@ def summary(path: Path) -> Table:
     return table
 
 
-def _csv(path: Path) -> Table:
+def _table(path: Path) -> Table:
     with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
         try:
             rows = lines(file, path)
@@ -115,7 +115,12 @@ def _npz(path: Path) -> Table:
 
 
 def _tsv(path: Path) -> Table:
-    return _points(qtm_file.read)(path) if qtm_file.is_qtm(path) else _csv(path)
+    return _points(qtm_file.read)(path) if qtm_file.is_qtm(path) else _table(path)
+
+
+def _csv(path: Path) -> Table:
+    is_motive = optitrack_file.is_optitrack(path)
+    return _points(optitrack_file.read)(path) if is_motive else _table(path)
 
 
 def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:

@@ -5,7 +5,7 @@
   comments.
 * WAV: channels are numbered from 1; 1.0 is one `unit` (1 m unless said).
 * npz: one-dimensional arrays, `t` in seconds and channels in metres, or named `x [mm]`.
-* C3D, BVH, TSV of Qualisys (`motion.py`): a point and an axis, such as `RWRI.x`.
+* C3D, BVH, TSV of Qualisys, CSV of OptiTrack (`motion.py`): a point and an axis, such as `RWRI.x`.
 * SDIF (`sdif_file.py`): a column of a matrix, such as `XPOS.x`.
 
 CSV and npz files without `t` need a `rate`, BVH and SDIF files a `unit`, for they tell none. GMS
@@ -25,7 +25,7 @@ import numpy as np
 from ergon import _core
 from ergon.common.regular import open_regular
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture import bvh_file, c3d_file, motion, qtm_file, sdif_file
+from ergon.scores.gesture import bvh_file, c3d_file, motion, optitrack_file, qtm_file, sdif_file
 from ergon.scores.gesture.npz import Npz, npz
 from ergon.scores.gesture.points import METRE, SECOND
 from ergon.scores.gesture.take_file import (
@@ -90,7 +90,7 @@ def read(
     return samples
 
 
-def _read_csv(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+def _read_table(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_unit(unit, path)
     with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
         try:
@@ -340,8 +340,14 @@ _Reader = Callable[[Path, str | None, float | None, float | None], Samples]
 
 
 def _read_tsv(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
-    read_table = _captured(qtm_file.read) if qtm_file.is_qtm(path) else _read_csv
-    return read_table(path, channel, rate, unit)
+    read_rows = _captured(qtm_file.read) if qtm_file.is_qtm(path) else _read_table
+    return read_rows(path, channel, rate, unit)
+
+
+def _read_csv(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+    is_motive = optitrack_file.is_optitrack(path)
+    read_rows = _captured(optitrack_file.read) if is_motive else _read_table
+    return read_rows(path, channel, rate, unit)
 
 
 def _read_sdif(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:

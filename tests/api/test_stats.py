@@ -76,6 +76,7 @@ def test_every_part_and_what_has_no_mass():
         "wire",
         "soft",
         "discrete",
+        "bowl",
         "wall",
     ]
     wall = found[-1]

@@ -43,6 +43,7 @@ instruments:
     at: 44100Hz
     modules: {{m: {{CEL: {{M: 1, K: 0.002, Z: 0.0005}}}}, n: {{CEL: {{M: 2, K: 0.01, Z: 0.0001}}}}}}
     out: {{SOX: m}}
+  bowl: {{MODES: {{M: 20g, f: [220Hz, 450Hz], t60: 2s}}}}
   wall: {{modules: {{w: {{SOL: {{}}}}}}}}
 strikes: {{a: {{to: [bar.m3], at: 0.1s, impulse: 1mNs}}}}
 render: {{tail: 0.5s}}
@@ -182,6 +183,8 @@ def test_values_in_a_file_that_is_used_are_told_and_stay():
         ),
         ("wire", "1:2", {"by": ["M"]}, "by: no mode feels wire.s.M"),
         ("wall", "1:2", {}, "part: wall has no value above 0 that moves its modes"),
+        ("bowl", "1:2", {}, "part: its modes are the list `f` of bowl's MODES: write"),
+        ("bowl", "1:2", {"by": ["springs"]}, "by: bowl has no value 'springs' above 0; there are"),
     ],
 )
 def test_what_cannot_be_asked_for(part: str, targets: object, options: dict, message: str):

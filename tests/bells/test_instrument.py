@@ -6,13 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checked import check
+from scipy.io import wavfile
 
 import ergon
 from ergon.bells.bell import of_table
 from ergon.bells.chain import chain
+from ergon.bells.contact import LENGTH, spectrum
 from ergon.bells.instrument import FormError, text
 from ergon.bells.resonances import TableError, read
+from ergon.bells.stroke import read as sound_of
 from ergon.cli import app
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
 
 F = (219.0, 219.6, 440.0, 657.0, 1320.0)
 T60 = (3.0, 2.7, 2.0, 1.2, 0.6)
@@ -23,6 +28,18 @@ instruments:
   b: {from: bell/bell}
 strikes: {s: {to: %s, at: 0.05s, impulse: 10mNs}}
 render: {tail: 4s}
+"""
+
+PLAYED = """ergon: 1
+use: [bell.yaml]
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  b: {from: bell/bell, f: A3}
+  action: {modules: {c: {BUT: {between: [k1, b.hammer], K: 4kN/m, Z: 2Ns/m}}}}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: knock}]}
+render: {tail: 0.5s}
 """
 
 
@@ -73,23 +90,67 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
 
 
 def test_each_form_is_an_instrument_that_a_key_plays(capsys: pytest.CaptureFixture[str]) -> None:
-    score = """ergon: 1
-use: [bell.yaml]
-keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
-instruments:
-  b: {from: bell/bell, f: A3}
-  action: {modules: {c: {BUT: {between: [k1, b.hammer], K: 4kN/m, Z: 2Ns/m}}}}
-gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}
-players: {ada: {key: k1}}
-parts: {ada: [{at: 1|1, play: knock}]}
-render: {tail: 0.5s}
-"""
     for form in ("modes", "cels"):
         made(form)
-        Path("s.yaml").write_text(score)
+        Path("s.yaml").write_text(PLAYED)
         assert run(["render", "s.yaml", "-o", f"{form}.wav", "-q"]) == 0
         blocks = ergon.render("s.yaml").frames
         assert np.abs(blocks).max() > 0.0
+
+
+def recorded(peak: float) -> ergon.Bell:
+    """A bell from a recording that begins with so much of full scale."""
+    t = np.arange(2 * 44100) / 44100
+    modes = zip(F, T60, LEVELS, strict=True)
+    ring = sum(
+        abs(a) * np.exp(-3 * np.log(10) / t60 * t) * np.sin(2 * np.pi * f * t)
+        for f, t60, a in modes
+    )
+    sound = np.concatenate([np.zeros(441), peak / np.sum(np.abs(LEVELS)) * ring])
+    sound += 1e-6 * np.random.default_rng(0).standard_normal(sound.size)
+    wavfile.write("stroke.wav", 44100, sound.astype(np.float32))
+    bell = ergon.bell("stroke.wav")
+    Path("bell.yaml").write_text(text(bell))
+    return bell
+
+
+@pytest.mark.parametrize("peak", [0.8, 0.05])
+def test_a_hammer_at_a_metre_a_second_is_as_loud_as_the_recording(peak: float) -> None:
+    bell = recorded(peak)
+    assert bell.reference == pytest.approx(peak / np.sum(np.abs(LEVELS)), rel=0.01)
+    Path("s.yaml").write_text(
+        "ergon: 1\nuse: [bell.yaml]\ninstruments:\n  b:\n    from: bell/bell\n    modules: "
+        "{hammer: {CEL: {M: 8g, f: 1Hz, t60: 2s, V0: 1m/s}}}\nrender: {tail: 0.5s}\n"
+    )
+    assert run(["render", "s.yaml", "-o", "s.wav", "-q"]) == 0
+    again = ergon.bell("s.wav", ergon.BellOptions(modes=len(F)))
+    heard = np.abs(again.levels[:, 0] * again.heard) * again.reference
+    # The hammer is hard, and yet leaves a little less of high modes than a blow without length.
+    wanted = np.abs(LEVELS) * peak / np.sum(np.abs(LEVELS)) * spectrum(np.array(F), LENGTH)
+    assert heard == pytest.approx(wanted, rel=0.1)
+
+
+def test_a_hand_plays_a_bell_from_a_loud_recording_without_more_gain(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    recorded(0.5)
+    Path("s.yaml").write_text(PLAYED)
+    assert run(["render", "s.yaml", "-o", "s.wav"]) == 0
+    assert "W325" not in capsys.readouterr().err
+    assert 0.02 < np.abs(sound_of(Path("s.wav"))[0]).max() < 1.0
+
+
+def test_a_real_hand_feels_a_bell_as_stiff_as_the_contact_with_its_hammer() -> None:
+    """Whatever the level of the microphone: what a hand gets is computed from this answer."""
+    recorded(0.5)
+    Path("s.yaml").write_text(PLAYED)
+    piece = load("s.yaml").piece
+    assert piece is not None
+    network = stage(piece).network
+    key = next(i for i in range(network.n_mat) if network.name_of(i) == "k1")
+    felt = network.reachable_network(key, 44100.0).response(44, (400, 4096))
+    assert felt is not None
+    assert 3900.0 < np.abs(felt).max() < 4100.0
 
 
 def test_a_chain_is_refused_where_it_is_none() -> None:

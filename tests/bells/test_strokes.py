@@ -96,6 +96,54 @@ def test_strokes_soft_to_hard_and_at_places_give_levels_and_the_contact():
     assert found.contact == pytest.approx(0.4e-3, rel=0.3)
 
 
+def hertz(f: np.ndarray, length: float) -> np.ndarray:
+    """What a push leaves of modes that is narrower than half a sine, as of two round bodies."""
+    t = np.linspace(0.0, length, 801)
+    push = np.sin(np.pi * t / length) ** 1.5
+    return np.abs(push @ np.exp(-2j * np.pi * f * t[:, None])) / push.sum()
+
+
+@pytest.mark.parametrize("push", [contact.spectrum, hertz])
+@pytest.mark.parametrize(("hard", "soft"), [(0.4e-3, 0.7e-3), (1e-3, 1.5e-3), (1e-3, 2e-3)])
+def test_two_strokes_tell_how_long_they_touched(push, hard: float, soft: float):
+    f = church().f
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        levels = rng.uniform(0.2, 1.0, f.size)
+        heard = np.stack([levels * push(f, hard), 0.4 * levels * push(f, soft)])
+        heard *= np.exp(0.02 * rng.standard_normal(heard.shape))
+        told = contact.levels(f, heard, np.full(heard.shape, 0.02))
+        lengths = [length or 0.0 for length in told.lengths]
+        assert lengths == pytest.approx([hard, soft], rel=0.36)
+        assert told.impulses == pytest.approx([1.0, 0.4], rel=0.1)
+        low = np.log(told.levels / levels)[f * soft < 1.0]
+        assert np.median(np.abs(low - np.median(low))) < 0.08
+
+
+@pytest.mark.parametrize(("hard", "soft"), [(0.5e-3, 0.5e-3), (0.1e-3, 0.3e-3), (2e-3, 4e-3)])
+def test_strokes_that_do_not_tell_how_long_they_touched_say_so(hard: float, soft: float):
+    """Alike; so hard that no mode misses it; so soft that hardly a mode is within reach."""
+    f = church().f
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        levels = rng.uniform(0.2, 1.0, f.size)
+        heard = np.stack([levels * contact.spectrum(f, one) for one in (hard, soft)])
+        heard *= np.exp(0.02 * rng.standard_normal(heard.shape)) * [[1.0], [0.4]]
+        told = contact.levels(f, heard, np.full(heard.shape, 0.02))
+        assert told.lengths == (None, None)
+        if hard < 1e-3:
+            assert told.impulses == pytest.approx([1.0, 0.4], rel=0.05)
+
+
+def test_what_falls_fast_is_not_thought_to_have_begun_hundreds_of_decibels_louder():
+    """A soft stroke is loudest late; a mode of 10 ms would fall by 180 dB since it began."""
+    t = np.arange(RATE) / RATE
+    sound = np.cos(2 * np.pi * 440 * t) * np.exp(-3 * t) * np.minimum(t / 0.025, 1.0)
+    one = stroke("soft.wav", sound, RATE)
+    assert one.sound.size < RATE - 0.02 * RATE
+    assert one.delay <= 0.004
+
+
 def test_the_spring_of_a_contact_makes_its_length():
     """A mass on Hertz's spring, stepped."""
     k, x, v, h, t = contact.stiffness(1e-3), 0.0, contact.SPEED, 1e-7, 0.0

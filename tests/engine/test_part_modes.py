@@ -138,6 +138,24 @@ def test_damped_random_networks_against_the_dense_quadratic_problem(seed: int, d
     assert found.real == pytest.approx(wanted.real, rel=1e-6)
 
 
+@pytest.mark.parametrize("count", [90, pytest.param(500, marks=pytest.mark.slow)])
+def test_damped_modes_two_hundredths_of_a_cent_apart_are_found_once_each(count: int):
+    """As many as there are, in several runs: each keeps away from what those before it found."""
+    rng = np.random.default_rng(0)
+    body = Body(np.full(count, 1e-3))
+    k = 1e-3 * (2 * np.pi * 440 * 2 ** (0.02 * np.arange(count) / 1200)) ** 2
+    for i in range(count):
+        body.link(i, None, k[i], 1e-4 * rng.uniform())
+    for i in range(1, count):
+        body.link(0, i, 0.0, 1e-4 * rng.uniform() / count)
+    wanted = body.poles()
+    found = body.network.part_modes("b", count=count)
+    assert found.is_certified
+    far = np.abs(found.poles[:, None] - wanted)
+    assert sorted(far.argmin(axis=1)) == list(range(count))
+    assert far.min(axis=1).max() < 1e-11 * abs(wanted[0])
+
+
 def test_a_string_with_a_strong_damper_at_one_point():
     n = 120
     m = 8e-3 / n

@@ -97,11 +97,44 @@ def test_a_weighed_mass_tells_the_gains():
         return known(M=mass / gain, K=60 / gain, Z=1.2 / gain, rest=-2.5e-3 - reads * sinks)
 
     plain, loaded = found(0.4, 0.0), found(0.4 + added, added * 9.80665 / 60)
-    assert np.allclose(gains(plain, loaded, added), (gain, reads), rtol=1e-9)
+    told = gains(plain, loaded, added)
+    wanted = {"mass": gain, "position": reads, "force": pushes, "M": 0.4, "K": 60.0, "Z": 1.2}
+    assert {name: one.value for name, one in told.items()} == pytest.approx(wanted, rel=1e-9)
     lying = found(0.4 + added, 0.0)
-    assert gains(plain, lying, added)[1] is None
+    assert gains(plain, lying, added).keys() == {"mass", "M", "K", "Z"}
     with pytest.raises(MeasurementError, match="no heavier"):
         gains(loaded, plain, added)
+
+
+def test_gains_are_known_as_well_as_the_figures_that_they_are_made_of():
+    """Against 20,000 pairs of files, drawn by deviations that are correlated."""
+    names, added = ["M", "K", "Z", "rest"], 0.017
+    chance = np.random.default_rng(4)
+    mixed = chance.normal(size=(4, 4)) + np.eye(4)
+    of_one = mixed @ mixed.T
+    size = np.array([2e-5, 4e-3, 3e-4, 2e-7]) / np.sqrt(np.diag(of_one))
+    covariance = of_one * np.outer(size, size)
+    deviations = dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
+    own = np.sqrt(np.diag(covariance))
+    correlations = {
+        (a, b): covariance[i, j] / (own[i] * own[j])
+        for i, a in enumerate(names)
+        for j, b in enumerate(names[:i])
+    }
+    centres = [
+        np.array([0.4 + extra, 60.0, 1.2, -2.5e-3 - extra * 9.80665 / 60]) for extra in (0, added)
+    ]
+
+    def file(values: np.ndarray) -> Calibration:
+        figures = dict(zip(names, map(float, values), strict=True))
+        return Calibration(figures, deviations, (), "2026-11-22", correlations)
+
+    told = gains(*map(file, centres), added)
+    drawn = [chance.multivariate_normal(centre, covariance, 20_000) for centre in centres]
+    each = [gains(file(a), file(b), added) for a, b in zip(*drawn, strict=True)]
+    for name, one in told.items():
+        spread = np.std([other[name].value for other in each])
+        assert one.deviation == pytest.approx(spread, rel=0.03), name
 
 
 FITTED = (0, 1, 2, 3, 4, 6, 10, 11, 12)  # of a key with dry friction, delay and a mode

@@ -59,20 +59,33 @@ def captured() -> Iterator[tuple[str, tuple[bytes, ...]]]:
         ),
     )
     yield ".bvh", (motion_files.bvh(np.round(np.sin(np.arange(60.0)).reshape(5, 12), 3)),)
-    yield ".tsv", (motion_files.qtm(places, titles=True, leading=2), b"t [s]\tx [mm]\n0\t0\n1\t2\n")
+    yield (
+        ".tsv",
+        (
+            motion_files.qtm(places, titles=True, leading=2),
+            motion_files.qtm_bodies(places[:4]),
+            b"t [s]\tx [mm]\n0\t0\n1\t2\n",
+        ),
+    )
     types = motion_files.declared("{1MTD XPOS {x, y, z} 1FTD XMOV {XPOS position;}}")
     yield ".sdif", (motion_files.sdif(types, motion_files.moving(t, places[:, 0])),)
 
 
 FORMATS = {
-    ".csv": (csv(),),
+    ".csv": (csv(), motion_files.optitrack(motion_files.curve(9), timed=True)),
     ".wav": (wav(), wav("FLOAT"), wav("DOUBLE", "RF64"), wav("PCM_24", "WAVEX")),
     ".npz": (npz(False), npz(True), npz(True, **{"x [mm]": np.arange(9, dtype=">i2")})),
     ".take": (recorded(),),
     **dict(captured()),
 }
-POINT = {".c3d": "RWRI.auto", ".tsv": "LWRI.x", ".bvh": "hand.x", ".sdif": "XPOS.x"}
-CHANNEL = {".csv": "x", ".wav": "1", ".npz": "x", ".take": "remi", **POINT}
+POINT = {
+    ".c3d": "RWRI.auto",
+    ".tsv": "LWRI.x",
+    ".csv": "Hand:LWRI.x",
+    ".bvh": "hand.x",
+    ".sdif": "XPOS.x",
+}
+CHANNEL = {**POINT, ".csv": "x", ".wav": "1", ".npz": "x", ".take": "remi"}
 MEANT = (TakeError, Outcome, OSError)
 
 
@@ -123,7 +136,11 @@ def test_damage_is_refused_with_a_sentence(tmp_path, capsys, suffix):
         (tmp_path / f"whole{suffix}").write_bytes(data)
         rate = 100.0 if data is FORMATS[".npz"][2] else None
         unit = 0.01 if suffix in (".bvh", ".sdif") else None
-        channel = "x" if data is FORMATS[".tsv"][1] else CHANNEL[suffix]
+        channel = CHANNEL[suffix]
+        if data is FORMATS[".tsv"][2]:
+            channel = "x"
+        elif data is FORMATS[".csv"][1]:
+            channel = POINT[".csv"]
         assert len(read(tmp_path / f"whole{suffix}", channel, rate=rate, unit=unit).x) >= 2
     assert tried(suffix, 1200, 1, tmp_path, capsys) == {}
 

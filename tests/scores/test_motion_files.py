@@ -1,4 +1,4 @@
-"""Motion capture as takes: C3D, BVH, TSV of Qualisys, SDIF."""
+"""Motion capture as takes: C3D, BVH, TSV of Qualisys, CSV of OptiTrack, SDIF."""
 
 import math
 
@@ -263,7 +263,8 @@ def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("MARKER_NAMES", "BODY_NAMES", "export 3D data with a header"),
+        ("MARKER_NAMES", "BONE_NAMES", "export 3D or 6D data with a header"),
+        ("MARKER_NAMES", "BODY_NAMES", "the bodies need 32"),
         ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\t13", "says 13 frames, and holds 12"),
         ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\tmany", "is no number"),
         ("FREQUENCY\t100", "FREQUENCY\t0", "is no rate"),
@@ -278,6 +279,72 @@ def test_what_is_no_tsv_of_qtm_is_refused(tmp_path, old, new, told):
     path = wrote(tmp_path, ".tsv", f"{head}{new}{rest}".encode())
     with pytest.raises(TakeError, match=told):
         read(path, "RWRI.x")
+
+
+@pytest.mark.parametrize("leading", [0, 2])
+@pytest.mark.parametrize("titles", [False, True])
+def test_bodies_of_qtm(tmp_path, titles, leading):
+    """Where a body is stands in its first three columns; its turns are passed over."""
+    places = files.curve(40)
+    places[20:23, 1] = np.nan
+    data = files.qtm_bodies(places, titles=titles, leading=leading)
+    for text in (data, data.replace(b"\n", b"\t\r\n")):
+        path = wrote(tmp_path, ".tsv", text)
+        for body, name in enumerate(("RWRI", "LWRI")):
+            for axis, letter in enumerate("xyz"):
+                assert is_of(read(path, f"{name}.{letter}"), places, body, axis)
+        assert "3 frames" in (read(path, "LWRI.x").damage or "")
+
+
+# --- CSV of OptiTrack -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.parametrize("version", [1.1, 1.25])
+def test_csv_of_optitrack(tmp_path, version, timed):
+    places = files.curve(40)
+    places[20:23, 1] = np.nan
+    path = wrote(tmp_path, ".csv", files.optitrack(places, version=version, timed=timed))
+    for point, name in enumerate(("RWRI", "LWRI")):
+        for axis, letter in enumerate("xyz"):
+            assert is_of(read(path, f"Hand:{name}.{letter}"), places, point, axis)
+    assert "3 frames" in (read(path, "Hand:LWRI.x").damage or "")
+    body = read(path, "Board 1.x")
+    assert np.allclose(body.x, 1e-3 * np.arange(40))
+    with pytest.raises(TakeError, match="tells its own unit"):
+        read(path, "Hand:RWRI.x", unit=0.01)
+
+
+def test_csv_of_optitrack_without_a_rate_or_unit_asks_for_them(tmp_path):
+    path = wrote(tmp_path, ".csv", files.optitrack(PLACES, head="Take Notes,", unit="Feet"))
+    with pytest.raises(TakeError, match="such as unit: 1cm"):
+        read(path, "Hand:RWRI.x")
+    with pytest.raises(TakeError, match="such as rate: 100Hz"):
+        read(path, "Hand:RWRI.x", unit=1e-3)
+    assert is_of(read(path, "Hand:RWRI.x", rate=50.0, unit=1e-3), PLACES, 0, 0, 50.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("Frame,", "Row,", "no line that begins with Frame"),
+        ("Position", "Place", "no columns called Position"),
+        ("Frames,12", "Frames,13", "says 13 frames, and holds 12"),
+        ("Frames,12", "Frames,many", "is no number"),
+        ("Rate,100", "Rate,-1", "is no rate"),
+        ('"Board 1"', '"Board 1', "quotation in this line is not closed"),
+        (",0,7,", ",0,7,9,", "but the header has 15 columns"),
+        (",0,7,", ",0,seven,", "not a row of numbers"),
+        (",0,7,", ",0,-7e99,", "no camera sees"),
+    ],
+)
+def test_what_is_no_csv_of_optitrack_is_refused(tmp_path, old, new, told):
+    text = files.optitrack(PLACES).decode()
+    assert old in text
+    count = -1 if old == "Position" else 1
+    path = wrote(tmp_path, ".csv", text.replace(old, new, count).encode())
+    with pytest.raises(TakeError, match=told):
+        read(path, "Hand:RWRI.x")
 
 
 def test_columns_of_a_plain_tsv(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 
@@ -152,6 +153,76 @@ def qtm(
         cells += [hidden if np.isnan(x) else f"{x:.4f}" for x in frame.ravel()]
         head += "\t".join(cells) + "\n"
     return head.encode()
+
+
+def qtm_bodies(
+    places: Floats,
+    names: Sequence[str] = ("RWRI", "LWRI"),
+    titles: bool = True,
+    leading: int = 2,
+) -> bytes:
+    """A 6D file of QTM of bodies at positions (n, bodies, 3) [mm], which turn."""
+    head = f"NO_OF_FRAMES\t{len(places)}\nNO_OF_CAMERAS\t4\nNO_OF_BODIES\t{len(names)}\n"
+    head += "FREQUENCY\t100\nNO_OF_ANALOG\t0\nANALOG_FREQUENCY\t0\nDESCRIPTION\t--\n"
+    head += "TIME_STAMP\t2026-11-22, 04:00:00\t12.5\nDATA_INCLUDED\t6D\n"
+    head += "BODY_NAMES\t" + "\t".join(names) + "\n"
+    if titles:
+        turns = ["Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{i}]" for i in range(9))]
+        own = [title for name in names for title in (f"{name} X", "Y", "Z", *turns)]
+        head += "\t".join([*("Frame", "Time")[:leading], *own]) + "\n"
+    for i, frame in enumerate(places):
+        cells = [str(i + 1), f"{i / 100:.5f}"][:leading]
+        for place in frame:
+            is_seen = np.isfinite(place).all()
+            angle = 0.01 * i
+            spin = [math.cos(angle), math.sin(angle), 0, -math.sin(angle), math.cos(angle), 0, 0, 0]
+            turn = [0.0, 0.0, math.degrees(angle), 1.5, *spin, 1]
+            values = [*place, *turn] if is_seen else [0.0] * 16
+            cells += [f"{value:.5f}" for value in values]
+        head += "\t".join(cells) + "\n"
+    return head.encode()
+
+
+# --- CSV of Motive --------------------------------------------------------------------------------
+
+
+def optitrack(
+    places: Floats,
+    names: Sequence[str] = ("Hand:RWRI", "Hand:LWRI"),
+    head: str = "",
+    version: float = 1.25,
+    unit: str = "Millimeters",
+    timed: bool = False,
+) -> bytes:
+    """A file of Motive of markers at positions (n, points, 3), after a rigid body that turns;
+    those before 1.2 have no words before their rows, `timed` ones a column of time codes."""
+    is_old = version < 1.2
+    words = iter(("", "") if is_old else ("Type", "Name", "ID", "Parent"))
+    code = ("",) * timed
+    head = head or f"Export Frame Rate,100.000000,Total Exported Frames,{len(places)}"
+    first = f'Format Version,{version},Take Name,"a, b",{head},Rotation Type,Quaternion'
+    rows = [f"{first},Length Units,{unit},Coordinate Space,Global", ""]
+    body = "XYZWXYZ"
+
+    def row(own: str, each: Sequence[str]) -> None:
+        cells = ["", next(words, ""), *code, *[own] * len(body)]
+        rows.append(",".join([*cells, *(cell for cell in each for _ in "XYZ")]))
+
+    row("Rigid Body", ["Marker"] * len(names))
+    row('"Board 1"', names)
+    row("7", [str(i) for i in range(len(names))])
+    if not is_old:
+        row("", ["Hand"] * len(names))
+    components = ["Rotation"] * 4 + ["Position"] * 3 * (1 + len(names))
+    rows.append(",".join(["", "", *code, *components]))
+    axes = body + "XYZ" * len(names)
+    rows.append(",".join(["Frame", "Time (Seconds)", *("Timecode",) * timed, *axes]))
+    for i, frame in enumerate(places):
+        cells = [str(i), f"{i / 100:.6f}", *("15:26:46:12.02",) * timed, "0", "0", "0", "1"]
+        cells += [f"{i}.5", "0", "7"]
+        cells += ["" if np.isnan(x) else f"{x:.6f}" for x in frame.ravel()]
+        rows.append(",".join(cells))
+    return ("\r\n".join(rows) + "\r\n").encode()
 
 
 # --- SDIF -----------------------------------------------------------------------------------------

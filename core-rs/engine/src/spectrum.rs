@@ -21,6 +21,8 @@ pub(crate) use general::{General, general, inverse};
 pub(crate) use lanczos::Largest;
 pub(crate) use lanczos::{largest, largest_up_to};
 pub(crate) use lowest::lowest;
+#[cfg(test)]
+pub(crate) use shift_invert::are_modes;
 pub(crate) use shift_invert::{Found, lowest_modes, modes_around, n_below};
 pub(crate) use whole::whole;
 

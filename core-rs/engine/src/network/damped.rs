@@ -27,10 +27,19 @@ const EXACT: f64 = 1e-12;
 /// A pole that moves further than this part of it was another's.
 const FAR: f64 = 1e-2;
 
+/// The error of a pole that its residual tells, relative to it (1e-6 cents): beyond that it is not known.
+const KNOWN: f64 = 5e-10;
+/// What a residual has by rounding, relative to the stiffest of the network.
+const ROUNDED: f64 = 1e-12;
+/// Two poles are one, found twice, where corrections brought them so much nearer to each other.
+const NEARER: f64 = 1e-3;
+
 /// A pole and how the masses move, of xᵀ(2s + Z)x = 2i·Im s   (n); of length 1 where it does not swing.
 pub(super) struct Swing {
     pub(super) pole: Complex<f64>,
     pub(super) shape: Vec<Complex<f64>>,
+    /// It is a pole, and another than all others.
+    pub(super) is_known: bool,
 }
 
 /// Whether damping takes any of the modes to others.
@@ -75,6 +84,15 @@ pub(super) fn swings(body: &Body, modes: &[Mode], is_coupled: bool, count: usize
         });
         whole.correct(swing, gap);
     }
+    for i in 0..found.len() {
+        crate::interrupt::poll();
+        for j in 0..i {
+            let (before, now) = (poles[i] - poles[j], found[i].pole - found[j].pole);
+            if now.norm() < NEARER * before.norm() {
+                (found[i].is_known, found[j].is_known) = (false, false);
+            }
+        }
+    }
     found
 }
 
@@ -89,7 +107,11 @@ fn alone(mode: &Mode, image: &[f64]) -> Swing {
         Complex::new(-mode.lambda / (half + sqrt(-squared)), 0.0)
     };
     let shape = mode.vector.iter().map(|&x| Complex::from(x)).collect();
-    Swing { pole, shape }
+    Swing {
+        pole,
+        shape,
+        is_known: true,
+    }
 }
 
 /// The modes, and further motions that are to them as modes are: orthogonal, each with its λ.
@@ -202,6 +224,7 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<Swing>> {
         Swing {
             pole: Complex::new(re, im),
             shape: shape(at, im != 0.0),
+            is_known: true,
         }
     };
     Some(poles.into_iter().map(swing).collect())
@@ -273,6 +296,11 @@ impl Whole {
         if swing.pole.im == 0.0 {
             s.im = 0.0;
         }
+        self.at(s).times(&self.pattern, &x, &mut image);
+        let stiffest = self.stiffness.diagonal.iter();
+        let stiffest = stiffest.fold(0.0_f64, |most, k| most.max(k.abs()));
+        let most = 2.0 * KNOWN * s.norm_sqr() + ROUNDED * stiffest;
+        swing.is_known = size(&image) <= most * size(&x);
         slope(s).times(&self.pattern, &x, &mut image);
         let by = if s.im == 0.0 {
             Complex::from(1.0 / size(&x))

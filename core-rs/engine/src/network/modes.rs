@@ -55,7 +55,8 @@ pub struct PartModes {
     pub shapes: Vec<Vec<Complex<f64>>>,
     /// The masses, by their index in the network   (n)
     pub mats: Vec<usize>,
-    /// Whether the inertia of the matrix says that no mode of the range is missing, damping apart.
+    /// Whether the inertia of the matrix says that no mode of the range is missing, damping apart, and each is a mode of
+    /// its own by what it leaves of the equations.
     pub is_certified: bool,
     /// Links whose law was taken at its slope at rest.
     pub n_laws: usize,
@@ -118,7 +119,8 @@ impl Network {
                 let count = kept(count)?;
                 let (found, is_coupled) = search(count, &lowest);
                 let lowest = damped::swings(&body, &found.modes, is_coupled, count);
-                (lowest, found.is_certified)
+                let is_all = lowest.len() == count;
+                (lowest, found.is_certified && is_all)
             }
             ModeRange::Below(f) => {
                 let count = kept(spectrum::n_below(&body.springs, body.lambda(f)))?;
@@ -139,6 +141,7 @@ impl Network {
                 (all, found.is_certified)
             }
         };
+        let is_certified = is_certified && poles.iter().all(|swing| swing.is_known);
         poles.sort_by(|a, b| a.pole.norm_sqr().total_cmp(&b.pole.norm_sqr()));
         // Its sign is that by which the largest motion is positive.
         let shape = |swing: &Swing| -> Vec<Complex<f64>> {

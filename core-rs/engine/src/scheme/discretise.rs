@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::{Kind, Run, Scheme};
 use crate::cell::{self, Cell, Ratios};
 use crate::law::Law;
+use crate::network::forest::Forest;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::units::Rate;
 
@@ -38,11 +39,12 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         n_parts: network.parts().len(),
         linear: true,
     };
+    let cancels = cancelling(network);
     for i in (0..n).filter(|&i| mats.kind[i].moves()) {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let ratios;
         (scheme.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
-            None if ties == Ties::Physical => {
+            None if ties == Ties::Physical || cancels[i] => {
                 let w = rate.step() * rate.step() / m;
                 let ratios = Ratios {
                     kappa: k * w,
@@ -155,6 +157,32 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         .windows(2)
         .any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0);
     Ok(scheme)
+}
+
+/// MATs of bodies of which single ties or springs have a stiffness below 0, as those of MODES: they take away from each
+/// other, so that a tie by its own poles would leave something else   (n_mat)
+fn cancelling(network: &Network) -> Vec<bool> {
+    let mut joined = Forest::new(network.n_mat());
+    let springs = network.runs().iter();
+    let springs = springs.filter(|run| run.kind == LinkKind::Ref && run.len == 1);
+    let mut below: Vec<usize> = Vec::new();
+    for run in springs {
+        if network.mats().part[run.a] == network.mats().part[run.b] {
+            joined.join(run.a, run.b);
+        }
+        if run.k < 0.0 {
+            below.push(run.a);
+        }
+    }
+    let ties = network.mats().k.iter().enumerate();
+    below.extend(ties.filter(|&(_, &k)| k < 0.0).map(|(mat, _)| mat));
+    let mut cancels = vec![false; network.n_mat()];
+    for mat in below {
+        cancels[joined.root(mat)] = true;
+    }
+    (0..cancels.len())
+        .map(|mat| cancels[joined.root(mat)])
+        .collect()
 }
 
 fn ca_rate(network: &Network, part: usize) -> Option<Rate> {

@@ -23,6 +23,8 @@ const RANGE: f64 = 1e-6;
 const LOOK: usize = 12;
 /// A border lies in a gap of at least this part of its modes: no rounding moves a mode across.
 const GAP: f64 = 1e-9;
+/// Most of a residual, relative to the largest of the diagonal; most of a mode that lies along its neighbour.
+const SURE: f64 = 1e-9;
 /// Runs without a new mode after which a count stays short.
 const FRUITLESS: usize = 3;
 
@@ -74,11 +76,11 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
             factor = above;
         }
     }
-    let is_certified = known >= count || modes.len() == n;
+    let is_counted = known >= count || modes.len() == n;
     modes.truncate(count);
     Found {
+        is_certified: is_counted && are_modes(springs, &modes),
         modes,
-        is_certified,
     }
 }
 
@@ -89,9 +91,9 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
     let mut shift = centre;
     let factor = springs.factor(&mut shift);
     let mut modes: Vec<Mode> = Vec::new();
-    let (mut is_certified, mut fruitless, mut run) = (count == 0, 0, 0);
+    let (mut is_counted, mut fruitless, mut run) = (count == 0, 0, 0);
     let far = |mode: &Mode| (mode.lambda - shift).abs();
-    while !is_certified && fruitless < FRUITLESS {
+    while !is_counted && fruitless < FRUITLESS {
         run += 1;
         let wanted = (count + 2).saturating_sub(modes.len()).max(4);
         let fresh = lanczos(springs, &factor, &modes, wanted, run);
@@ -99,7 +101,7 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
         modes.extend(fresh);
         modes.sort_by(|a, b| far(a).total_cmp(&far(b)));
         if modes.len() == n {
-            is_certified = true;
+            is_counted = true;
             break;
         }
         if modes.len() <= count {
@@ -109,14 +111,27 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
         let Some(at) = at else { continue };
         let radius = 0.5 * (far(&modes[at]) + far(&modes[at - 1]));
         let inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
-        is_certified = inside == at;
+        is_counted = inside == at;
     }
     modes.truncate(count);
     sort(&mut modes);
     Found {
+        is_certified: is_counted && are_modes(springs, &modes),
         modes,
-        is_certified,
     }
+}
+
+/// Whether vectors, by rising λ, are modes, each another one: what a count of eigenvalues cannot tell.
+pub(crate) fn are_modes(springs: &Springs, modes: &[Mode]) -> bool {
+    let stiffest = springs.values.diagonal.iter();
+    let stiffest = stiffest.fold(0.0_f64, |most, x| most.max(x.abs()));
+    let is_mode = |mode: &Mode| {
+        let mut rest = springs.times(&mode.vector);
+        add(-mode.lambda, &mode.vector, &mut rest);
+        norm(&rest) <= SURE * stiffest
+    };
+    let is_other = |pair: &[Mode]| dot(&pair[0].vector, &pair[1].vector).abs() <= SURE;
+    modes.iter().all(is_mode) && modes.windows(2).all(is_other)
 }
 
 fn sort(modes: &mut [Mode]) {
@@ -164,12 +179,13 @@ fn lanczos(
     let pairs = loop {
         interrupt::poll();
         let mut image = factor.solve(&next);
-        keep_out(&mut image);
         if let (Some(before), Some(beta)) = (basis.last(), betas.last()) {
             add(-beta, before, &mut image);
         }
         let alpha = dot(&next, &image);
         add(-alpha, &next, &mut image);
+        // Last, or the recurrence makes what is left of them grow with each step.
+        keep_out(&mut image);
         let left = norm(&image);
         basis.push(next);
         alphas.push(alpha);

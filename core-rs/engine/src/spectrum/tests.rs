@@ -327,3 +327,35 @@ fn the_whole_spectrum_of_a_string() {
         assert!((seen[0][i].abs() - vector).abs() < 1e-11, "{i}");
     }
 }
+
+/// Oscillators by themselves, whose eigenvalues are known, in several runs that keep away from what is found.
+#[test]
+fn modes_that_lie_near_each_other_are_found_once_each() {
+    let n = 400;
+    for step in [2.3e-5, 1e-8] {
+        let lambdas: Vec<f64> = (0..n).map(|i| 1e6 * (1.0 + step * i as f64)).collect();
+        let alone: Springs = lambdas
+            .iter()
+            .enumerate()
+            .map(|(i, &k)| (i, None, k))
+            .collect();
+        for (mode, lambda) in certified(n, &alone, n).iter().zip(&lambdas) {
+            assert!((mode.lambda / lambda - 1.0).abs() < 1e-13, "{lambda}");
+        }
+    }
+}
+
+/// A count of eigenvalues does not tell whether a mode was found twice, or what was found is none.
+#[test]
+fn what_is_no_mode_or_one_twice_is_not_certified() {
+    let alone: Springs = (0..5).map(|i| (i, None, 1.0 + i as f64)).collect();
+    let springs = matrix(5, &alone);
+    let found = lowest_modes(&springs, 4).modes;
+    assert!(are_modes(&springs, &found));
+    let mut twice = found.clone();
+    twice[2] = twice[1].clone();
+    assert!(!are_modes(&springs, &twice));
+    let mut other = found;
+    other[2].vector = other[3].vector.clone();
+    assert!(!are_modes(&springs, &other));
+}

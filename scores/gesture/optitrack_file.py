@@ -1,0 +1,161 @@
+"""CSV files that OptiTrack's Motive exports: a line of names and values, rows of names, frames.
+
+Points are all that has three columns called Position, X, Y and Z: markers, rigid bodies, bones.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ergon.scores.gesture.motion import BLOCK, Motion, judged, unlike
+from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
+
+_FIRST = b"Format Version,"
+_METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 1e-3}
+_RATES = ("Export Frame Rate", "Capture Frame Rate")
+_COUNTS = ("Total Exported Frames", "Total Frames in Take")
+_HEADER_MAX = 16  # lines before the one that begins with Frame
+_HIGH = 1e9  # of any unit: more is damage
+
+
+def is_optitrack(path: Path) -> bool:
+    """Whether a file begins as Motive's do. Raises TakeError, OSError."""
+    with opened(path) as file:
+        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Where the frames are: their first line, how many cells each has, and of each point its first
+    column."""
+
+    path: Path
+    first: int
+    width: int
+    names: list[str]
+    starts: list[int]
+
+    def values(self, line: str, number: int) -> list[float]:
+        """Positions of a frame; nan for empty cells."""
+        cells = line.split(",")
+        if len(cells) != self.width:
+            raise TakeError(
+                f"the number of values in this line is {len(cells)}, but the header has "
+                f"{self.width} columns",
+                self.path,
+                number,
+            )
+        try:
+            values = [float(c or "nan") for at in self.starts for c in cells[at : at + 3]]
+        except ValueError:
+            raise TakeError("this line is not a row of numbers", self.path, number) from None
+        if any(abs(value) > _HIGH for value in values):
+            raise TakeError("this line has a position that no camera sees", self.path, number)
+        return values
+
+
+def read(path: Path) -> Motion:
+    """What such a file holds; a point that is not seen has empty cells.
+
+    Raises TakeError and OSError.
+    """
+    header, rows = _header(path)
+
+    def blocks() -> Iterator[Floats]:
+        block: list[list[float]] = []
+        n_rows = 0
+        for line, number in _frames(rows):
+            block.append(rows.values(line, number))
+            n_rows += 1
+            if len(block) * len(block[0]) >= BLOCK:
+                yield _places(block)
+                block = []
+        if block:
+            yield _places(block)
+        if n_rows != n:
+            raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
+
+    said = next((header[name] for name in _COUNTS if header.get(name)), None)
+    n = sum(1 for _ in _frames(rows)) if said is None else _count(said, path)
+    metres = _METRES.get(header.get("Length Units", "").lower())
+    return judged(Motion(unlike(rows.names), n, _rate(header, path), metres, blocks), path)
+
+
+def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:
+    with _text(rows.path) as file:
+        for number, line in lines(file, rows.path):
+            if number >= rows.first:
+                yield line, number
+
+
+def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
+    above: list[list[str]] = []
+    with _text(path) as file:
+        for number, line in lines(file, path):
+            cells = [cell.strip() for cell in _cells(line, path, number)]
+            if above and cells[0] == "Frame":
+                break
+            above.append(cells)
+            if len(above) > _HEADER_MAX:
+                raise TakeError("this file of Motive has no line that begins with Frame", path)
+        else:
+            raise TakeError("this file of Motive has no line that begins with Frame", path)
+    first = above[0]
+    header = dict(zip(first[::2], first[1::2], strict=False))
+    width = len(cells)
+    if len(above) < 3 or any(len(row) > width for row in above[1:]):
+        raise TakeError("this file of Motive has no rows of names above Frame", path, number)
+    wide = [row + [""] * (width - len(row)) for row in above[1:]]
+    # Older files have no words before their rows: kinds first, names second.
+    names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
+    what = wide[-1]
+    starts = [
+        at
+        for at in range(2, width - 2)
+        if cells[at : at + 3] == ["X", "Y", "Z"] and what[at : at + 3] == ["Position"] * 3
+    ]
+    if not starts:
+        raise TakeError("this file of Motive has no columns called Position, X, Y, Z", path, number)
+    return header, _Rows(path, number + 1, width, [names[at] for at in starts], starts)
+
+
+def _cells(line: str, path: Path, number: int) -> list[str]:
+    """Cells of a line of the header: a name may be quoted."""
+    try:
+        return next(csv.reader([line], strict=True))
+    except csv.Error:
+        raise TakeError("a quotation in this line is not closed", path, number) from None
+
+
+def _text(path: Path) -> io.TextIOWrapper:
+    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+
+
+def _count(said: str, path: Path) -> int:
+    if not said.isdecimal() or len(said) > 9:
+        raise TakeError("the number of frames of this file of Motive is no number", path)
+    return int(said)
+
+
+def _rate(header: Mapping[str, str], path: Path) -> float | None:
+    """Frames a second; None where the file does not tell."""
+    said = next((header[name] for name in _RATES if header.get(name)), None)
+    if said is None:
+        return None
+    try:
+        rate = float(said)
+    except ValueError:
+        rate = 0.0
+    if not 0 < rate <= 1e6:
+        raise TakeError("the frame rate of this file of Motive is no rate", path)
+    return rate
+
+
+def _places(rows: list[list[float]]) -> Floats:
+    return np.array(rows).reshape(len(rows), -1, 3)
