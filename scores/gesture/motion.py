@@ -7,7 +7,7 @@ nothing to a key. Where a point is hidden a spline runs across, for a moment.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,7 @@ BLOCK = 1 << 18  # numbers that are read at once
 _HIDDEN_MAX = 0.2  # s that a spline runs across
 _STRAIGHT = 0.8  # of the variance: less of it along one line, and no line stands for the path
 _LISTED = 8
+_HIGH = 1e9  # of any unit: more is damage
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,33 @@ def unlike(names: Sequence[str]) -> tuple[str, ...]:
         told.append(f"{name} {i}".strip() if not name or name in taken else name)
         taken.add(told[-1])
     return tuple(told)
+
+
+def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: int) -> list[float]:
+    """Three numbers from each of some cells on; nan for those that are empty. Raises TakeError."""
+    try:
+        values = [float(cell or "nan") for at in starts for cell in cells[at : at + 3]]
+    except ValueError:
+        raise TakeError("this line is not a row of numbers", path, number) from None
+    if any(abs(value) > _HIGH for value in values):
+        raise TakeError("this line has a position that no camera sees", path, number)
+    return values
+
+
+def in_blocks(rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Floats]:
+    """Rows of positions as (frames, points, 3). Raises TakeError where they are not `n`."""
+    block: list[list[float]] = []
+    n_rows = 0
+    for row in rows:
+        block.append(row)
+        n_rows += 1
+        if len(block) * len(row) >= BLOCK:
+            yield np.array(block).reshape(len(block), -1, 3)
+            block = []
+    if block:
+        yield np.array(block).reshape(len(block), -1, 3)
+    if n_rows != n:
+        raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
 
 
 def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int, str]:

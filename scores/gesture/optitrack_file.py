@@ -11,9 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from ergon.scores.gesture.motion import BLOCK, Motion, judged, unlike
+from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unlike
 from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
 
 _FIRST = b"Format Version,"
@@ -21,7 +19,6 @@ _METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 1e-3}
 _RATES = ("Export Frame Rate", "Capture Frame Rate")
 _COUNTS = ("Total Exported Frames", "Total Frames in Take")
 _HEADER_MAX = 16  # lines before the one that begins with Frame
-_HIGH = 1e9  # of any unit: more is damage
 
 
 def is_optitrack(path: Path) -> bool:
@@ -51,13 +48,7 @@ class _Rows:
                 self.path,
                 number,
             )
-        try:
-            values = [float(c or "nan") for at in self.starts for c in cells[at : at + 3]]
-        except ValueError:
-            raise TakeError("this line is not a row of numbers", self.path, number) from None
-        if any(abs(value) > _HIGH for value in values):
-            raise TakeError("this line has a position that no camera sees", self.path, number)
-        return values
+        return positions(cells, self.starts, self.path, number)
 
 
 def read(path: Path) -> Motion:
@@ -68,18 +59,7 @@ def read(path: Path) -> Motion:
     header, rows = _header(path)
 
     def blocks() -> Iterator[Floats]:
-        block: list[list[float]] = []
-        n_rows = 0
-        for line, number in _frames(rows):
-            block.append(rows.values(line, number))
-            n_rows += 1
-            if len(block) * len(block[0]) >= BLOCK:
-                yield _places(block)
-                block = []
-        if block:
-            yield _places(block)
-        if n_rows != n:
-            raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
+        return in_blocks((rows.values(line, at) for line, at in _frames(rows)), n, path)
 
     said = next((header[name] for name in _COUNTS if header.get(name)), None)
     n = sum(1 for _ in _frames(rows)) if said is None else _count(said, path)
@@ -155,7 +135,3 @@ def _rate(header: Mapping[str, str], path: Path) -> float | None:
     if not 0 < rate <= 1e6:
         raise TakeError("the frame rate of this file of Motive is no rate", path)
     return rate
-
-
-def _places(rows: list[list[float]]) -> Floats:
-    return np.array(rows).reshape(len(rows), -1, 3)

@@ -13,14 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK, Motion, judged, unlike
+from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unlike
 from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
 
 _FIRST = (b"FILE_VERSION", b"NO_OF_FRAMES")
 _AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
 _LEADING_MAX = 2  # columns before the positions: the number of the frame, its time
 _WIDTHS = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
-_HIGH = 1e9  # mm: more is damage
 
 
 def is_qtm(path: Path) -> bool:
@@ -52,14 +51,7 @@ class _Rows:
                 self.path,
                 number,
             )
-        try:
-            starts = range(self.leading, width, self.columns)
-            values = [float(cell or "nan") for at in starts for cell in cells[at : at + 3]]
-        except ValueError:
-            raise TakeError("this line is not a row of numbers", self.path, number) from None
-        if any(abs(value) > _HIGH for value in values):
-            raise TakeError("this line has a position that no camera sees", self.path, number)
-        return values
+        return positions(cells, range(self.leading, width, self.columns), self.path, number)
 
 
 def read(path: Path) -> Motion:
@@ -72,20 +64,9 @@ def read(path: Path) -> Motion:
 
     def blocks() -> Iterator[Floats]:
         with _text(path) as file:
-            block: list[list[float]] = []
-            n_rows = 0
-            for number, line in lines(file, path):
-                if number < rows.first:
-                    continue
-                block.append(rows.values(line, number))
-                n_rows += 1
-                if len(block) * len(block[0]) >= BLOCK:
-                    yield _places(block)
-                    block = []
-            if block:
-                yield _places(block)
-            if n_rows != n:
-                raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
+            numbered = lines(file, path)
+            values = (rows.values(line, at) for at, line in numbered if at >= rows.first)
+            yield from map(_seen, in_blocks(values, n, path))
 
     rate = _rate(header.get("FREQUENCY", []), path)
     return judged(Motion(unlike(rows.names), n, rate, 1e-3, blocks), path)
@@ -144,7 +125,7 @@ def _rate(values: list[str], path: Path) -> float | None:
     return rate
 
 
-def _places(rows: list[list[float]]) -> Floats:
-    each = np.array(rows).reshape(len(rows), -1, 3)
+def _seen(each: Floats) -> Floats:
+    """The same, NaN for what stands at 0, 0, 0."""
     each[(each == 0).all(axis=2)] = np.nan
     return each
