@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import contextlib
 import signal
+import socket
 import sys
 import threading
 import weakref
@@ -80,6 +81,23 @@ def signals_as_exceptions() -> Iterator[None]:
             timer.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def until_interrupted() -> None:
+    """Wait until a signal's handler raises.
+
+    A wait that only the signal itself interrupts may last for ever: the signal can come before the
+    wait begins, or to another thread. The byte that Python writes for each signal is never missed.
+    """
+    ours, pythons = socket.socketpair()
+    with ours, pythons:
+        pythons.setblocking(False)
+        before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
+        try:
+            while True:
+                ours.recv(1)
+        finally:
+            signal.set_wakeup_fd(before)
 
 
 def _again(number: int) -> threading.Timer:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ipaddress
 import secrets
-import threading
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -14,12 +13,12 @@ import click
 from . import options
 from .console import Console
 from .outcome import Refused
+from .signals import until_interrupted
 
 if TYPE_CHECKING:
     from ergon.api.viewing import Shown
 
 _BEGINS = b"ERGM"  # docs/motion.md
-_WAIT = 3600.0  # [s] between looks at nothing: signals come at once
 
 
 @click.command()
@@ -119,7 +118,7 @@ def _serve(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
                 "other machines open this address with this machine's own instead of 127.0.0.1; "
                 "who knows the key sees the piece"
             )
-        _until_interrupted()
+        until_interrupted()
     finally:
         server.close()
 
@@ -146,9 +145,3 @@ def _is_loopback(at: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
-
-
-def _until_interrupted() -> None:
-    over = threading.Event()
-    while not over.wait(_WAIT):
-        pass

@@ -1,5 +1,6 @@
 """`ergon view`: what it serves, what it refuses, and how it ends."""
 
+import ctypes
 import http.client
 import json
 import os
@@ -61,6 +62,19 @@ def test_a_file_is_served_until_ctrl_c() -> None:
         assert b"main.js" in page
         assert get(url.replace("?stage", "motion")) == (200, path.read_bytes())
         process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 130
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="signals to one thread")
+def test_ctrl_c_that_another_thread_receives_ends_it() -> None:
+    Piece().write(Path("a.motion"))
+    with view("a.motion") as (process, url):
+        assert get(url)[0] == 200
+        threads = [int(name) for name in os.listdir(f"/proc/{process.pid}/task")]
+        others = [number for number in threads if number != process.pid]
+        assert others
+        if ctypes.CDLL(None, use_errno=True).tgkill(process.pid, others[0], signal.SIGINT):
+            raise OSError(ctypes.get_errno(), "tgkill")
         assert process.wait(PATIENCE) == 130
 
 
