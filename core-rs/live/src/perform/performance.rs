@@ -38,7 +38,10 @@ pub struct Performance {
     pub(super) tap: Option<TapHandle>,
     /// Frames of a tick.
     pub(super) tick_frames: usize,
+    /// Channels that are heard.
     pub(super) channels: usize,
+    /// Channels of the mixer.
+    pub(super) mixed_channels: usize,
     /// Number of outputs, where frozen parts fill some of them.
     pub(super) frozen_outputs: Option<usize>,
 }
@@ -191,9 +194,9 @@ impl Performance {
         if change
             .mixer
             .as_ref()
-            .is_some_and(|mixer| mixer.n_channels() != self.channels)
+            .is_some_and(|mixer| mixer.n_channels() != self.mixed_channels)
         {
-            return Err(ChangeError::Channels(self.channels));
+            return Err(ChangeError::Channels(self.mixed_channels));
         }
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;
