@@ -13,6 +13,7 @@ from ergon.exchange.wave_header import ORIGINATOR, Bits
 
 from .errors import OptionError
 from .gain import asked_gain
+from .options import PerformanceOptions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from ergon import _core
     from ergon.exchange.wave_header import WaveInfo
+    from ergon.scores.reading.piece import Piece
     from ergon.space.head import Head
     from ergon.space.ways import Field
 
@@ -117,6 +119,29 @@ def fold_file(
                 progress.at(at)
         writer.close()
     return Folded(target, format.n_channels, n_frames, format.rate, peak, n_clipped, writer.sha256)
+
+
+def fold_of(
+    piece: Piece, options: PerformanceOptions, report: Report | None = None
+) -> _core.Fold | None:
+    """What a performance of a piece is heard through; None where its own channels are heard.
+
+    Raises OptionError, NoLayoutError, ScoreError (a layout with mistakes), FoldError and OSError.
+    """
+    from ergon import _core
+    from ergon.space.ways import Field
+
+    if options.to is None:
+        if options.head is not None:
+            raise OptionError("head", "only `--to binaural` has a head")
+        return None
+    layout = piece.mix.layout
+    if layout is None:
+        reason = "the score does not say where its loudspeakers are: write `mix: {layout: …}` in it"
+        raise OptionError("to", reason, value=options.to)
+    asked = FoldOptions(options.to, head=options.head)
+    filters, _ = _filters(Field(layout.speakers), asked, piece.rate, report or Report())
+    return _core.Fold(filters)
 
 
 def _folded(

@@ -95,6 +95,11 @@ impl Performance {
         self.hand_keys.iter().find(|own| own.hand == hand).copied()
     }
 
+    /// Channels that are heard.
+    pub fn n_channels(&self) -> usize {
+        self.channels
+    }
+
     /// The output that it plays on.
     pub fn output(&self) -> &Output {
         &self.output
