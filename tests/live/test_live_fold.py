@@ -33,13 +33,11 @@ project: equidistant
 speakers: [{az: 45deg, r: 2m}, {az: -45deg, r: 2m}, {az: -135deg, r: 2m}, {az: 135deg, r: 2m}, \
 {az: 0deg, el: 30deg, r: 2m}, [0m, 0m, 2m]]
 """
-GAIN = "-20dB"
-
-pytestmark = pytest.mark.usefixtures("own_folder")
+GAIN = "20dB"
 
 
 @pytest.fixture(autouse=True)
-def score() -> None:
+def score(own_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     Path("six.yaml").write_text(SIX)
 
