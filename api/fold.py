@@ -13,6 +13,7 @@ from ergon.exchange.wave_header import ORIGINATOR, Bits
 
 from .errors import OptionError
 from .gain import asked_gain
+from .options import PerformanceOptions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from ergon import _core
     from ergon.exchange.wave_header import WaveInfo
+    from ergon.scores.reading.piece import Piece
     from ergon.space.head import Head
     from ergon.space.ways import Field
 
@@ -30,16 +32,15 @@ class FoldError(ErgonError, ValueError):
     """The file cannot be folded; the message says why, and what to do."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FoldOptions:
-    """`to`: binaural, stereo, ambix1 to ambix7, or a layout (a file, or one that ships).
+    """How a file is folded.
 
     `from_`: the layout, or the order of Ambisonics, that the file holds; without it as the file
     says (ADM). `head`: a SOFA file in place of the head that ships. `gain` in decibels, such as
     "-6dB". `bits`: 16, 24 or "float"; without it those of the file.
     """
 
-    to: str
     from_: str | None = None
     head: str | Path | None = None
     gain: str | None = None
@@ -63,12 +64,14 @@ class Folded:
 def fold_file(
     source: str | Path,
     out: str | Path,
-    options: FoldOptions,
+    to: str,
+    options: FoldOptions | None = None,
     *,
     report: Report | None = None,
 ) -> Folded:
     """Fold a WAV or FLAC file of any length into another; the same input gives the same bytes.
 
+    `to`: binaural, stereo, ambix1 to ambix7, or a layout (a file, or one that ships).
     Raises FoldError, NoLayoutError, ScoreError (a layout with mistakes), OptionError,
     FileRefusedError, and OSError where the file cannot be read.
     """
@@ -80,6 +83,7 @@ def fold_file(
     from .layouts import chunks_of
 
     report, path, target = report or Report(), Path(source), str(out)
+    options = options or FoldOptions()
     try:
         info = sound.read_info(path)
     except NotWaveError as error:
@@ -89,7 +93,7 @@ def fold_file(
     if target != "-":
         check_target(Path(target), force=options.force, inputs=inputs)
     held = _source(path, info, options, report)
-    filters, made = _filters(held, options, info.format.rate, report)
+    filters, made = _filters(held, (to, options.head), info.format.rate, report)
     bits: Bits = options.bits or ("float" if info.format.bits == "double" else info.format.bits)
     format = WaveFormat(info.format.rate, filters.shape[1], bits)
     sound.check_format(target, format)
@@ -117,6 +121,29 @@ def fold_file(
                 progress.at(at)
         writer.close()
     return Folded(target, format.n_channels, n_frames, format.rate, peak, n_clipped, writer.sha256)
+
+
+def fold_of(
+    piece: Piece, options: PerformanceOptions, report: Report | None = None
+) -> _core.Fold | None:
+    """What a performance of a piece is heard through; None where its own channels are heard.
+
+    Raises OptionError, NoLayoutError, ScoreError (a layout with mistakes), FoldError and OSError.
+    """
+    from ergon import _core
+    from ergon.space.ways import Field
+
+    if options.to is None:
+        if options.head is not None:
+            raise OptionError("head", "only `--to binaural` has a head")
+        return None
+    layout = piece.mix.layout
+    if layout is None:
+        reason = "the score does not say where its loudspeakers are: write `mix: {layout: …}` in it"
+        raise OptionError("to", reason, value=options.to)
+    heard = options.to, options.head
+    filters, _ = _filters(Field(layout.speakers), heard, piece.rate, report or Report())
+    return _core.Fold(filters)
 
 
 def _folded(
@@ -200,24 +227,28 @@ def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) ->
 
 
 def _filters(
-    source: Field, options: FoldOptions, rate: float, report: Report
+    source: Field, heard: tuple[str, str | Path | None], rate: float, report: Report
 ) -> tuple[NDArray[np.float64], Field | None]:
-    """Filters (n_in, n_out, n_taps), and what goes out where that is a field."""
+    """Filters (n_in, n_out, n_taps), and what goes out where that is a field.
+
+    `heard`: where it goes, and the SOFA file of a head.
+    """
     from ergon.space import head, ways
     from ergon.space.panning import ArrayError
 
-    if options.head is not None and options.to != "binaural":
+    to, sofa = heard
+    if sofa is not None and to != "binaural":
         raise OptionError("head", "only `--to binaural` has a head")
-    if options.to == "stereo":
+    if to == "stereo":
         return ways.to_stereo(source), None
-    if options.to == "binaural":
-        own = head.kemar() if options.head is None else _head(options.head, source)
+    if to == "binaural":
+        own = head.kemar() if sofa is None else _head(sofa, source)
         return ways.to_ears(source, own, rate), None
-    target = _named(options.to, "to", report)
+    target = _named(to, "to", report)
     try:
         return ways.to_field(source, target), target
     except ArrayError as error:
-        raise OptionError("to", str(error), value=options.to) from None
+        raise OptionError("to", str(error), value=to) from None
 
 
 def _head(path: str | Path, source: Field) -> Head:

@@ -18,6 +18,7 @@ from ergon.rendering.level import HIGHPASS
 from . import freeze
 from . import score as scores
 from .errors import OptionError, not_begun
+from .fold import fold_of
 from .gain import gain_of
 from .hands import boards_of, ready
 from .midi import attach_midi, midi_ports
@@ -224,6 +225,7 @@ def _config(
         boards=boards,
         force_max=options.force_max,
         ahead=options.ahead,
+        fold=fold_of(piece, options, report),
     )
 
 

@@ -110,6 +110,8 @@ class PerformanceOptions:
     the sound goes: "jack[:PORTS]", "pulse[:SINK]", "file:PATH", "null" or "auto". The sound card
     takes `block` frames at a time, and `ahead` frames are computed before it asks for them. `gain`
     ("-12dB") is the gain of the sound; without it one is measured by computing the piece unheard.
+    `to` folds the loudspeakers of the score's layout as `FoldOptions.to` does, for the `head` of a
+    SOFA file where that is binaural.
     """
 
     live: Sequence[str] = ()
@@ -119,6 +121,8 @@ class PerformanceOptions:
     block: int | None = None
     ahead: int | None = None
     gain: str | None = None
+    to: str | None = None
+    head: str | Path | None = None
 
     @property
     def card(self) -> str:

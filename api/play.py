@@ -15,6 +15,7 @@ from ergon.rendering.level import HIGHPASS
 from . import freeze
 from . import score as scores
 from .errors import OptionError, not_begun
+from .fold import fold_of
 from .gain import gain_of
 from .hands import boards_of, guides, no_player, ready
 from .options import AccuracyOptions, PerformanceOptions
@@ -197,6 +198,7 @@ def _config(
         ahead=options.ahead,
         record=record,
         frozen=frozen,
+        fold=fold_of(piece, options, report),
     )
     if record is None:
         return config

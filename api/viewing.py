@@ -79,7 +79,8 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
     made = folder / "two-ears.wav"
     if info.format.n_channels > _EARS:
         try:
-            fold_file(path, made, FoldOptions("binaural", bits=16, force=True), report=report)
+            options = FoldOptions(bits=16, force=True)
+            fold_file(path, made, "binaural", options, report=report)
         except FoldError:
             report.say(
                 f"{path} does not say where its loudspeakers are: its odd channels are heard on "

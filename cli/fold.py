@@ -58,8 +58,8 @@ def fold(
 
     check_stdout(output, is_json=console.json)
     target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
-    asked = FoldOptions(to, from_, head, gain, bits, force)
-    done = fold_file(source, target, asked, report=console)
+    asked = FoldOptions(from_=from_, head=head, gain=gain, bits=bits, force=force)
+    done = fold_file(source, target, to, asked, report=console)
     if done.n_clipped:
         level = 20 * log10(done.peak)
         console.warn(

@@ -114,6 +114,12 @@ sound = several(
         metavar="LEVEL",
         help="Gain of the sound, such as -12dB, in place of what `normalise` would measure.",
     ),
+    click.option(
+        "--to",
+        metavar="WHERE",
+        help="Fold the score's layout: binaural, stereo, ambix1 … ambix7, or another layout.",
+    ),
+    click.option("--head", metavar="FILE.sofa", help="Another head for --to binaural."),
 )
 
 # Other programs beside a performance.

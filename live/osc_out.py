@@ -100,8 +100,8 @@ class OscTeller:
                 self._send(address, (hand.position, hand.force))
         if not self._next_levels - _LEVELS <= now < self._next_levels:
             self._next_levels = now + _LEVELS
-            peaks = status.peaks[: self._stage.n_channels]
-            self._send("/ergon/level", [20.0 * math.log10(max(peak, _FLOOR)) for peak in peaks])
+            levels = [20.0 * math.log10(max(peak, _FLOOR)) for peak in status.peaks]
+            self._send("/ergon/level", levels)
         late = status.late, gaps(status)
         if late != self._late:
             self._late = late

@@ -43,6 +43,7 @@ class PlaybackConfig:
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
     frozen: Sequence[VerifiedStem] = ()
+    fold: _core.Fold | None = None  # from the channels of the mix to those that are heard
     endless: bool = False
     loose: bool = False  # every hand has a guide, which begins let go
 
@@ -117,6 +118,7 @@ def perform(
                 _core.FrozenStem(stem.path, stem.offset, stem.n_frames, stem.taps)
                 for stem in config.frozen
             ],
+            fold=config.fold,
         )
     finally:
         simulation.restore(start)

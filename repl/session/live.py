@@ -142,11 +142,10 @@ class LiveEngine:
         away = frozenset(
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
-        peaks = status.peaks[: self.n_channels]
         recording = None if self._last else self._performance.recording_trouble()
         found = troubles(status, self._players, recording, is_endless=self._last is None)
         return EngineStatus(
-            status.load, status.late, peaks, away, bool(self._real) and has_let_go(), found
+            status.load, status.late, status.peaks, away, bool(self._real) and has_let_go(), found
         )
 
     def events(self) -> Sequence[EngineEvent]:

@@ -9,7 +9,7 @@ use crate::frames::{rows, rows_mut};
 
 /// Filters from each channel that comes in to each that goes out.
 #[pyclass(module = "ergon._core")]
-pub(crate) struct Fold(fold::Fold);
+pub(crate) struct Fold(pub(crate) fold::Fold);
 
 #[pymethods]
 impl Fold {

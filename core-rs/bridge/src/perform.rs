@@ -19,6 +19,7 @@ use pyo3::prelude::*;
 
 use crate::device::{self, AxisOf};
 use crate::error::{refused, said, unrecorded};
+use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
 use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent};
@@ -62,7 +63,7 @@ pub(crate) struct Performance {
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new()))]
+    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
@@ -79,6 +80,7 @@ impl Performance {
         ahead: Option<usize>,
         record: Option<RecordOf>,
         frozen: Vec<StemOf>,
+        fold: Option<&Fold>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guidance, response, measured): &HandOf<'_>| {
@@ -96,11 +98,21 @@ impl Performance {
             })
         };
         let n_channels = mixer.0.n_channels();
+        if let Some(fold) = fold
+            && fold.0.n_in() != n_channels
+        {
+            let n_in = fold.0.n_in();
+            return Err(said(format!(
+                "the fold takes {n_in} channels, and the mixer gives {n_channels}"
+            )));
+        }
+        let n_heard = fold.map_or(n_channels, |fold| fold.0.n_out());
         let stage = Stage {
             simulation: simulation.0.fork(),
             mixer: mixer.0.clone(),
             gain,
-            limiter: Limiter::new(rate, n_channels, limit).map_err(said)?,
+            fold: fold.map(|fold| fold.0.clone()),
+            limiter: Limiter::new(rate, n_heard, limit).map_err(said)?,
             n_frames,
             fades: fades_from.map(|from| FadeFinder::new(rate, n_channels, from)),
             tick_frames: tick_frames.max(1),

@@ -90,7 +90,7 @@ impl Status {
             sounding: sound.sounding().map(|since| since.as_secs_f64()),
             latency: f64::from(latency) / f64::from(info.rate.max(1)),
             paced: info.paced,
-            peaks: status.peaks.to_vec(),
+            peaks: status.peaks[..own.n_channels()].to_vec(),
             hands: status.hands.iter().map(HandStatus::of).collect(),
         }
     }

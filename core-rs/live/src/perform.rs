@@ -32,6 +32,7 @@ pub use status::{Event, EventKind, HandStatus, Status};
 
 use std::path::PathBuf;
 
+use ergon_engine::mix::fold::Fold;
 use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::mix::quiet::FadeFinder;
@@ -50,7 +51,9 @@ pub struct Stage {
     pub mixer: Mixer,
     /// After the mixer, before the limiter.
     pub gain: f64,
-    /// The last thing before the loudspeakers.
+    /// From the mixer's channels to those that are heard, where these are others.
+    pub fold: Option<Fold>,
+    /// The last thing before the loudspeakers, with as many channels as are heard.
     pub limiter: Limiter,
     /// Frames to play; `None`: until it is stopped.
     pub n_frames: Option<u64>,
@@ -64,6 +67,21 @@ pub struct Stage {
     pub bars: Vec<u64>,
     /// Outputs that were computed before: the simulation leaves them at 0.
     pub frozen: Vec<Stem>,
+}
+
+impl Stage {
+    /// Channels that are heard.
+    pub(crate) fn n_heard(&self) -> usize {
+        match &self.fold {
+            Some(fold) => fold.n_out(),
+            None => self.mixer.n_channels(),
+        }
+    }
+
+    /// Frames that sound on after the last of the piece: what the fold and the limiter still hold.
+    pub(crate) fn n_after(&self) -> usize {
+        self.limiter.latency() + self.fold.as_ref().map_or(0, Fold::tail)
+    }
 }
 
 /// How it is to be played.

@@ -1,9 +1,10 @@
 """Ergon: write the gesture, hear the matter.
 
 `check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze`
-take the path of a score, and options; `open_session` plays one while it is changed; `take_stats`
-says what hands did in a recording, `bell` finds the modes of what was struck. Whatever is refused is an `ErgonError`. The page
-docs/library.md shows each.
+take the path of a score, and options; `open_session` plays one while it is changed; `fold_file`
+makes of a file for many loudspeakers one for other ears; `take_stats` says what hands did in a
+recording, `bell` finds the modes of what was struck. Whatever is refused is an `ErgonError`. The
+page docs/library.md shows each.
 """
 
 TYPE_CHECKING = False  # as `typing` has it, which would have to be imported
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         ScoreError,
     )
     from ergon.api.files import render_to_file
+    from ergon.api.fold import Folded, FoldError, FoldOptions, fold_file
     from ergon.api.freeze import FreezeOptions, freeze
     from ergon.api.modes import ModesOptions, PartModes, modes
     from ergon.api.open_session import Session, open_session
@@ -54,6 +56,9 @@ __all__ = [
     "ErgonError",
     "FileOptions",
     "FileRefusedError",
+    "FoldError",
+    "FoldOptions",
+    "Folded",
     "ForceStats",
     "FreezeOptions",
     "Frozen",
@@ -89,6 +94,7 @@ __all__ = [
     "admittance",
     "bell",
     "check",
+    "fold_file",
     "freeze",
     "modes",
     "open_session",
@@ -114,6 +120,9 @@ _PLACES = {
     "EngineExitError": "api.errors",
     "ErgonError": "common.errors",
     "FileOptions": "api.render",
+    "FoldError": "api.fold",
+    "FoldOptions": "api.fold",
+    "Folded": "api.fold",
     "ForceStats": "api.take_stats",
     "FreezeOptions": "api.freeze",
     "Frozen": "exchange.frozen",
@@ -150,6 +159,7 @@ _PLACES = {
     "admittance": "api.admittance",
     "bell": "api.bell",
     "check": "api.check",
+    "fold_file": "api.fold",
     "freeze": "api.freeze",
     "modes": "api.modes",
     "open_session": "api.open_session",

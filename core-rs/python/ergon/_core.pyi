@@ -1545,7 +1545,7 @@ class Status:
     sounding: float | None  # time since frame 0 went to the card [s], from its last block's time
     latency: float  # from the card to the ear [s]
     paced: bool  # the output has a clock
-    peaks: list[float]  # of each channel, decaying
+    peaks: list[float]  # of each channel that is heard, decaying
     hands: list[HandStatus]
 
 @final
@@ -1668,13 +1668,14 @@ class Performance:
         ahead: int | None = None,
         record: RecordTarget | None = None,
         frozen: Sequence[FrozenStem] = ...,
+        fold: Fold | None = None,
     ) -> Self:
-        """Begin to play a copy of the simulation, through a copy of the mixer.
+        """Begin to play a copy of the simulation, through a copy of the mixer and of the fold.
 
         `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
         `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
         FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
-        over. Raises EngineError.
+        over; `fold`: from the mixer's channels to those that are heard. Raises EngineError.
         """
     def status(self) -> Status:
         """The state now."""

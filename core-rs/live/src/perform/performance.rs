@@ -38,7 +38,10 @@ pub struct Performance {
     pub(super) tap: Option<TapHandle>,
     /// Frames of a tick.
     pub(super) tick_frames: usize,
+    /// Channels that are heard.
     pub(super) channels: usize,
+    /// Channels of the mixer.
+    pub(super) mixed_channels: usize,
     /// Number of outputs, where frozen parts fill some of them.
     pub(super) frozen_outputs: Option<usize>,
 }
@@ -90,6 +93,11 @@ impl Performance {
     /// The key under a hand, to compute limits of another piece; `None`: the hand is not real.
     pub fn hand_key(&self, hand: usize) -> Option<HandKey> {
         self.hand_keys.iter().find(|own| own.hand == hand).copied()
+    }
+
+    /// Channels that are heard.
+    pub fn n_channels(&self) -> usize {
+        self.channels
     }
 
     /// The output that it plays on.
@@ -191,9 +199,9 @@ impl Performance {
         if change
             .mixer
             .as_ref()
-            .is_some_and(|mixer| mixer.n_channels() != self.channels)
+            .is_some_and(|mixer| mixer.n_channels() != self.mixed_channels)
         {
-            return Err(ChangeError::Channels(self.channels));
+            return Err(ChangeError::Channels(self.mixed_channels));
         }
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;

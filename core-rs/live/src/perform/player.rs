@@ -79,10 +79,12 @@ pub(super) struct Player {
     pub(super) outputs: Vec<f64>,
     /// Channels of a tick                       (tick_frames, n_channels)
     mixed: Vec<f64>,
+    /// What is heard of them, where a fold makes others of them   (tick_frames, n_heard)
+    folded: Vec<f64>,
     single: Vec<f32>,
     /// Frames of the limiter's delay that are still to be skipped.
     ahead: usize,
-    /// Frames that the limiter still holds after the last frame of the piece.
+    /// Frames that fold and limiter still hold after the last frame of the piece.
     tail: usize,
     pub(super) tick: u64,
     pub(super) frame: u64,
@@ -120,7 +122,7 @@ impl Player {
         stage.mixer.seek(stage.simulation.frame());
         let latency = stage.limiter.latency();
         let (tick_frames, n_out) = (stage.tick_frames, stage.simulation.n_out());
-        let channels = stage.mixer.n_channels();
+        let (channels, n_heard) = (stage.mixer.n_channels(), stage.n_heard());
         let status = Status {
             frame: stage.simulation.frame(),
             ..Status::default()
@@ -137,9 +139,10 @@ impl Player {
             rows: vec![recording::Sample::default(); n],
             outputs: vec![0.0; tick_frames * n_out],
             mixed: vec![0.0; tick_frames * channels],
-            single: vec![0.0; tick_frames * channels],
+            folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * n_heard)],
+            single: vec![0.0; tick_frames * n_heard],
             ahead: latency,
-            tail: latency,
+            tail: stage.n_after(),
             tick: stage.simulation.frame() / tick_frames as u64,
             frame: stage.simulation.frame(),
             status,
@@ -202,7 +205,7 @@ impl Player {
             self.watch();
             self.record();
         } else {
-            // The limiter's last frames are heard; no hand moves anything any more.
+            // The last frames of fold and limiter are heard; no hand moves anything any more.
             self.slots.iter_mut().for_each(|slot| slot.stop(true));
             self.step(0);
         }

@@ -31,7 +31,7 @@ impl Performance {
         config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
         let rate = stage.simulation.rate();
-        let channels = stage.mixer.n_channels();
+        let channels = stage.n_heard();
         if !(1..=audio::CHANNELS_MAX).contains(&channels) {
             let why = format!("an output has 1 to {}", audio::CHANNELS_MAX);
             return Err(AudioError::Channels { channels, why }.into());
@@ -119,7 +119,7 @@ impl Performance {
             by_keys,
             info.paced,
         );
-        let tick_frames = stage.tick_frames;
+        let (tick_frames, mixed_channels) = (stage.tick_frames, stage.mixer.n_channels());
         let frozen_outputs = reader.is_some().then(|| stage.simulation.n_out());
         let player = Player::new(
             stage,
@@ -146,6 +146,7 @@ impl Performance {
             tap: None,
             tick_frames,
             channels,
+            mixed_channels,
             frozen_outputs,
         };
         Ok((this, player))

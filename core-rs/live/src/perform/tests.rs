@@ -101,6 +101,7 @@ fn stage() -> Stage {
         simulation: simulation(&[], 0),
         mixer,
         gain: 1.0,
+        fold: None,
         limiter: Limiter::new(RATE, 2, 1.0).unwrap(),
         n_frames: None,
         fades: None,
@@ -227,6 +228,67 @@ fn changes_are_done_at_their_frames() {
         .collect();
     assert_eq!(played[..sound.len() - latency], sound[latency..]);
     assert!(played.iter().any(|x| *x != 0));
+}
+
+/// What is heard of a fold is the mix through it, to the end of its filters; no tick allocates.
+#[test]
+fn a_fold_sounds_to_its_end() {
+    let path = std::env::temp_dir().join(format!("ergon-fold-{}.wav", std::process::id()));
+    let config = PlaybackConfig {
+        audio: format!("file:{}", path.display()).parse().unwrap(),
+        ahead: None,
+        record: None,
+    };
+    let n_frames = 100 * EVERY + 7;
+    let filters: Vec<f64> = (0..2 * 3 * 150).map(|n| 0.3 * f64::from(n).sin()).collect();
+    let mut fold = Fold::new(2, 3, &filters).unwrap();
+    let mut offline = simulation(&[0.01, 0.1], 0);
+    let stage = Stage {
+        simulation: offline.fork(),
+        n_frames: Some(n_frames as u64),
+        fold: Some(fold.clone()),
+        limiter: Limiter::new(RATE, 3, 1.0).unwrap(),
+        ..stage()
+    };
+    let mut mix = stage.mixer.clone();
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    player.begin();
+    reset_violation_count();
+    assert_no_alloc(|| while player.tick() {});
+    assert_eq!(violation_count(), 0);
+    player.connections.feed.close();
+    drop(player);
+    this.close(Duration::from_secs(10)).unwrap();
+
+    let mut limiter = Limiter::new(RATE, 3, 1.0).unwrap();
+    let n_heard = n_frames + fold.tail();
+    let (mut heard, mut mixed) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
+    for (tick, heard) in heard.chunks_mut(EVERY).enumerate() {
+        for hand in 0..2 {
+            offline.hold(hand, 1e-6 * (tick % 1_000) as f64, None);
+        }
+        offline.process(heard).unwrap();
+    }
+    mix.process(&heard, &mut mixed);
+    mixed.resize(2 * (n_heard + limiter.latency()), 0.0);
+    let mut folded = vec![0.0; mixed.len() / 2 * 3];
+    fold.process(&mixed, &mut folded);
+    limiter.process(&mut folded);
+    let wanted = folded[3 * limiter.latency()..].iter();
+    let wanted: Vec<u32> = wanted.map(|x| (*x as f32).to_bits()).collect();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(path).unwrap();
+    let data = bytes[bytes.len() - 4 * wanted.len()..].chunks(4);
+    let played: Vec<u32> = data
+        .map(|x| u32::from_le_bytes(x.try_into().unwrap()))
+        .collect();
+    assert_eq!(played.len(), 3 * n_heard);
+    assert_eq!(played, wanted);
+    assert!(
+        played[3 * n_frames..]
+            .iter()
+            .any(|x| f32::from_bits(*x) != 0.0)
+    );
 }
 
 /// What may lead a hand counts before it does: a key that could not bear it gets less force.

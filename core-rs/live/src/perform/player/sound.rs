@@ -4,6 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use super::{PATIENCE, Player};
+use crate::perform::Stage;
 use crate::perform::frozen::Frozen;
 
 /// Peaks fall by half within about this time [s].
@@ -42,12 +43,12 @@ impl Player {
                 stage.fades = None;
             }
             self.gain.apply(self.frame, mixed, channels);
-            stage.limiter.process(mixed);
+            limit(stage, mixed, &mut self.folded);
         } else {
             let n = stage.tick_frames.min(self.tail);
             let mixed = &mut self.mixed[..n * channels];
             mixed.fill(0.0);
-            stage.limiter.process(mixed);
+            limit(stage, mixed, &mut self.folded);
         }
         for (hand, own) in stage.hands.iter().enumerate() {
             self.felt[hand] = stage.simulation.felt(hand) * own.reach;
@@ -58,14 +59,18 @@ impl Player {
 
     /// Frames to the card, without those of the limiter's delay.
     pub(super) fn feed(&mut self, n: usize, is_tail: bool) {
-        let channels = self.stage.mixer.n_channels();
+        let channels = self.stage.n_heard();
+        let heard = match self.stage.fold {
+            Some(_) => &self.folded,
+            None => &self.mixed,
+        };
         let skip = self.ahead.min(n);
         let behind = (self.stage.limiter.latency() - self.ahead) as u64;
         self.ahead -= skip;
         if is_tail {
             self.tail -= n;
         }
-        for (single, x) in self.single.iter_mut().zip(&self.mixed[..n * channels]) {
+        for (single, x) in self.single.iter_mut().zip(&heard[..n * channels]) {
             *single = *x as f32;
         }
         let falls = (1.0 - self.clock.period() / PEAKS).max(0.0) as f32;
@@ -101,4 +106,15 @@ impl Player {
             self.clock.nap();
         }
     }
+}
+
+/// Make of mixed channels what is heard, in `folded` where a fold makes it.
+fn limit(stage: &mut Stage, mixed: &mut [f64], folded: &mut [f64]) {
+    let Some(fold) = &mut stage.fold else {
+        stage.limiter.process(mixed);
+        return;
+    };
+    let folded = &mut folded[..mixed.len() / fold.n_in() * fold.n_out()];
+    fold.process(mixed, folded);
+    stage.limiter.process(folded);
 }

@@ -1,0 +1,110 @@
+"""A performance for other ears: the mix through a fold, before the limiter."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from numpy.typing import NDArray
+
+from ergon import _core
+from ergon.api.play import PlayOptions, Prepared, prepare
+from ergon.cli import app
+from ergon.common.report import Report
+from ergon.rendering.level import HIGHPASS
+from ergon.repl.session.live import LiveEngine
+
+SCORE = """\
+ergon: 1
+instruments:
+  sky:
+    BANK: {count: 30, f: 200Hz..4kHz, spread: random, t60: 0.2s, M: 1g}
+    place: {across: 4m}
+    out: {SOV: sky.all}
+strikes: {rain: {to: sky.all, at: 0, for: 0.3s, rate: 3Hz, impulse: 1uNs..4uNs}}
+mix:
+  layout: six.yaml
+  route: [{from: sky, to: nearest}]
+render: {tail: 0.2s}
+"""
+SIX = """\
+ergon: 1
+project: equidistant
+speakers: [{az: 45deg, r: 2m}, {az: -45deg, r: 2m}, {az: -135deg, r: 2m}, {az: 135deg, r: 2m}, \
+{az: 0deg, el: 30deg, r: 2m}, [0m, 0m, 2m]]
+"""
+GAIN = "20dB"
+
+
+@pytest.fixture(autouse=True)
+def score(own_folder: Path) -> None:
+    Path("s.yaml").write_text(SCORE)
+    Path("six.yaml").write_text(SIX)
+
+
+def prepared(to: str) -> Prepared:
+    return prepare("s.yaml", PlayOptions(audio="null", gain=GAIN, to=to), Report())
+
+
+def folded(to: str) -> tuple[NDArray[np.float32], int]:
+    """What is to be heard, with how much of it sounds on in the fold."""
+    ready = prepared(to)
+    stage, fold = ready.stage, ready.config.fold
+    assert fold is not None
+    frames = np.zeros((stage.n_frames, stage.simulation.n_out))
+    stage.simulation.process(frames)
+    mixed = np.zeros((stage.n_frames + fold.tail, stage.n_channels))
+    mixer = stage.mixer(highpass=HIGHPASS, reference=ready.config.reference)
+    mixer.process(frames, mixed[: stage.n_frames])
+    made = np.zeros((len(mixed), {"binaural": 2, "stereo": 2, "ambix2": 9}[to]))
+    fold.process(mixed * ready.config.gain, made)
+    assert 1e-3 < np.abs(made).max() < 1.0
+    return made.astype(np.float32), fold.tail
+
+
+@pytest.mark.parametrize("to", ["binaural", "stereo", "ambix2"])
+def test_what_is_heard_is_the_mix_through_the_fold(to: str) -> None:
+    words = ["play", "s.yaml", "--audio", "file:heard.wav", "--gain", GAIN, "--to", to, "-q"]
+    assert app.run(words) == 0
+    heard, _ = soundfile.read("heard.wav", dtype="float32", always_2d=True)
+    wanted, _ = folded(to)
+    assert heard.shape == wanted.shape
+    assert np.array_equal(heard, wanted)
+
+
+def test_a_session_is_heard_through_it() -> None:
+    ready = prepared("binaural")
+    engine = LiveEngine(ready.stage, ready.config)
+    try:
+        assert len(engine.performance.status().peaks) == 2
+        assert engine.n_channels == 6
+    finally:
+        engine.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "changed", "said"),
+    [
+        (["--to", "binaural"], ("layout: six.yaml", "channels: 6"), "where its loudspeakers are"),
+        (["--to", "quadro"], ("", ""), "quadro"),
+        (["--to", "ambix9"], ("", ""), "the order of Ambisonics is 1 to 7"),
+        (["--head", "a.sofa"], ("", ""), "only `--to binaural` has a head"),
+        (["--to", "stereo", "--head", "a.sofa"], ("", ""), "only `--to binaural` has a head"),
+    ],
+)
+def test_what_cannot_be_heard_is_refused(
+    words: list[str], changed: tuple[str, str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = SCORE.replace(*changed) if changed[0] else SCORE
+    Path("s.yaml").write_text(text.replace("to: nearest", "to: 1") if changed[0] else text)
+    assert app.run(["play", "s.yaml", "--audio", "null", "--gain", GAIN, *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_fold_of_other_channels_is_refused() -> None:
+    ready = prepared("stereo")
+    stage = ready.stage
+    with pytest.raises(_core.EngineError, match="the fold takes 2 channels"):
+        _core.Performance(
+            stage.simulation, stage.mixer(), audio="null", fold=_core.Fold(np.zeros((2, 2, 1)))
+        )
