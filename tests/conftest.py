@@ -1,5 +1,6 @@
 """What all tests share: the environment, the order of files, folders."""
 
+import gc
 import os
 import signal
 import tempfile
@@ -19,6 +20,9 @@ if "CI" not in os.environ:
 _PLAN_ANEW = ("contracts", "engine", "lab", "plan")
 # Each worker has one processor: four that each solve with four threads wait for one another.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
+# Versions of scores are large trees without cycles: the search for cycles in them took a sixth of
+# the tests of sessions.
+gc.set_threshold(100_000, 20, 20)
 # Where bytecode is not kept, each of a thousand commands compiles all modules: half of its time.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # What a shell starts in the background ignores Ctrl-C, what nohup starts SIGHUP, and both hand that

@@ -68,6 +68,7 @@ def made(form: str = "modes") -> ergon.Bell:
     return bell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "to"), [("modes", "b.point"), ("chain", "b.m1")])
 def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
     if form == "chain":
@@ -89,6 +90,7 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
     assert found.strokes[0].explained > 0.9999
 
 
+@pytest.mark.slow
 def test_each_form_is_an_instrument_that_a_key_plays(capsys: pytest.CaptureFixture[str]) -> None:
     for form in ("modes", "cels"):
         made(form)
@@ -130,6 +132,7 @@ def test_a_hammer_at_a_metre_a_second_is_as_loud_as_the_recording(peak: float) -
     assert heard == pytest.approx(wanted, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_hand_plays_a_bell_from_a_loud_recording_without_more_gain(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -115,6 +115,7 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     assert "k.yaml" not in told, told
 
 
+@pytest.mark.slow
 def test_json_says_every_number_and_its_deviation(capsys: Capture):
     take("rain.take", rain(KEY), 1, lost=100)
     assert app.run(["metrology", "fit", "rain.take", "--json"]) == 0
@@ -129,6 +130,7 @@ def test_json_says_every_number_and_its_deviation(capsys: Capture):
     assert told[-1]["event"] == "measured"
 
 
+@pytest.mark.slow
 def test_a_take_that_lacks_ticks_is_fitted(capsys: Capture):
     """Nobody knows the forces of a hundredth of the ticks; they are found with the key."""
     gap = set(np.random.default_rng(3).choice(np.arange(200, 6000), 60, replace=False).tolist())

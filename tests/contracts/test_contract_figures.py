@@ -156,6 +156,7 @@ def error(scene: Scene, rate: float) -> float:
     return test_oracle.level(play(simulation(scene, rate), n), linear.exact(scene, rate, n))
 
 
+@pytest.mark.slow
 def test_the_first_step_is_worth_what_design_says():
     """-55 dB without the links' forces in the first step, -76 dB with, at four times 44.1 kHz."""
     scene = test_oracle.network()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from oracle.core import deviation, play, simulation
 from oracle.scene import Scene
+from sweep import few
 
 from ergon import _core
 
@@ -28,7 +29,7 @@ def hammer(**but: float | str | bool) -> Scene:
     return scene
 
 
-@pytest.mark.parametrize("side", ["below", "above"])
+@pytest.mark.parametrize("side", few(["below", "above"], ["above"]))
 @pytest.mark.parametrize(
     "options",
     [

@@ -12,7 +12,7 @@ from ergon import _core
 N = 4410  # frames that are judged: 0.1 s
 
 
-@pytest.fixture(scope="module", params=SCENES)
+@pytest.fixture(scope="module", params=few(SCENES, ["block", "stick-slip"]))
 def solved(request):
     scene = SCENES[request.param]
     return scene, scene.exact(N)

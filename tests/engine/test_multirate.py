@@ -137,6 +137,7 @@ def string_of(t60: float) -> tuple[float, float]:
     return k, 2.0 * sigma * k / squared
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("every", "most"), few([(4, -85.0), (10, -78.0), (20, -67.0)], [(10, -78.0)])
 )
@@ -209,7 +210,7 @@ def soft(seed: int, every: int, turn: float) -> tuple[tuple[float, ...], tuple[f
     return tuple(m), tuple(k)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", few(range(12), range(4)))
 def test_what_is_slow_enough_never_grows(seed: int):
     chance = np.random.default_rng(1000 + seed)
     every = int(chance.integers(2, 60))
@@ -278,7 +279,7 @@ def lone_key(every: int | None, **more: Any) -> tuple[_core.Network, _core.Timel
     ],
     ids=["dense", "grains", "particles", "no joining curve"],
 )
-@pytest.mark.parametrize("every", [10, 44])
+@pytest.mark.parametrize("every", few([10, 44], [44]))
 def test_written_points_are_met(every: int, gesture: dict[str, Any]):
     network, timeline, key, struck = lone_key(every)
     t, x, curves = [0.05, 0.1, 0.2, 0.3037], [2e-3, 5e-3, -2e-3, 1e-3], ["smooth"] * 4
@@ -387,6 +388,7 @@ def test_the_same_bytes_for_any_blocks_threads_and_from_a_snapshot():
             assert again.tobytes() == whole[then:].tobytes()
 
 
+@pytest.mark.slow
 def test_the_plan_tells_what_it_costs_in_exactness():
     rows = {R: slow_row(_core.Plan(*scene(R, kc=5e2, gesture={}))) for R in (10, 20, 44)}
     errors = [row.error_db for row in rows.values()]

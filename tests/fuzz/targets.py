@@ -272,7 +272,7 @@ def _take(suffix: str) -> Target:
         whole = chance.choice(FORMATS[suffix])
         return next(corrupted(whole, 1, chance.randrange(1 << 30), *others))
 
-    return Target(f"take{suffix}", case, partial_take(suffix), MEANT, 150)
+    return Target(f"take{suffix}", case, partial_take(suffix), MEANT, 80)
 
 
 def partial_take(suffix: str) -> Any:
@@ -584,17 +584,17 @@ def _read_typed(line: str, _: Path) -> None:
 
 
 TARGETS = (
-    Target("scores", _score, lambda text, folder: _texts("s.yaml", text), (), 60, limit=30.0),
-    Target("score bytes", _score_bytes, _read_score_bytes, (), 100, limit=30.0),
-    Target("commands", commands.case, commands.read, (), 2, 20_000, limit=60.0),
+    Target("scores", _score, lambda text, folder: _texts("s.yaml", text), (), 30, limit=30.0),
+    Target("score bytes", _score_bytes, _read_score_bytes, (), 40, limit=30.0),
+    Target("commands", commands.case, commands.read, (), 1, 20_000, limit=60.0),
     Target("format", _score, _read_formatted, (TextError,), 30),
     Target("notation", _notation, _read_notation, (TextError,), 2000),
     Target("expressions", _expression, _read_expression, (TextError,), 3000, limit=0.5),
     Target("plays", _plays, lambda text, _: words.parse(text) and None, (TextError,), 2000),
-    Target("laws", _law, _read_law, (_core.EngineError,), 3000),
+    Target("laws", _law, _read_law, (_core.EngineError,), 1000),
     *(_take(suffix) for suffix in FORMATS),
     Target("plans", _plan, _read_plan, (plan_file.NotPlanError,), 150),
-    Target("trial records", _trials, _read_trials, (), 6, 5_000),
+    Target("trial records", _trials, _read_trials, (), 3, 5_000),
     Target("devices.toml", lambda chance: damaged(DEVICES, chance, DEVICE_WORDS), _read_devices,
            (BoardError,), 300),
     Target("calibrations", _beside("calib/crm-key-03.yaml"), _read_beside(CALIBRATED), (), 60),

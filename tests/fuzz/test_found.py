@@ -72,6 +72,7 @@ def test_the_library_and_check_refuse_a_gesture_alike(text: str):
     assert words in found.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("key", "seconds"), [("", 10.0), (", X0: 2mm", 10_000.0)])
 def test_pauses_of_a_real_hand_are_not_computed(
     key: str, seconds: float, monkeypatch: pytest.MonkeyPatch
@@ -150,6 +151,7 @@ accuracy: {cents: 3}
 """
 
 
+@pytest.mark.slow
 def test_a_body_that_is_lost_leaves_its_contacts():
     """A trial muted the plate, and contacts that are computed finely still looked for it."""
     loaded = load("s.yaml", text=LOST_BODY)

@@ -19,6 +19,7 @@ def survey(name: str, *every: float) -> tuple[maps.Map, list[maps.Spot]]:
     return one, maps.survey(one, lambda done: None)
 
 
+@pytest.mark.slow
 def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
     one, spots = survey("soft", 10.0, 20.0)
     outside = spots[len(one.xs) - 1]
@@ -32,6 +33,7 @@ def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
     assert slower[max(slower)] is False
 
 
+@pytest.mark.slow
 def test_what_the_certificate_refuses_grows_and_nothing_else_does():
     one = atlas.built_in(SLOW)["quick"]
     places = [(x, y) for y in (20.0, 36.0, 54.0) for x in one.xs[::4]]

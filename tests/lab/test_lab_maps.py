@@ -66,6 +66,7 @@ def test_borders_of_linear_scenes_are_where_the_formula_has_them(name: str, meth
         assert {spot.theory for spot in spots} == {True, False}
 
 
+@pytest.mark.slow
 def test_by_modes_what_is_linear_is_right_wherever_it_runs():
     """Also at 4 kHz, and for a joint a hundred times too stiff for the CA scheme."""
     for name in ("cell", "rate", "coupling"):

@@ -92,6 +92,7 @@ def test_values_of_a_table():
     assert text.splitlines()[1:] == ["a", '""', "yes", "-inf", "0.333333", "7", '"x, y"']
 
 
+@pytest.mark.slow
 def test_maps_are_the_same_picture_every_time(tmp_path: Path):
     one = built_in("ca")["coupling"]
     spots = [maps.Spot(x, y, True, x < 1, None if x > 100 else x < 1, x < 0.1 or None, 0.5)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from duets import duet, recorded
 from emulators import emulator
 
@@ -10,6 +11,7 @@ PIECE = Path(__file__).parents[2] / "scores" / "library" / "fader.yaml"
 SWEEP = "0mm@0 (smooth 30mm@1 smooth -30mm@3 smooth 0mm@4)*40"
 
 
+@pytest.mark.slow
 def test_the_piece_for_a_fader_sends_more_than_three_tenths_of_a_newton(tmp_path: Path):
     take = tmp_path / "hand.take"
     with emulator("firefader", "--lockstep", "--gesture", SWEEP) as fader:

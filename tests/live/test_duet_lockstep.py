@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from duets import STAND_IN, played, recorded, rendered, said, sound
 from emulators import emulator
+from sweep import few
 
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import Stage, stage
@@ -102,7 +103,7 @@ static_speed: 20mm/s
 MODES = "modes:\n  - {M: 20g, f: 180Hz, t60: 0.2s}\n  - {M: 5g, f: 410Hz, t60: 0.1s}\n"
 
 
-@pytest.mark.parametrize("more", ["", "presliding: 4kN/m\n", MODES])
+@pytest.mark.parametrize("more", few(["", "presliding: 4kN/m\n", MODES], [MODES]))
 def test_an_emulated_key_of_a_calibration_is_the_calibrated_key_of_a_score(
     tmp_path: Path, more: str
 ):

@@ -95,6 +95,7 @@ def test_a_key_on_a_wire_is_heard_through_jack(
         print(f"{result.equal} frames of {CHANNELS} channels equal, gaps: {result.gaps}")
 
 
+@pytest.mark.slow
 def test_as_fast_as_it_goes_nothing_at_all_is_missing(
     name: str, score: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

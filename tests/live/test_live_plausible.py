@@ -14,6 +14,7 @@ from duets import said
 from emulators import crc, emulator
 from patience import PATIENCE
 from simulated_board import Simulated, simulated
+from sweep import few
 
 from ergon import _core
 
@@ -59,10 +60,13 @@ def harm(log: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     ("fault", "why"),
-    [
-        ({"motor": -1.0}, "its motor pushes the wrong way"),
-        ({"frozen": True}, "its position stays the same"),
-    ],
+    few(
+        [
+            ({"motor": -1.0}, "its motor pushes the wrong way"),
+            ({"frozen": True}, "its position stays the same"),
+        ],
+        [({"motor": -1.0}, "its motor pushes the wrong way")],
+    ),
 )
 def test_a_fault_while_it_plays_ends_its_force(
     tmp_path: Path, fault: dict[str, float | bool], why: str

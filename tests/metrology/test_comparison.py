@@ -106,6 +106,7 @@ def test_a_weighed_mass_tells_the_gains():
         gains(loaded, plain, added)
 
 
+@pytest.mark.slow
 def test_gains_are_known_as_well_as_the_figures_that_they_are_made_of():
     """Against 20,000 pairs of files, drawn by deviations that are correlated."""
     names, added = ["M", "K", "Z", "rest"], 0.017

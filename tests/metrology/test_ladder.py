@@ -97,6 +97,7 @@ def taken(found: Ladder, seconds: float = 8.0) -> list[takes.Take]:
     return each + takes.record(found, "held-out", 6.0, lambda kind, part: None)
 
 
+@pytest.mark.slow
 def test_a_key_is_measured_by_its_device():
     """Through the safety stages and the wire the key is known as well as its sensor allows."""
     *fitted, apart = taken(climb(Axis(emulated(seed=3))))
@@ -110,6 +111,7 @@ def test_a_key_is_measured_by_its_device():
     assert np.sqrt(np.mean((replay - truth) ** 2)) < 0.05 * QUANTUM
 
 
+@pytest.mark.slow
 def test_a_fader_without_a_spring_is_guided():
     """A fader of eight bits both ways, as FireFader is one."""
     fader = np.array([0.05, 0.0, 1.0, 0.0, 0.1, 2e-3, 0.0, 0.0, 0.0, 0.0])

@@ -45,6 +45,7 @@ def errors_of(seeds: range) -> Floats:
     return np.array(errors)
 
 
+@pytest.mark.slow
 def test_a_key_is_measured():
     errors = errors_of(range(2))
     assert (np.abs(errors) < 4).all(), errors
@@ -67,6 +68,7 @@ def test_no_mode_is_found_where_there_is_none():
     assert max(map(abs, deviations(found, PLAIN).values())) < 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "part", "bound"),
     [
@@ -88,11 +90,13 @@ def test_each_kind_of_friction_is_found(changed: dict[str, float], part: str, bo
         assert abs(found.fit.row[INDEX[name]] / value - 1) < 0.05
 
 
+@pytest.mark.slow
 def test_the_last_quarter_judges_where_no_take_is_held_out():
     found = measure([gesture(KEY, rain(KEY, 6.0), 5)])
     assert {"dry", "mode"} <= set(kept(found))
 
 
+@pytest.mark.slow
 def test_a_key_without_a_spring_has_none():
     fader = np.array([0.4, 0.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     force = rain(KEY, 6.0)

@@ -3,7 +3,7 @@ import re
 from pathlib import Path
 
 import pytest
-from docs.generators.error_pages import codes, found, pages, told
+from docs.generators.error_pages import codes, found, pages
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -132,8 +132,7 @@ def test_committed_pages_are_what_the_checker_says():
 
 
 @pytest.mark.parametrize("entry", codes().values(), ids=codes())
-def test_examples(entry):
-    assert told(entry, entry.bad)
+def test_good_examples_get_no_report(entry):  # the bad ones stand in the pages
     after, _ = found(entry, entry.good)
     assert not [d for d in after if d.code != "N401"]
 

@@ -56,7 +56,7 @@ FRICTION = {f"{kind}, {name}": scene for kind, scenes in
             for name, scene in scenes.items()}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FRICTION)
+@pytest.mark.parametrize("name", few(FRICTION, list(FRICTION)[::3]))
 def test_the_reference_of_friction_is_that_of_its_equations(name: str):
     """Turns found by halving, and bends as states: against scipy's integrator, another turn finder
     and equations that are written out for each scene."""
@@ -103,7 +103,8 @@ def test_a_plan_of_a_named_scene_is_as_exact_as_it_says(name: str):
     honest(audit.look(name, named(name), (-40.0, -80.0), plain=False))
 
 
-@pytest.mark.parametrize("points", few([12, 30, 60], [12]))
+@pytest.mark.slow
+@pytest.mark.parametrize("points", [12, 30, 60])
 def test_a_string_on_a_bridge_of_many_points_goes_by_its_modes(points: int):
     found = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
     honest(found)

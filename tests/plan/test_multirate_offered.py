@@ -55,6 +55,7 @@ def play(made: tuple[_core.Network, _core.Timeline], plan: _core.Plan | None, n:
     return out
 
 
+@pytest.mark.slow
 def test_a_key_of_many_masses_is_made_slow_and_sounds_as_it_should():
     made = scene()
     plan = _core.Plan(*made, error_db=ASKED_DB)

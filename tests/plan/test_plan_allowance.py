@@ -52,6 +52,7 @@ def test_trials_draw_no_more_than_their_allowance() -> None:
     assert 0.0 < drawn <= most
 
 
+@pytest.mark.slow
 def test_a_plan_cut_short_is_the_same_with_any_threads() -> None:
     one, four = hostile(1), hostile(4)
     assert any(row.cut_short for row in one.rows())

@@ -99,6 +99,7 @@ def reference() -> str:
     return told(N, 1)[0]
 
 
+@pytest.mark.slow
 def test_a_fresh_interpreter_makes_the_same(reference: str):
     assert digest(SCRIPT, "997", "2") == reference
 
@@ -108,5 +109,6 @@ def test_without_vector_instructions_in_the_c_library(reference: str):
     assert digest(SCRIPT, "997", "1", GLIBC_TUNABLES=PLAIN_GLIBC) == reference
 
 
+@pytest.mark.slow
 def test_without_vector_instructions_in_numpy(reference: str):
     assert digest(SCRIPT, "64", "2", NPY_DISABLE_CPU_FEATURES=disabled()) == reference

@@ -113,7 +113,7 @@ EDITS = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new"), EDITS)
+@pytest.mark.parametrize(("old", "new"), few(EDITS, EDITS[1::3]))
 def test_a_plan_with_what_is_known_is_that_from_scratch(old: str, new: str) -> None:
     edited = SCORE.replace(old, new)
     assert edited != SCORE
@@ -146,7 +146,7 @@ def test_an_entry_after_the_trials_needs_none() -> None:
     assert len(store.new) - n_first <= 2
 
 
-@pytest.mark.parametrize("share", [0.001, 0.01, 0.05, 0.2])
+@pytest.mark.parametrize("share", few([0.001, 0.01, 0.05, 0.2], [0.01]))
 def test_where_the_allowance_ends_the_plan_is_that_from_scratch(share: float) -> None:
     """An allowance that all islands share: what one takes less of, another has."""
     network, timeline = _of(SCORE)
@@ -165,7 +165,7 @@ def _of(text: str) -> tuple[_core.Network, _core.Timeline]:
 
 
 # Each plans eight times: these take up to six seconds, some of the others a minute.
-_SHORT = (0, 6, 7, 9, 12, 15, 17, 18, 21, 23)
+_SHORT = (0, 6, 9, 21)
 
 
 @pytest.mark.parametrize("seed", few(range(24), _SHORT))

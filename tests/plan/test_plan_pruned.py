@@ -10,6 +10,7 @@ from oracle.core import play, render
 from oracle.planned import plan
 from oracle.planned import render as planned
 from oracle.scene import Mat, Scene
+from sweep import few
 
 from ergon import _core
 
@@ -65,7 +66,7 @@ def both(first: Callable[[Scene], None], second: Callable[[Scene], None]) -> Sce
     return scene
 
 
-@pytest.mark.parametrize("wishes", WISHES, ids=str)
+@pytest.mark.parametrize("wishes", few(WISHES, [{"method": "modal"}, {"method": "ca"}]), ids=str)
 def test_no_byte_tells_of_what_is_not_heard(wishes: dict[str, Any]):
     alone = Scene()
     heard(alone)
@@ -120,7 +121,7 @@ def still(scene: Scene) -> list[Mat]:
     return [point, cell, a, b]
 
 
-@pytest.mark.parametrize("wishes", WISHES, ids=str)
+@pytest.mark.parametrize("wishes", few(WISHES, WISHES[:1]), ids=str)
 def test_where_what_is_still_stands_is_heard(wishes: dict[str, Any]):
     alone, scene = Scene(), Scene()
     heard(alone)

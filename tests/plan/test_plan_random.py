@@ -71,12 +71,14 @@ def check(seed: int, *, even: bool) -> None:
     assert found.error <= least, f"seed {seed}: {found}"
 
 
+@pytest.mark.slow
 @given(seed=SEEDS)
 @settings(max_examples=8)
 def test_bodies_and_what_meets_them_keep_their_budget(seed: int):
     check(seed, even=True)
 
 
+@pytest.mark.slow
 @given(seed=SEEDS)
 @settings(max_examples=8)
 def test_networks_that_have_no_modes_keep_their_budget(seed: int):

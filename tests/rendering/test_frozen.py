@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from sweep import crossed
 from tests.cli.test_cli_emulate import GESTURE, emulator
 
 from ergon import _core
@@ -90,8 +91,9 @@ def played(name: str, *more: str) -> np.ndarray:
 # --- equality -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("start", [(), ("--from", "1|2.3")])
-@pytest.mark.parametrize("parts", ["gong", "gong,sky", "bell-less"])
+@pytest.mark.parametrize(
+    ("parts", "start"), crossed(["gong", "gong,sky", "bell-less"], [(), ("--from", "1|2.3")])
+)
 def test_frozen_and_live_together_are_what_was_played_at_once(
     folder: Path, start: tuple[str, ...], parts: str
 ):

@@ -115,7 +115,7 @@ def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, kept: bool, **options:
     return hashlib.sha256(frames.tobytes()).hexdigest()
 
 
-@pytest.mark.parametrize("scene", few(SCENES, ("modes", "ca2p", "exact")))
+@pytest.mark.parametrize("scene", few(SCENES, ("ca2p",)))
 def test_an_edit_recalls_what_it_does_not_change(
     scene: str, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
@@ -205,7 +205,7 @@ def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytes
     assert counted.recalled[1] == counted.recalled[2] > 0
 
 
-@pytest.mark.parametrize("seed", few(range(60), range(4)))
+@pytest.mark.parametrize("seed", few(range(60), range(2)))
 def test_random_scores_sound_as_from_scratch(
     seed: int, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):

@@ -114,6 +114,7 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.array(ticks) * 2.0 * 44 / 44_100, path
 
 
+@pytest.mark.slow
 def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
     with led(tmp_path) as own:
         own.ok("play")

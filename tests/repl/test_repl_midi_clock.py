@@ -123,7 +123,7 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
     ("bpm", "jitter"),
     few(
         [(120.0, 0.0), (97.3, 0.0), (174.0, 0.001), (120.003, 0.0005)],
-        [(97.3, 0.0), (120.003, 0.0005)],
+        [(97.3, 0.0)],
     ),
 )
 def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
@@ -141,7 +141,7 @@ def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
     assert own.hash_again() == own.hash.hexdigest()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", few(range(4), [0]))
 def test_clocks_that_come_late_in_bursts_leave_beats_where_they_are(tmp_path, seed):
     own = Stepped(SCORE, tmp_path, keeps=False)
     master = Master(123.4, jitter=0.0003, stall=0.08, seed=seed)

@@ -133,6 +133,7 @@ def unpaced(events: list[dict]) -> int:
     return sys.maxsize
 
 
+@pytest.mark.slow
 @sessions(3)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_random_session_whose_keys_vanish_is_its_journal(

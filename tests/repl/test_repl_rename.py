@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from edited import opened
 from sessions import Stepped
+from sweep import few
 
 SCORE = """\
 ergon: 1
@@ -101,7 +102,10 @@ def without(tmp_path_factory):
 
 @pytest.mark.parametrize(
     "line",
-    ["rename bell chime", "rename k1 pad", "rename k2 pad", "rename m b", "rename harp lyre"],
+    few(
+        ["rename bell chime", "rename k1 pad", "rename k2 pad", "rename m b", "rename harp lyre"],
+        ["rename k1 pad", "rename harp lyre"],
+    ),
 )
 def test_the_sound_goes_on_to_the_last_bit_and_the_undo_does(tmp_path, without, line):
     lines = [line, "ada plays knock every 1/2", "undo", "undo", "redo"]

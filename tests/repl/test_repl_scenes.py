@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from edited import SCORES, SPANS, begun, opened, piece_of
 from sessions import Stepped
+from sweep import few
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import automation, keeping, matter, scenes
@@ -312,7 +313,7 @@ PATTERNS = [
 ]
 
 
-@pytest.mark.parametrize("line", PATTERNS)
+@pytest.mark.parametrize("line", few(PATTERNS, PATTERNS[::2]))
 def test_patterns_of_a_scene_are_what_was_kept_in_every_round(at: Stepped, line: str):
     at.ok("play")
     to_bar(at, 2)
@@ -397,6 +398,7 @@ def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
             assert [at for at, _ in again] == pytest.approx([at for at, _ in once])
 
 
+@pytest.mark.slow
 def test_a_scene_ends_automation_that_is_not_its_own(at: Stepped):
     """An lfo, a pattern and a glide that began after the bars were kept went on for ever."""
     at.ok("lfo drum.m.K 0.5..2 period 2bar")

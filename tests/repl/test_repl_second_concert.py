@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+import pytest
 import soundfile
 from commands import ERGON
 from terminals import ENTER, Terminal
@@ -89,6 +90,7 @@ def captured(path: Path) -> np.ndarray:
     return np.frombuffer(data[: len(data) // 8 * 8], "<f4").reshape(-1, 2)
 
 
+@pytest.mark.slow
 def test_the_concert_with_hands_is_heard_again_from_its_journals(tmp_path: Path):
     page = PAGE.read_text(encoding="utf-8")
     score = re.search(r"<!-- file: duo.yaml -->\n```yaml\n(.*?)```", page, re.DOTALL)

@@ -148,6 +148,7 @@ def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
         assert guard.asked == before + 1  # where it glides to: what it glides from is known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(6), (1, 3)))
 def test_random_stiffenings_shake_no_hand(tmp_path: Path, seed: int):
     for hand in HANDS:
@@ -174,7 +175,7 @@ def test_two_hundred_random_stiffenings_shake_no_hand(tmp_path: Path):
 SOFT_GROUND = Scene(stiffness=3e3, ground=100.0, mass=0.002)
 
 
-@pytest.mark.parametrize("hand", HANDS)
+@pytest.mark.parametrize("hand", few(HANDS, list(HANDS)[:1]))
 @pytest.mark.parametrize(
     "line",
     [

@@ -30,6 +30,7 @@ def commits(session: Stepped) -> dict[int, int]:
     return {one["number"]: one["frame"] for one in events if one["event"] == "commit"}
 
 
+@pytest.mark.slow
 def test_what_repeats_goes_on_while_a_line_waits_for_a_far_bar(session: Stepped):
     """It fell silent 32 bars after the last line that took effect."""
     session.ok("play")
@@ -93,6 +94,7 @@ def test_a_line_that_takes_a_name_from_one_that_waits_is_refused(session: Steppe
     same(session)
 
 
+@pytest.mark.slow
 def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
     at = Stepped(SCORE, tmp_path)
     at.ok("play")

@@ -98,6 +98,7 @@ def test_a_module_that_glides_by_itself_goes_with_the_whole(tmp_path):
     assert np.sqrt(k / m) / (2 * np.pi) == pytest.approx(2 * 261.6256, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(at, tmp_path):
     at.ok("play from 1|1")
     at.ok("set bell.f A4 over 1bar\nada plays knock every 1")

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from commands import ERGON, PATIENT, forked
 from patience import PATIENCE
-from sweep import crossed
+from sweep import crossed, few
 from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
@@ -291,7 +291,7 @@ def test_an_environment_without(here: Path, line: str, name: str) -> None:
 
 
 @pytest.mark.parametrize("line", LINES)
-@pytest.mark.parametrize("most", [8, 16])
+@pytest.mark.parametrize("most", few([8, 16], [8]))
 def test_few_descriptors(here: Path, line: str, most: int) -> None:
     code, out, told = ergon(here, line, limited(resource.RLIMIT_NOFILE, most))
     assert code in (0, 2, 3), told

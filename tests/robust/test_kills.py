@@ -267,8 +267,8 @@ def kill_all(numbers: range) -> None:
     assert not wrong, f"{len(wrong)} of {len(numbers)}\n" + "\n".join(wrong[:5])
 
 
-def test_six_kills() -> None:
-    kill_all(range(6))
+def test_three_kills() -> None:
+    kill_all(range(3))
 
 
 @pytest.mark.slow
