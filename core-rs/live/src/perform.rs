@@ -17,6 +17,7 @@ mod player;
 mod prepare;
 mod scale;
 mod status;
+mod window;
 
 pub use control::Control;
 pub use error::{ChangeError, PlayError};
@@ -29,6 +30,7 @@ pub use performance::Performance;
 pub use player::change::Change;
 pub use scale::{Bound, FALL_TIME};
 pub use status::{Event, EventKind, HandStatus, Status};
+pub use window::{Ear, Scene, Showing, Window, window};
 
 use std::path::PathBuf;
 
@@ -67,6 +69,8 @@ pub struct Stage {
     pub bars: Vec<u64>,
     /// Outputs that were computed before: the simulation leaves them at 0.
     pub frozen: Vec<Stem>,
+    /// Through which pages see it.
+    pub window: Option<Window>,
 }
 
 impl Stage {

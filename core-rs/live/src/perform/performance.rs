@@ -12,7 +12,7 @@ use super::control::{Control, MarkDone, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    ChangeError, Command, Event, HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, Stage,
+    ChangeError, Command, Ear, Event, HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, Stage,
     Status, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
@@ -44,6 +44,9 @@ pub struct Performance {
     pub(super) mixed_channels: usize,
     /// Number of outputs, where frozen parts fill some of them.
     pub(super) frozen_outputs: Option<usize>,
+    /// Frames a second [Hz], and the first that is played.
+    pub(super) rate: f64,
+    pub(super) start: u64,
 }
 
 impl Performance {
@@ -98,6 +101,11 @@ impl Performance {
     /// Channels that are heard.
     pub fn n_channels(&self) -> usize {
         self.channels
+    }
+
+    /// When its frames are heard, for [`Showing::show`](super::Showing::show).
+    pub fn ear(&self) -> Ear {
+        Ear::new(self.output.news(), self.rate, self.start)
     }
 
     /// The output that it plays on.
@@ -178,7 +186,7 @@ impl Performance {
     ///
     /// # Errors
     /// [`ChangeError`]: nothing was asked for then.
-    pub fn change(&mut self, at: u64, change: Change) -> Result<u64, ChangeError> {
+    pub fn change(&mut self, at: u64, mut change: Change) -> Result<u64, ChangeError> {
         // What was replaced before is freed here.
         while self.garbage.pop().is_ok() {}
         if !at.is_multiple_of(self.tick_frames as u64) {
@@ -202,6 +210,9 @@ impl Performance {
             .is_some_and(|mixer| mixer.n_channels() != self.mixed_channels)
         {
             return Err(ChangeError::Channels(self.mixed_channels));
+        }
+        if let (Some((simulation, _)), Some(_)) = (&mut change.simulation, &change.window) {
+            simulation.watch_contacts();
         }
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;

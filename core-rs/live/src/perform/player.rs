@@ -204,6 +204,7 @@ impl Player {
             self.step(n);
             self.watch();
             self.record();
+            self.look();
         } else {
             // The last frames of fold and limiter are heard; no hand moves anything any more.
             self.slots.iter_mut().for_each(|slot| slot.stop(true));
@@ -267,6 +268,13 @@ impl Player {
         }
         if self.connections.flags.release.swap(false, Ordering::AcqRel) {
             self.slots.iter_mut().for_each(Slot::release);
+        }
+    }
+
+    /// Leave a picture for pages.
+    fn look(&mut self) {
+        if let Some(window) = &mut self.stage.window {
+            window.look(&mut self.stage.simulation, self.status.dropped);
         }
     }
 

@@ -30,7 +30,10 @@ impl Performance {
         boards: Vec<Keyboard>,
         config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
-        let rate = stage.simulation.rate();
+        let (rate, start) = (stage.simulation.rate(), stage.simulation.frame());
+        if stage.window.is_some() {
+            stage.simulation.watch_contacts();
+        }
         let channels = stage.n_heard();
         if !(1..=audio::CHANNELS_MAX).contains(&channels) {
             let why = format!("an output has 1 to {}", audio::CHANNELS_MAX);
@@ -148,6 +151,8 @@ impl Performance {
             channels,
             mixed_channels,
             frozen_outputs,
+            rate,
+            start,
         };
         Ok((this, player))
     }

@@ -109,6 +109,7 @@ fn stage() -> Stage {
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
         frozen: Vec::new(),
+        window: None,
     }
 }
 

@@ -7,6 +7,7 @@ use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Simulation, Takeover};
 
 use super::Player;
+use crate::perform::Window;
 use crate::perform::guidance::GuidanceStep;
 use crate::perform::scale::Bound;
 use crate::perform::status::EventKind;
@@ -34,6 +35,8 @@ pub struct Change {
     pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
     /// Bounds of the force on each hand; a hand without bounds keeps its scale.
     pub bounds: Option<Vec<Vec<Bound>>>,
+    /// A window on the simulation. One that begins has no other.
+    pub window: Option<Window>,
     /// See [`Simulation::damp`].
     pub damp: Option<Option<f64>>,
 }
@@ -93,6 +96,7 @@ impl Player {
                 return false;
             }
             std::mem::swap(simulation, &mut stage.simulation);
+            std::mem::swap(&mut change.window, &mut stage.window);
             std::mem::swap(heard, &mut self.outputs);
         }
         if let Some(mixer) = &mut change.mixer {
