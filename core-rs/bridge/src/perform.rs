@@ -22,6 +22,7 @@ use crate::error::{refused, said, unrecorded};
 use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
+use crate::motion::Window;
 use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent};
 use crate::simulation::{Simulation, damping, strike_impulse};
 use crate::status::{HandLimit, Status, named_event};
@@ -63,7 +64,7 @@ pub(crate) struct Performance {
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None))]
+    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None, window=None))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
@@ -81,6 +82,7 @@ impl Performance {
         record: Option<RecordOf>,
         frozen: Vec<StemOf>,
         fold: Option<&Fold>,
+        window: Option<&Window>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guidance, response, measured): &HandOf<'_>| {
@@ -119,6 +121,7 @@ impl Performance {
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
             frozen: stems(frozen, simulation.0.n_out())?,
+            window: window.map(Window::physics).transpose()?,
         };
         let config = PlaybackConfig {
             audio: audio.parse().map_err(said)?,
@@ -267,7 +270,7 @@ impl Performance {
     /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None))]
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None, window=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
@@ -283,6 +286,7 @@ impl Performance {
         guidance: Option<Vec<Vec<StepOf>>>,
         bounds: Option<Vec<Vec<BoundOf>>>,
         damp: Option<f64>,
+        window: Option<&Window>,
     ) -> PyResult<u64> {
         if simulation.is_none() && old.is_some() {
             return Err(refused("change", "`old` requires `simulation`"));
@@ -306,6 +310,7 @@ impl Performance {
                 Some(0.0) => Some(None),
                 damp => damping(damp)?.map(Some),
             },
+            window: window.map(Window::physics).transpose()?,
         };
         py.detach(|| {
             change.simulation = new.map(|new| {
@@ -357,7 +362,7 @@ impl Performance {
         self.own.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
+    pub(crate) fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
         let mut own = self.own();
         let own = own.as_mut();
         own.map(ask)

@@ -1133,6 +1133,25 @@ class MotionRecorder:
         """The last bytes of the file."""
 
 @final
+class Window:
+    """What pages see of a simulation while it is played. Changes no sample."""
+
+    def __new__(
+        cls,
+        simulation: Simulation,
+        look: MotionLook,
+        timeline: Timeline,
+        *,
+        manifest: str,
+        places: _Floats,
+        keys: Sequence[int],
+        n_speakers: int,
+        fps: float,
+    ) -> Self:
+        """As MotionRecorder takes them. It is for one performance, or one change of it, and one server: `Performance(window=…)`,
+        then `ViewServer.show`. Raises EngineError where a table would be too long."""
+
+@final
 class Snapshot:
     """The state of a simulation at one frame."""
 
@@ -1374,11 +1393,11 @@ class Meter:
 
 @final
 class ViewServer:
-    """Serves the page and a `.motion` file to browsers, by HTTP and WebSocket on one port, until it is closed."""
+    """Serves the page, with a `.motion` file or what is played, to browsers, by HTTP and WebSocket on one port, until it is closed."""
 
     def __new__(
         cls,
-        path: Path | str,
+        path: Path | str | None = None,
         *,
         sound: Path | str | None = None,
         at: str = "127.0.0.1:0",
@@ -1394,7 +1413,11 @@ class ViewServer:
         """What a browser on this machine opens."""
     @property
     def tally(self) -> dict[str, int]:
-        """How many requests were `served`, `refused` and `dropped`, and how many `viewers` there are now."""
+        """How many requests were `served`, `refused` and `dropped`, how many `viewers` there are now, and how many pictures
+        of performances were `skipped`."""
+    def show(self, window: Window, performance: Performance) -> None:
+        """Show what a window sees of a performance, or of a change of it, that was given the window: from its first picture on.
+        Raises EngineError where either is closed, or the window is shown already."""
     def close(self) -> None:
         """End it, and every page's connection."""
 
@@ -1669,13 +1692,15 @@ class Performance:
         record: RecordTarget | None = None,
         frozen: Sequence[FrozenStem] = ...,
         fold: Fold | None = None,
+        window: Window | None = None,
     ) -> Self:
         """Begin to play a copy of the simulation, through a copy of the mixer and of the fold.
 
         `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
         `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
         FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
-        over; `fold`: from the mixer's channels to those that are heard. Raises EngineError.
+        over; `fold`: from the mixer's channels to those that are heard; `window`: what pages see of
+        the simulation. Raises EngineError.
         """
     def status(self) -> Status:
         """The state now."""
@@ -1742,6 +1767,7 @@ class Performance:
         guidance: Sequence[Sequence[tuple[int, float, float]]] | None = None,
         bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
+        window: Window | None = None,
     ) -> int:
         """Make a change at frame `at`, the first of a tick; returns a ticket. What is None stays.
 
@@ -1754,7 +1780,8 @@ class Performance:
         (n_ticks,), an empty one keeps the old. `guidance`: of each hand (ticks after the change,
         factor of K, factor of Z). `bounds`: of each hand (ticks after the change, greatest factor
         of the piece's force); the force falls before a lower bound and rises after a higher one.
-        `damp`: as in Simulation.damp; 0 removes it. Raises EngineError.
+        `damp`: as in Simulation.damp; 0 removes it. `window`: what pages see of `simulation`. Raises
+        EngineError.
         """
     def stop(self) -> None:
         """Stop: zero force at once, silence within 5 ms."""

@@ -12,8 +12,8 @@ use super::control::{Control, MarkDone, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    ChangeError, Command, Ear, Event, HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, Stage,
-    Status, frozen, keys,
+    ChangeError, Command, Ear, Event, HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig,
+    Stage, Status, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
 use crate::realtime::{self, Granted};

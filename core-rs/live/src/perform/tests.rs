@@ -16,6 +16,7 @@ use crate::device::Url;
 use crate::recording::{Axis, flag, read};
 
 pub(super) mod unplugged;
+mod windows;
 
 use unplugged::Unplugged;
 
@@ -252,7 +253,7 @@ fn a_fold_sounds_to_its_end() {
         ..stage()
     };
     let mut mix = stage.mixer.clone();
-    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    let (this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
     player.begin();
     reset_violation_count();
     assert_no_alloc(|| while player.tick() {});

@@ -43,8 +43,8 @@ impl Player {
                 stage.fades = None;
             }
             self.gain.apply(self.frame, mixed, channels);
-            if let Some(window) = stage.window.as_mut().filter(|_| !self.panicked) {
-                window.hear(mixed);
+            if let Some(window) = &mut stage.window {
+                window.hear(mixed, !self.panicked);
             }
             limit(stage, mixed, &mut self.folded);
         } else {

@@ -61,7 +61,11 @@ impl Line {
         }
         self.state = state;
         self.seen.push_back((now, zero));
-        while self.seen.front().is_some_and(|first| first.0 < now - MEMORY) {
+        while self
+            .seen
+            .front()
+            .is_some_and(|first| first.0 < now - MEMORY)
+        {
             self.seen.pop_front();
         }
     }

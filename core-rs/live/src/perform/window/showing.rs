@@ -72,7 +72,7 @@ impl Drop for Showing {
 }
 
 /// What the thread does, turn by turn.
-pub(in crate::perform) struct Relay {
+pub(in super::super) struct Relay {
     server: Arc<Server>,
     coming: Receiver<(Scene, Ear)>,
     /// First the one that is shown, then those that will be.
@@ -84,7 +84,7 @@ pub(in crate::perform) struct Relay {
 }
 
 impl Relay {
-    pub(in crate::perform) fn new(server: Arc<Server>, coming: Receiver<(Scene, Ear)>) -> Self {
+    pub(in super::super) fn new(server: Arc<Server>, coming: Receiver<(Scene, Ear)>) -> Self {
         Self {
             server,
             coming,
@@ -96,7 +96,7 @@ impl Relay {
     }
 
     /// Send what is new.
-    pub(in crate::perform) fn turn(&mut self) {
+    pub(in super::super) fn turn(&mut self) {
         self.scenes.extend(self.coming.try_iter());
         let is_new = |own: &(Scene, Ear)| own.0.pictures.updated();
         if let Some(at) = self.scenes.iter().rposition(is_new) {
@@ -114,6 +114,11 @@ impl Relay {
         });
         let now = self.scenes.first().map_or(0, |(scene, _)| scene.skipped());
         (self.skipped).store(self.skipped_before + now, Ordering::Relaxed);
+    }
+
+    #[cfg(test)]
+    pub(in super::super) fn skipped(&self) -> u64 {
+        self.skipped.load(Ordering::Relaxed)
     }
 
     /// Send the picture of the first scene.
