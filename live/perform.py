@@ -123,7 +123,7 @@ def perform(
                 for stem in config.frozen
             ],
             fold=config.fold,
-            window=window,
+            seen=window is not None,
         )
         if config.pages and window:
             config.pages.server.show(window, performance)

@@ -84,7 +84,6 @@ class LiveEngine:
     def change(self, change: Change) -> int:
         """Send a change to the physics thread; its ticket."""
         stage, before = change.stage, change.before
-        window = self._pages and self._pages.window(stage, stage.simulation)
         ticket = self._performance.change(
             change.at,
             simulation=stage.simulation,
@@ -96,10 +95,9 @@ class LiveEngine:
             damp=change.damp or 0.0,
             bounds=self._bounds(change.bearings),
             bars=bars(stage, change.at, change.at + int(_BARS * stage.rate)),
-            window=window,
         )
-        if self._pages and window:
-            self._pages.server.show(window, self._performance)
+        if self._pages is not None:
+            self._pages.follow(stage, self._performance)
         return ticket
 
     def _bounds(self, bearings: Sequence[HandForceBounds]) -> list[list[tuple[int, float]]]:
@@ -172,6 +170,8 @@ class LiveEngine:
                 EngineEvent(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]
             ]
             self._sound = len(sound)
+        while self._pages is not None and self._pages.remarks:
+            found.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
         return found
 
     def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:

@@ -83,7 +83,7 @@ def test_a_duet_in_lockstep_is_the_same_to_the_bit(own_folder: Path) -> None:
 def test_what_cannot_be_is_refused_before_anything_sounds(own_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     for options, words in {
-        ("--see", "all"): "--see says what pages show; add --view",
+        ("--see", "all"): "--see: says what pages show; add view",
         ("--view-at", "127.0.0.1"): "write HOST:PORT",
         ("--view-at", "elsewhere.invalid:80"): "write HOST:PORT",
     }.items():
@@ -137,7 +137,7 @@ def test_a_page_follows_what_is_heard(chromium: browser.Browser, own_folder: Pat
             # What is long past is forgotten, however long one looks at it.
             assert page.run("ergon.page.story.end - ergon.page.story.begins") < 7
             assert page.run("ergon.page.story.flights.states.length") <= 8
-            assert page.run("ergon.page.clock.t >= ergon.page.story.begins")
+            until(lambda: page.run("ergon.page.clock.t >= ergon.page.story.begins"), "it is drawn")
             page.press("End")
             until(lambda: abs(page.run(HEARD)[1]) < 1 / 60, "now again")
             page.press("ArrowLeft")

@@ -157,10 +157,7 @@ fn setup(
 
 /// What pages see of a simulation while it is played: an end for the physics thread, and one for the pages.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Window {
-    physics: Mutex<Option<perform::Window>>,
-    pages: Mutex<Option<perform::Scene>>,
-}
+pub(crate) struct Window(Mutex<Option<(perform::Window, perform::Scene)>>);
 
 #[pymethods]
 impl Window {
@@ -181,30 +178,17 @@ impl Window {
         let own = &simulation.0;
         let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
         let ends = py.detach(|| perform::window(own, look.0.clone(), setup));
-        let (physics, pages) = ends.map_err(said)?;
-        Ok(Self {
-            physics: Mutex::new(Some(physics)),
-            pages: Mutex::new(Some(pages)),
-        })
+        Ok(Self(Mutex::new(Some(ends.map_err(said)?))))
     }
 }
 
 impl Window {
-    /// The end of the physics thread, once.
-    pub(crate) fn physics(&self) -> PyResult<perform::Window> {
-        taken(&self.physics)
+    /// Its two ends, once.
+    pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::Scene)> {
+        let mut ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        ends.take()
+            .ok_or_else(|| said("this window is in use already"))
     }
-
-    /// The end of the pages, once.
-    pub(crate) fn pages(&self) -> PyResult<perform::Scene> {
-        taken(&self.pages)
-    }
-}
-
-fn taken<T>(end: &Mutex<Option<T>>) -> PyResult<T> {
-    let mut end = end.lock().unwrap_or_else(PoisonError::into_inner);
-    end.take()
-        .ok_or_else(|| said("this window is in use already"))
 }
 
 /// A motion file, as far as it is whole.

@@ -22,7 +22,6 @@ use crate::error::{refused, said, unrecorded};
 use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
-use crate::motion::Window;
 use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent};
 use crate::simulation::{Simulation, damping, strike_impulse};
 use crate::status::{HandLimit, Status, named_event};
@@ -64,7 +63,7 @@ pub(crate) struct Performance {
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None, window=None))]
+    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None, seen=false))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
@@ -82,7 +81,7 @@ impl Performance {
         record: Option<RecordOf>,
         frozen: Vec<StemOf>,
         fold: Option<&Fold>,
-        window: Option<&Window>,
+        seen: bool,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guidance, response, measured): &HandOf<'_>| {
@@ -121,7 +120,7 @@ impl Performance {
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
             frozen: stems(frozen, simulation.0.n_out())?,
-            window: window.map(Window::physics).transpose()?,
+            is_seen: seen,
         };
         let config = PlaybackConfig {
             audio: audio.parse().map_err(said)?,
@@ -270,7 +269,7 @@ impl Performance {
     /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None, window=None))]
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
@@ -286,7 +285,6 @@ impl Performance {
         guidance: Option<Vec<Vec<StepOf>>>,
         bounds: Option<Vec<Vec<BoundOf>>>,
         damp: Option<f64>,
-        window: Option<&Window>,
     ) -> PyResult<u64> {
         if simulation.is_none() && old.is_some() {
             return Err(refused("change", "`old` requires `simulation`"));
@@ -310,7 +308,6 @@ impl Performance {
                 Some(0.0) => Some(None),
                 damp => damping(damp)?.map(Some),
             },
-            window: window.map(Window::physics).transpose()?,
         };
         py.detach(|| {
             change.simulation = new.map(|new| {

@@ -72,9 +72,10 @@ impl ViewServer {
         self.with(|open| open.server.url())
     }
 
-    /// Show what a window sees of a performance that was given it, from the first picture on.
+    /// Show what a window sees of a performance, as soon as the simulation plays that it is of.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
-        let (pages, ear) = (window.pages()?, performance.with(|own| own.ear())?);
+        let (physics, pages) = window.ends()?;
+        let ear = performance.with(|own| own.ear())?;
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
@@ -82,8 +83,13 @@ impl ViewServer {
             };
             showing.show(pages, ear);
             open.showing = Some(showing);
-            Ok(())
-        })?
+            Ok::<_, PyErr>(())
+        })??;
+        // Only once somebody is there to take its pictures.
+        let is_asked = performance.with(|own| own.open(physics))?;
+        is_asked
+            .then_some(())
+            .ok_or_else(|| said("too much is asked at once"))
     }
 
     #[getter]

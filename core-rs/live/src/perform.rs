@@ -69,8 +69,8 @@ pub struct Stage {
     pub bars: Vec<u64>,
     /// Outputs that were computed before: the simulation leaves them at 0.
     pub frozen: Vec<Stem>,
-    /// Through which pages see it.
-    pub window: Option<Window>,
+    /// Whether windows may be opened on it: contacts are watched then.
+    pub is_seen: bool,
 }
 
 impl Stage {
@@ -111,8 +111,18 @@ pub(crate) enum Command {
     Strike(u64, u32, f64),
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
+    /// A window, as soon as the simulation plays that it is of.
+    Window(Box<Window>),
     /// Another version.
     Change(Box<ScheduledChange>),
+}
+
+/// What the physics thread needs no more, to be freed elsewhere.
+pub(crate) enum Garbage {
+    /// A change, with what it replaced.
+    Change(#[allow(dead_code)] Box<ScheduledChange>),
+    /// A window.
+    Window(#[allow(dead_code)] Box<Window>),
 }
 
 #[cfg(test)]

@@ -1148,8 +1148,7 @@ class Window:
         n_speakers: int,
         fps: float,
     ) -> Self:
-        """As MotionRecorder takes them. It is for one performance, or one change of it, and one server: `Performance(window=…)`,
-        then `ViewServer.show`. Raises EngineError where a table would be too long."""
+        """As MotionRecorder takes them. It is shown once. Raises EngineError where a table would be too long."""
 
 @final
 class Snapshot:
@@ -1416,7 +1415,7 @@ class ViewServer:
         """How many requests were `served`, `refused` and `dropped`, how many `viewers` there are now, and how many pictures
         of performances were `skipped`."""
     def show(self, window: Window, performance: Performance) -> None:
-        """Show what a window sees of a performance, or of a change of it, that was given the window: from its first picture on.
+        """Show what a window sees of a performance whose simulation, or a change's, it is of: as soon as that plays.
         Raises EngineError where either is closed, or the window is shown already."""
     def close(self) -> None:
         """End it, and every page's connection."""
@@ -1692,15 +1691,15 @@ class Performance:
         record: RecordTarget | None = None,
         frozen: Sequence[FrozenStem] = ...,
         fold: Fold | None = None,
-        window: Window | None = None,
+        seen: bool = False,
     ) -> Self:
         """Begin to play a copy of the simulation, through a copy of the mixer and of the fold.
 
         `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
         `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
         FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
-        over; `fold`: from the mixer's channels to those that are heard; `window`: what pages see of
-        the simulation. Raises EngineError.
+        over; `fold`: from the mixer's channels to those that are heard; `seen`: pages will
+        see it (`ViewServer.show`). Raises EngineError.
         """
     def status(self) -> Status:
         """The state now."""
@@ -1767,7 +1766,6 @@ class Performance:
         guidance: Sequence[Sequence[tuple[int, float, float]]] | None = None,
         bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
-        window: Window | None = None,
     ) -> int:
         """Make a change at frame `at`, the first of a tick; returns a ticket. What is None stays.
 
@@ -1780,8 +1778,7 @@ class Performance:
         (n_ticks,), an empty one keeps the old. `guidance`: of each hand (ticks after the change,
         factor of K, factor of Z). `bounds`: of each hand (ticks after the change, greatest factor
         of the piece's force); the force falls before a lower bound and rises after a higher one.
-        `damp`: as in Simulation.damp; 0 removes it. `window`: what pages see of `simulation`. Raises
-        EngineError.
+        `damp`: as in Simulation.damp; 0 removes it. Raises EngineError.
         """
     def stop(self) -> None:
         """Stop: zero force at once, silence within 5 ms."""

@@ -73,6 +73,7 @@ class Page {
     if (MAGIC.every((byte, i) => bytes[i] === byte)) this.chunks = new Chunks((chunk) => this.take(chunk));
     this.chunks?.push(bytes);
     if (this.story.isBegun) this.hasBegun();
+    this.changed();
   }
 
   async listen() {

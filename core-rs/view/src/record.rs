@@ -120,7 +120,6 @@ impl Recorder {
             .collect();
         let blows = blows(&look, network, &points, &setup.ergons, simulation.rate());
         let n_tracks = look.n_tracks();
-        let now = simulation.frame() as f64 / simulation.rate();
         let mut own = Self {
             tracks: tracks(&look, &runs),
             flights: vec![Flight::default(); n_tracks],
@@ -131,8 +130,8 @@ impl Recorder {
             points,
             rate: simulation.rate(),
             frame: 0,
-            last: now,
-            told: setup.ergons.partition_point(|ergon| ergon.time < now),
+            last: 0.0,
+            told: 0,
             squares: vec![0.0; setup.n_speakers],
             heard: 0,
             segment: Segment::default(),
@@ -172,6 +171,10 @@ impl Recorder {
     pub fn see(&mut self, glance: &Glance) {
         let now = self.seconds(glance.frame);
         let is_first = self.frame.is_multiple_of(self.per_segment());
+        if self.frame == 0 {
+            self.last = now;
+            self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < now);
+        }
         self.fly(&glance.tracks, now, is_first);
         self.touch(&glance.pushes);
         if is_first {

@@ -31,7 +31,7 @@ impl Performance {
         config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
         let (rate, start) = (stage.simulation.rate(), stage.simulation.frame());
-        if stage.window.is_some() {
+        if stage.is_seen {
             stage.simulation.watch_contacts();
         }
         let channels = stage.n_heard();
@@ -123,6 +123,7 @@ impl Performance {
             info.paced,
         );
         let (tick_frames, mixed_channels) = (stage.tick_frames, stage.mixer.n_channels());
+        let is_seen = stage.is_seen;
         let frozen_outputs = reader.is_some().then(|| stage.simulation.n_out());
         let player = Player::new(
             stage,
@@ -153,6 +154,7 @@ impl Performance {
             frozen_outputs,
             rate,
             start,
+            is_seen,
         };
         Ok((this, player))
     }

@@ -110,7 +110,7 @@ fn stage() -> Stage {
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
         frozen: Vec::new(),
-        window: None,
+        is_seen: false,
     }
 }
 
@@ -242,7 +242,9 @@ fn a_fold_sounds_to_its_end() {
         record: None,
     };
     let n_frames = 100 * EVERY + 7;
-    let filters: Vec<f64> = (0..2 * 3 * 150).map(|n| 0.3 * f64::from(n).sin()).collect();
+    let filters: Vec<f64> = (0..2 * 3 * 150)
+        .map(|n| 0.3 * libm::sin(f64::from(n)))
+        .collect();
     let mut fold = Fold::new(2, 3, &filters).unwrap();
     let mut offline = simulation(&[0.01, 0.1], 0);
     let stage = Stage {

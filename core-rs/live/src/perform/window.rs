@@ -94,10 +94,15 @@ impl Window {
         }
     }
 
+    /// Whether it is a window on this simulation.
+    pub(super) fn is_of(&self, simulation: &Simulation) -> bool {
+        self.look.is_of(simulation)
+    }
+
     /// Look where a video frame has begun since the last time. Of another simulation than its own it shows nothing.
     pub(super) fn look(&mut self, simulation: &mut Simulation, dropped: u64) {
         let now = (simulation.frame() as f64 * self.pace) as u64;
-        if self.last == Some(now) || !self.look.is_of(simulation) {
+        if self.last == Some(now) || !self.is_of(simulation) {
             return;
         }
         self.last = Some(now);

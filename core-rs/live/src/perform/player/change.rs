@@ -7,7 +7,7 @@ use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Simulation, Takeover};
 
 use super::Player;
-use crate::perform::Window;
+use crate::perform::Garbage;
 use crate::perform::guidance::GuidanceStep;
 use crate::perform::scale::Bound;
 use crate::perform::status::EventKind;
@@ -35,8 +35,6 @@ pub struct Change {
     pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
     /// Bounds of the force on each hand; a hand without bounds keeps its scale.
     pub bounds: Option<Vec<Vec<Bound>>>,
-    /// A window on the simulation. One that begins has no other.
-    pub window: Option<Window>,
     /// See [`Simulation::damp`].
     pub damp: Option<Option<f64>>,
 }
@@ -96,7 +94,6 @@ impl Player {
                 return false;
             }
             std::mem::swap(simulation, &mut stage.simulation);
-            std::mem::swap(&mut change.window, &mut stage.window);
             std::mem::swap(heard, &mut self.outputs);
         }
         if let Some(mixer) = &mut change.mixer {
@@ -175,10 +172,14 @@ impl Player {
         }
     }
 
-    /// Send a box back to be freed; where there is no room it is leaked, not freed here.
     fn give_back(&mut self, due: Box<ScheduledChange>) {
-        if let Err(rtrb::PushError::Full(due)) = self.connections.garbage.push(due) {
-            std::mem::forget(due);
+        self.throw_away(Garbage::Change(due));
+    }
+
+    /// Send a box back to be freed; where there is no room it is leaked, not freed here.
+    pub(super) fn throw_away(&mut self, garbage: Garbage) {
+        if let Err(rtrb::PushError::Full(garbage)) = self.connections.garbage.push(garbage) {
+            std::mem::forget(garbage);
         }
     }
 }

@@ -43,7 +43,7 @@ impl Player {
                 stage.fades = None;
             }
             self.gain.apply(self.frame, mixed, channels);
-            if let Some(window) = &mut stage.window {
+            if let Some(window) = &mut self.window {
                 window.hear(mixed, !self.panicked);
             }
             limit(stage, mixed, &mut self.folded);

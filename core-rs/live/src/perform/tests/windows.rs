@@ -31,7 +31,7 @@ fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
     let mut network = Network::new();
     network.part("sky", None);
     for i in 0..CELLS {
-        let f = 40.0 * 1.4_f64.powi(i as i32);
+        let f = 40.0 * libm::pow(1.4, i as f64);
         let tie = Tie::Tuned { f, t60: Some(0.8) };
         let name = format!("c{i}");
         network.cel(&name, 1e-3, tie, 0.0, 0.0, 0.0).unwrap();
@@ -100,11 +100,11 @@ fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Wind
     window(simulation, look, setup).unwrap()
 }
 
-fn a_stage(simulation: &Simulation, window: Option<Window>) -> Stage {
+fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
     Stage {
         simulation: simulation.fork(),
         hands: Vec::new(),
-        window,
+        is_seen,
         ..stage()
     }
 }
@@ -145,9 +145,10 @@ impl Shown {
         limits: Limits,
     ) -> Self {
         let (window, scene) = window_on(simulation, timeline, "first");
-        let stage = a_stage(simulation, Some(window));
-        let (this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+        let stage = a_stage(simulation, true);
+        let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
         player.begin();
+        assert!(this.open(window));
         let server = served(limits);
         let (coming, scenes) = channel();
         coming.send((scene, this.ear())).unwrap();
@@ -329,7 +330,7 @@ fn a_window_changes_no_sample() {
     let to = |path: &PathBuf| config(&format!("file:{}", path.display()));
     let paths = ["none", "shown", "stalled"].map(path);
 
-    let stage = a_stage(&simulation, None);
+    let stage = a_stage(&simulation, false);
     let (this, mut player) = Performance::prepare(stage, Vec::new(), to(&paths[0])).unwrap();
     player.begin();
     (0..1_000).for_each(|_| assert!(player.tick()));
@@ -411,24 +412,32 @@ fn a_version_that_takes_over_is_shown_from_then_on() {
     let mut shown = Shown::new(&old, &first.1, config("null:fast"), Limits::default());
     let mut cursor = shown.server.hub().join();
     let every = EVERY as u64;
-    let change = |shown: &mut Shown, tick: u64, title: &str| {
-        let new = planned(&second, tick * every);
-        let (window, scene) = window_on(&new, &second.1, title);
+    let second_at = |tick: u64| planned(&second, tick * every);
+    let change = |shown: &mut Shown, tick: u64, new: &Simulation| {
         let change = Change {
-            simulation: Some((new.fork(), Takeover::new(&old, &new))),
-            window: Some(window),
+            simulation: Some((new.fork(), Takeover::new(&old, new))),
             ..Change::default()
         };
         shown.this.change(tick * every, change).unwrap();
+    };
+    let open = |shown: &mut Shown, new: &Simulation, title: &str| {
+        let (window, scene) = window_on(new, &second.1, title);
+        assert!(shown.this.open(window));
         shown.coming.send((scene, shown.this.ear())).unwrap();
     };
     shown.tick(300);
-    change(&mut shown, 200, "late");
-    change(&mut shown, 600, "second");
+    let (late, new) = (second_at(200), second_at(600));
+    change(&mut shown, 200, &late);
+    open(&mut shown, &late, "late");
+    change(&mut shown, 600, &new);
+    open(&mut shown, &new, "second");
     let mut titles = Vec::new();
     for tick in 300..900_u64 {
         shown.tick(1);
         shown.relay.turn();
+        if tick == 800 {
+            open(&mut shown, &new, "again");
+        }
         for message in messages(&shown.server, &mut cursor) {
             if let Some((kind::MANIFEST, _, json)) = chunks(&message).first() {
                 let manifest: serde_json::Value = serde_json::from_slice(json).unwrap();
@@ -436,12 +445,14 @@ fn a_version_that_takes_over_is_shown_from_then_on() {
             }
         }
     }
-    assert_eq!(titles.len(), 2, "{titles:?}");
+    assert_eq!(titles.len(), 3, "{titles:?}");
     assert_eq!(titles[0], (300, "first".into()));
     assert!(
         (600..620).contains(&titles[1].0) && titles[1].1 == "second",
         "{titles:?}"
     );
+    // A window may come at any time, also after its version.
+    assert!((800..820).contains(&titles[2].0) && titles[2].1 == "again");
     // Who comes now knows nothing of the first.
     let late = messages(&shown.server, &mut shown.server.hub().join());
     let kinds: Vec<u16> = late
