@@ -172,8 +172,10 @@ impl Recorder {
         let now = self.seconds(glance.frame);
         let is_first = self.frame.is_multiple_of(self.per_segment());
         if self.frame == 0 {
-            self.last = now;
-            self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < now);
+            // What is looked at later than from its beginning on has a past.
+            self.last = (now - 1.0 / self.setup.fps).max(0.0);
+            let last = self.last;
+            self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < last);
         }
         self.fly(&glance.tracks, now, is_first);
         self.touch(&glance.pushes);
