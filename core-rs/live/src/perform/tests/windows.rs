@@ -262,18 +262,18 @@ fn pages_are_told_what_the_engine_has() {
     wanted.sort_by(f64::total_cmp);
     assert_eq!(told.len(), wanted.len());
     assert!(told.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-6));
-    // Levels: the first channel is the output as it is.
+    // Levels: the first channel is the output as it is. The window was opened in the first tick, which it did not hear.
     let levels = of(kind::LEVELS);
-    let mut from = 0;
-    for ((_, t, payload), &frame) in levels.iter().zip(&frames) {
+    assert_eq!(levels.len(), frames.len() - 1);
+    for (at, (_, t, payload)) in levels.iter().enumerate() {
         let level = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
-        let own = &squares[from..frame as usize];
+        let own = &squares[frames[at] as usize..frames[at + 1] as usize];
         let wanted = (own.iter().sum::<f64>() / own.len() as f64).sqrt();
+        assert_eq!(*t, seconds[at + 1]);
         assert!(
             (level - wanted).abs() <= 1e-6 * wanted + 1e-12,
             "{t}: {level}, {wanted}"
         );
-        from = frame as usize;
     }
 
     // Where points are, by the reader of files.
