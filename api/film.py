@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon._core import LookRun, MotionLook, MotionRecorder, Simulation
+    from ergon._core import LookRun, MotionLook, MotionRecorder, Simulation, Window
     from ergon.rendering.filmed import Film
     from ergon.rendering.render import RenderJob
     from ergon.scores.staging.stage import Stage
@@ -49,19 +49,33 @@ def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> Mo
     """A recorder of the motion of a simulation at frame 0. Raises EngineError."""
     from ergon import _core
 
+    return _core.MotionRecorder(**_seeing(stage, simulation, duration))
+
+
+def window(stage: Stage, simulation: Simulation) -> Window:
+    """What pages see of a simulation that is about to play. Raises EngineError."""
+    from ergon import _core
+
+    return _core.Window(**_seeing(stage, simulation, None))
+
+
+def _seeing(stage: Stage, simulation: Simulation, duration: float | None) -> dict[str, Any]:
+    """What a recorder and a window are made of."""
+    from ergon import _core
+
     if stage.timeline is None:
         raise OptionError("motion", "parts that were computed before have no motion")
     look = _core.MotionLook(simulation)
-    return _core.MotionRecorder(
-        simulation,
-        look,
-        stage.timeline,
-        manifest=json.dumps(manifest(stage, look, duration), ensure_ascii=False),
-        places=_places(stage, look),
-        keys=[mat for _, mat, _ in _keys(stage)],
-        n_speakers=stage.n_channels,
-        fps=FPS,
-    )
+    return {
+        "simulation": simulation,
+        "look": look,
+        "timeline": stage.timeline,
+        "manifest": json.dumps(manifest(stage, look, duration), ensure_ascii=False),
+        "places": _places(stage, look),
+        "keys": [mat for _, mat, _ in _keys(stage)],
+        "n_speakers": stage.n_channels,
+        "fps": FPS,
+    }
 
 
 def _keys(stage: Stage) -> list[tuple[str, int, bool]]:

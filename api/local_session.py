@@ -24,6 +24,7 @@ from .hands import boards_of, ready
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
+from .pages import pages_of
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
@@ -68,13 +69,15 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         config = _config(piece, options, boards, first.heard, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
+    pages = pages_of(options, report)
     try:
         journal = Journal.begun(Path(options.journal))
     except JournalError as error:
         raise OptionError("journal", str(error)) from None
     try:
         hands = free(journal.path.with_suffix(".take")) if real else None
-        config = replace(config, record=hands, about={"journal": journal.path.name})
+        about = {"journal": journal.path.name}
+        config = replace(config, record=hands, about=about, pages=pages)
         make, opening = _engine(version, first.clock, first.past, config, folder, report)
         with scores.staging(version.texts.load, report):
             session = Session(

@@ -111,7 +111,8 @@ class PerformanceOptions:
     takes `block` frames at a time, and `ahead` frames are computed before it asks for them. `gain`
     ("-12dB") is the gain of the sound; without it one is measured by computing the piece unheard.
     `to` folds the loudspeakers of the score's layout as `FoldOptions.to` does, for the `head` of a
-    SOFA file where that is binaural.
+    SOFA file where that is binaural. With `view` pages in browsers see what is played; `view_at`
+    (HOST:PORT) says where they are served.
     """
 
     live: Sequence[str] = ()
@@ -123,6 +124,8 @@ class PerformanceOptions:
     gain: str | None = None
     to: str | None = None
     head: str | Path | None = None
+    view: bool = False
+    view_at: str | None = None
 
     @property
     def card(self) -> str:

@@ -20,6 +20,7 @@ from .gain import gain_of
 from .hands import boards_of, guides, no_player, ready
 from .options import AccuracyOptions, PerformanceOptions
 from .osc import osc_of
+from .pages import pages_of
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -41,7 +42,8 @@ class PlayOptions(AccuracyOptions, PerformanceOptions):
     are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT). `guide` lists
     PLAYER[=STIFFNESS], real keys that are pulled along a written part; `standin` lists
     PLAYER=GESTURE, played where a player has no device. `record` is the new file of what live
-    hands do, `frozen` the folder of frozen parts.
+    hands do, `frozen` the folder of frozen parts. `see` "all" computes for pages what nobody hears
+    too.
     """
 
     from_: str | None = None
@@ -52,6 +54,7 @@ class PlayOptions(AccuracyOptions, PerformanceOptions):
     standin: Sequence[str] = ()
     record: str | None = None
     frozen: Path | None = None
+    see: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,10 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
 
     Raises ScoreError, OptionError and DeviceError.
     """
+    if options.see not in (None, "all"):
+        raise OptionError("see", f"there is nothing to see by '{options.see}'; write all")
+    if options.see and not options.view and options.view_at is None:
+        raise OptionError("see", "says what pages show; add view")
     loaded = scores.read(path, options, report, leave_out=_NOT_HERE)
     written = scores.piece_of(loaded)
     piece = _standing_in(written, options.standin)
@@ -88,6 +95,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
         real=real,
         silent=() if frozen is None else frozen.parts,
         on_fault="mute",
+        is_seen=options.see is not None,
     ).stage
     _refuse_felt_automation(stage, real)
     stems: Sequence[VerifiedStem] = ()
@@ -95,7 +103,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
         stems = freeze.verified(stage, frozen, options.frozen)
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = _config(piece, stage, boards, options, stems, report)
-    return Prepared(stage, boards, config, osc)
+    return Prepared(stage, boards, replace(config, pages=pages_of(options, report)), osc)
 
 
 def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:

@@ -22,6 +22,12 @@ _playing = options.several(
     click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
     options.osc,
+    options.view,
+    click.option(
+        "--see",
+        type=click.Choice(["all"]),
+        help="With --view: all computes what nobody hears too.",
+    ),
     click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
     options.seed,
     options.accuracy,
@@ -97,10 +103,14 @@ def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **giv
     asked = PlayOptions(**given)
     ready = prepare(score_path, asked, console)
     stage, config, osc = ready.stage, ready.config, ready.osc
-    while True:
-        performance = begin(stage, config, console)
-        shown = Shown(console, stage, performance, ready.boards, strict=strict, plain=plain)
-        shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
-        if not asked.loop or (osc is not None and osc.stopped):
-            return
-        config = replace(config, start=0)
+    try:
+        while True:
+            performance = begin(stage, config, console)
+            shown = Shown(console, stage, performance, ready.boards, strict=strict, plain=plain)
+            shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
+            if not asked.loop or (osc is not None and osc.stopped):
+                return
+            config = replace(config, start=0)
+    finally:
+        if config.pages is not None:
+            config.pages.close()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _LOOK = 0.1  # [s] between two looks for messages
 # What a session has no way to do: it has no end, and finds its own plan.
-_EXCLUDED = ("loop", "method", "error", "cents", "plan", "draft", "seed")
+_EXCLUDED = ("loop", "method", "error", "cents", "plan", "draft", "seed", "see")
 
 
 def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: bool) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
-import secrets
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -100,24 +98,15 @@ def _of_score(console: Console, path: Path, see: str | None, trust: bool, folder
 
 
 def _serve(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
-    from ergon import _core
+    from ergon.api.pages import serve
 
-    key = None if _is_loopback(at) else secrets.token_hex(16)
-    try:
-        server = _core.ViewServer(shown.motion, sound=shown.sound, at=at, key=key)
-    except _core.EngineError as error:
-        raise Refused(f"--at: {error}") from None
+    server = serve(at, "at", console, shown.motion, shown.sound)
     try:
         url = server.url + ("?" + "&".join(asked) if asked else "")
         if console.json:
             console.record("ready", url=url)
         else:
             print(url, flush=True)
-        if key is not None:
-            console.say(
-                "other machines open this address with this machine's own instead of 127.0.0.1; "
-                "who knows the key sees the piece"
-            )
         until_interrupted()
     finally:
         server.close()
@@ -135,13 +124,3 @@ def _is_motion(path: Path) -> bool:
         return False
     message = f"{path} is neither a score (.yaml) nor a .motion file, which begins with "
     raise Refused(message + _BEGINS.decode())
-
-
-def _is_loopback(at: str) -> bool:
-    host = at.rpartition(":")[0].strip("[]")
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

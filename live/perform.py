@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from ergon.exchange.frozen import VerifiedStem
     from ergon.scores.staging.stage import Stage
 
+    from .pages import Pages
+
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
 EVERY = 64
 # A hand is guided by a spring that it can hold against, and a damper that lets it swing in
@@ -44,6 +46,7 @@ class PlaybackConfig:
     about: Mapping[str, object] = field(default_factory=dict)
     frozen: Sequence[VerifiedStem] = ()
     fold: _core.Fold | None = None  # from the channels of the mix to those that are heard
+    pages: Pages | None = None
     endless: bool = False
     loose: bool = False  # every hand has a guide, which begins let go
 
@@ -100,7 +103,8 @@ def perform(
     if stage.fades_from is not None and not config.endless:
         fades_from = max(0, stage.fades_from - config.start // tick * tick)
     try:
-        return _core.Performance(
+        window = config.pages and config.pages.window(stage, simulation)
+        performance = _core.Performance(
             simulation,
             mixer,
             tick_frames=tick,
@@ -119,7 +123,11 @@ def perform(
                 for stem in config.frozen
             ],
             fold=config.fold,
+            seen=window is not None,
         )
+        if config.pages and window:
+            config.pages.server.show(window, performance)
+        return performance
     finally:
         simulation.restore(start)
 

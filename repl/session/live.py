@@ -40,6 +40,7 @@ class LiveEngine:
         """Begin to play a stage. Raises EngineError."""
         self.tick_frames = tick_frames(stage)
         self._highpass, self._reference = config.highpass, config.reference
+        self._pages = config.pages
         self.n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
             stage, replace(config, endless=True, loose=True)
@@ -83,7 +84,7 @@ class LiveEngine:
     def change(self, change: Change) -> int:
         """Send a change to the physics thread; its ticket."""
         stage, before = change.stage, change.before
-        return self._performance.change(
+        ticket = self._performance.change(
             change.at,
             simulation=stage.simulation,
             old=None if change.resets else before.simulation,
@@ -95,6 +96,9 @@ class LiveEngine:
             bounds=self._bounds(change.bearings),
             bars=bars(stage, change.at, change.at + int(_BARS * stage.rate)),
         )
+        if self._pages is not None:
+            self._pages.follow(stage, self._performance)
+        return ticket
 
     def _bounds(self, bearings: Sequence[HandForceBounds]) -> list[list[tuple[int, float]]]:
         by_player = {one.player: one.bounds for one in bearings}
@@ -166,6 +170,8 @@ class LiveEngine:
                 EngineEvent(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]
             ]
             self._sound = len(sound)
+        while self._pages is not None and self._pages.remarks:
+            found.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
         return found
 
     def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
@@ -202,3 +208,5 @@ class LiveEngine:
         self._last = self._performance.status()
         self._performance.stop()
         self._left = self._performance.close(_PATIENCE)
+        if self._pages is not None:
+            self._pages.close()

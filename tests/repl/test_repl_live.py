@@ -18,6 +18,10 @@ from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE
 
 from ergon import _core
+from ergon.api.options import SessionOptions
+from ergon.api.pages import pages_of
+from ergon.common.report import Report
+from ergon.live.pages import Pages
 from ergon.live.perform import PlaybackConfig, bars
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart, read_journal
@@ -28,7 +32,9 @@ from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
 
 
-def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:
+def session_on(
+    folder: Path, audio: str, *, watches: bool = False, pages: Pages | None = None
+) -> Session:
     """A session on a performance whose journal stands beside its score."""
     path = folder / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
@@ -37,7 +43,7 @@ def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:
     journal = Journal(folder / "session.jsonl")
     session = Session(
         version,
-        lambda stage: LiveEngine(stage, PlaybackConfig(audio=audio, gain=300.0)),
+        lambda stage: LiveEngine(stage, PlaybackConfig(audio=audio, gain=300.0, pages=pages)),
         margin=0.006,
         journal=journal,
         watches=watches,
@@ -55,10 +61,12 @@ def ok(session: Session, line: str) -> str:
     return reply.text
 
 
-def test_what_was_played_is_what_its_journal_renders(tmp_path: Path):
-    """Check 12, over the real engine."""
+@pytest.mark.parametrize("is_seen", [False, True])
+def test_what_was_played_is_what_its_journal_renders(tmp_path: Path, is_seen: bool):
+    """Check 12, over the real engine; the same where pages see it."""
     heard = tmp_path / "heard.wav"
-    with closing(session_on(tmp_path, f"clock:{heard}")) as session:
+    pages = pages_of(SessionOptions(view=is_seen), Report())
+    with closing(session_on(tmp_path, f"clock:{heard}", pages=pages)) as session:
         ok(session, "play")
         for line in (
             "tempo 480 now",

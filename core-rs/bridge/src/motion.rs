@@ -1,8 +1,10 @@
 //! What moves, as chunks of bytes; motion files.
 
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 use ergon_engine::simulation::Look;
+use ergon_live::perform;
 use ergon_view::read::{MotionFile, ReadError};
 use ergon_view::record::{self, Recorder, Setup};
 use numpy::ndarray::Array2;
@@ -92,18 +94,7 @@ impl MotionRecorder {
         fps: f64,
     ) -> PyResult<Self> {
         let own = &mut simulation.0;
-        if !(fps >= 1.0 && fps <= own.rate()) {
-            return Err(said(format!("fps is {fps}: it must be from 1 to the rate")));
-        }
-        let places = rows(&places, "places", 3)?;
-        let setup = Setup {
-            manifest,
-            places: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
-            ergons: own.written(&timeline.inner),
-            keys,
-            n_speakers,
-            fps,
-        };
+        let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
         own.watch_contacts();
         let recorder = Recorder::new(own, look.0.clone(), setup).map_err(said)?;
         Ok(Self {
@@ -138,6 +129,65 @@ impl MotionRecorder {
     /// The last bytes.
     fn finish<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.recorder.finish())
+    }
+}
+
+fn setup(
+    simulation: &ergon_engine::Simulation,
+    timeline: &Timeline,
+    manifest: String,
+    places: &PyReadonlyArray2<'_, f64>,
+    keys: Vec<usize>,
+    n_speakers: usize,
+    fps: f64,
+) -> PyResult<Setup> {
+    if !(fps >= 1.0 && fps <= simulation.rate()) {
+        return Err(said(format!("fps is {fps}: it must be from 1 to the rate")));
+    }
+    let places = rows(places, "places", 3)?;
+    Ok(Setup {
+        manifest,
+        places: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
+        ergons: simulation.written(&timeline.inner),
+        keys,
+        n_speakers,
+        fps,
+    })
+}
+
+/// What pages see of a simulation while it is played: an end for the physics thread, and one for the pages.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Window(Mutex<Option<(perform::Window, perform::Scene)>>);
+
+#[pymethods]
+impl Window {
+    #[new]
+    #[pyo3(signature = (simulation, look, timeline, *, manifest, places, keys, n_speakers, fps))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        simulation: &Simulation,
+        look: &MotionLook,
+        timeline: &Timeline,
+        manifest: String,
+        places: PyReadonlyArray2<'_, f64>,
+        keys: Vec<usize>,
+        n_speakers: usize,
+        fps: f64,
+    ) -> PyResult<Self> {
+        let own = &simulation.0;
+        let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
+        let ends = py.detach(|| perform::window(own, look.0.clone(), setup));
+        Ok(Self(Mutex::new(Some(ends.map_err(said)?))))
+    }
+}
+
+impl Window {
+    /// Its two ends, once.
+    pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::Scene)> {
+        let mut ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        ends.take()
+            .ok_or_else(|| said("this window is in use already"))
     }
 }
 

@@ -63,7 +63,7 @@ pub(crate) struct Performance {
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None))]
+    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None, seen=false))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
@@ -81,6 +81,7 @@ impl Performance {
         record: Option<RecordOf>,
         frozen: Vec<StemOf>,
         fold: Option<&Fold>,
+        seen: bool,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guidance, response, measured): &HandOf<'_>| {
@@ -119,6 +120,7 @@ impl Performance {
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
             frozen: stems(frozen, simulation.0.n_out())?,
+            is_seen: seen,
         };
         let config = PlaybackConfig {
             audio: audio.parse().map_err(said)?,
@@ -357,7 +359,7 @@ impl Performance {
         self.own.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
+    pub(crate) fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
         let mut own = self.own();
         let own = own.as_mut();
         own.map(ask)

@@ -4,26 +4,35 @@ use std::collections::BTreeMap;
 use std::net::ToSocketAddrs;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use ergon_live::perform::Showing;
 use ergon_view::serve::{Key, Limits, Options, Server};
 use pyo3::prelude::*;
 
 use crate::error::said;
+use crate::motion::Window;
+use crate::perform::Performance;
 
-/// Serves a file to pages, until it is closed.
+/// Serves a file or a performance to pages, until it is closed.
 #[pyclass(module = "ergon._core", frozen)]
-pub(crate) struct ViewServer(Mutex<Option<Server>>);
+pub(crate) struct ViewServer(Mutex<Option<Open>>);
+
+/// What is dropped in this order: first what speaks to the server.
+struct Open {
+    /// From the first performance on.
+    showing: Option<Showing>,
+    server: Arc<Server>,
+}
 
 impl ViewServer {
-    fn server(&self) -> MutexGuard<'_, Option<Server>> {
+    fn open(&self) -> MutexGuard<'_, Option<Open>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with<T>(&self, look: impl FnOnce(&Server) -> T) -> PyResult<T> {
-        let server = self.server();
-        server
-            .as_ref()
+    fn with<T>(&self, look: impl FnOnce(&mut Open) -> T) -> PyResult<T> {
+        let mut open = self.open();
+        open.as_mut()
             .map(look)
             .ok_or_else(|| said("the server is closed"))
     }
@@ -32,10 +41,10 @@ impl ViewServer {
 #[pymethods]
 impl ViewServer {
     #[new]
-    #[pyo3(signature = (path, *, sound=None, at="127.0.0.1:0", key=None))]
+    #[pyo3(signature = (path=None, *, sound=None, at="127.0.0.1:0", key=None))]
     fn new(
         py: Python<'_>,
-        path: PathBuf,
+        path: Option<PathBuf>,
         sound: Option<PathBuf>,
         at: &str,
         key: Option<&str>,
@@ -48,24 +57,48 @@ impl ViewServer {
         let options = Options {
             at: at.ok_or_else(no_place)?,
             key: key.transpose()?,
-            file: Some(path),
+            file: path,
             sound,
             limits: Limits::default(),
         };
         let server = Server::start(options).map_err(said)?;
-        Ok(Self(Mutex::new(Some(server))))
+        let server = Arc::new(server);
+        let showing = None;
+        Ok(Self(Mutex::new(Some(Open { showing, server }))))
     }
 
     #[getter]
     fn url(&self) -> PyResult<String> {
-        self.with(Server::url)
+        self.with(|open| open.server.url())
+    }
+
+    /// Show what a window sees of a performance, as soon as the simulation plays that it is of.
+    fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
+        let (physics, pages) = window.ends()?;
+        let ear = performance.with(|own| own.ear())?;
+        self.with(|open| {
+            let showing = match open.showing.take() {
+                Some(showing) => showing,
+                None => Showing::start(open.server.clone()).map_err(said)?,
+            };
+            showing.show(pages, ear);
+            open.showing = Some(showing);
+            Ok::<_, PyErr>(())
+        })??;
+        // Only once somebody is there to take its pictures.
+        let is_asked = performance.with(|own| own.open(physics))?;
+        is_asked
+            .then_some(())
+            .ok_or_else(|| said("too much is asked at once"))
     }
 
     #[getter]
     fn tally(&self) -> PyResult<BTreeMap<&'static str, u64>> {
-        self.with(|server| {
-            let tally = server.tally();
+        self.with(|open| {
+            let tally = open.server.tally();
+            let skipped = open.showing.as_ref().map_or(0, Showing::skipped);
             BTreeMap::from([
+                ("skipped", skipped),
                 ("served", tally.served.load(Ordering::Relaxed)),
                 ("refused", tally.refused.load(Ordering::Relaxed)),
                 ("dropped", tally.dropped.load(Ordering::Relaxed)),
@@ -75,7 +108,7 @@ impl ViewServer {
     }
 
     fn close(&self, py: Python<'_>) {
-        let server = self.server().take();
-        py.detach(|| drop(server));
+        let open = self.open().take();
+        py.detach(|| drop(open));
     }
 }

@@ -64,7 +64,6 @@ pub(crate) struct Script {
     led: Vec<glide::Led>,
     pub(crate) hand_bindings: Vec<real_hands::HandBinding>,
     strike_points: Vec<live_strikes::StrikePoint>,
-    n_keys: usize,
     on_fault: OnFault,
 }
 
@@ -146,18 +145,17 @@ impl Island {
         &self.state.body.d
     }
 
-    /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys).
-    pub(crate) fn asked(&self) -> Vec<f64> {
-        let mut asked = vec![f64::NAN; self.script.n_keys];
+    /// Tell where each key's gesture wants it now [m], NaN where none runs; then of each of its layers how far it goes from there.
+    pub(crate) fn asked(&self, mut tell: impl FnMut(usize, f64, bool)) {
         for (voice, own) in self.state.voices.iter().zip(&self.script.voices) {
             // A key's own voice stands before its layers.
-            if !own.layer {
-                asked[own.key] = voice.asked;
+            let asked = if own.layer {
+                voice.deviation(own)
             } else {
-                asked[own.key] += voice.deviation(own);
-            }
+                voice.asked
+            };
+            tell(own.key, asked, own.layer);
         }
-        asked
     }
 
     /// Reports of all gestures, in the timeline's order.

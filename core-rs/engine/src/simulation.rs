@@ -24,7 +24,7 @@ use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
 pub use crate::island::{Energy, Fault, LoneKey, OnFault, Options, Record};
-pub use look::{Contact, How, Look, Oscillation, Point, SeenBody};
+pub use look::{Contact, Glance, How, Look, Oscillation, Point, Push, SeenBody};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
 
@@ -290,12 +290,19 @@ impl Simulation {
     /// Position that the gesture of each key asks for now [m], (n_keys); NaN where none runs.
     pub fn asked(&self) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.n_keys];
-        for (island, island_plan) in self.islands() {
-            for (local, asked) in island.asked().into_iter().enumerate() {
-                all[whole(&island_plan.to_whole.keys, local)] = asked;
-            }
-        }
+        self.asked_into(&mut all);
         all
+    }
+
+    /// [`Simulation::asked`] without allocating.
+    fn asked_into(&self, all: &mut [f64]) {
+        all.fill(f64::NAN);
+        for (island, island_plan) in self.islands() {
+            island.asked(|local, asked, is_layer| {
+                let own = &mut all[whole(&island_plan.to_whole.keys, local)];
+                *own = if is_layer { *own + asked } else { asked };
+            });
+        }
     }
 
     /// Set the position of a real hand from the next tick on [m]; until the first call it follows the timeline.

@@ -27,7 +27,7 @@ use std::path::PathBuf;
 
 pub use connect::survey;
 pub use jack::Capture;
-pub use output::{Event, Info, Output, open};
+pub use output::{Event, Info, News, Output, Sounding, open};
 pub use ring::{CHANNELS_MAX, Drain, Feed, ring};
 pub use shared::{Edge, Shared};
 pub use spec::{Backend, Spec, USAGE};

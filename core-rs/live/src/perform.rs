@@ -17,6 +17,7 @@ mod player;
 mod prepare;
 mod scale;
 mod status;
+mod window;
 
 pub use control::Control;
 pub use error::{ChangeError, PlayError};
@@ -29,6 +30,7 @@ pub use performance::Performance;
 pub use player::change::Change;
 pub use scale::{Bound, FALL_TIME};
 pub use status::{Event, EventKind, HandStatus, Status};
+pub use window::{Ear, Scene, Showing, Window, window};
 
 use std::path::PathBuf;
 
@@ -67,6 +69,8 @@ pub struct Stage {
     pub bars: Vec<u64>,
     /// Outputs that were computed before: the simulation leaves them at 0.
     pub frozen: Vec<Stem>,
+    /// Whether windows may be opened on it: contacts are watched then.
+    pub is_seen: bool,
 }
 
 impl Stage {
@@ -107,8 +111,18 @@ pub(crate) enum Command {
     Strike(u64, u32, f64),
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
+    /// A window, as soon as the simulation plays that it is of.
+    Window(Box<Window>),
     /// Another version.
     Change(Box<ScheduledChange>),
+}
+
+/// What the physics thread needs no more, to be freed elsewhere.
+pub(crate) enum Garbage {
+    /// A change, with what it replaced.
+    Change(#[allow(dead_code)] Box<ScheduledChange>),
+    /// A window.
+    Window(#[allow(dead_code)] Box<Window>),
 }
 
 #[cfg(test)]

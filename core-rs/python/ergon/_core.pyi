@@ -1133,6 +1133,24 @@ class MotionRecorder:
         """The last bytes of the file."""
 
 @final
+class Window:
+    """What pages see of a simulation while it is played. Changes no sample."""
+
+    def __new__(
+        cls,
+        simulation: Simulation,
+        look: MotionLook,
+        timeline: Timeline,
+        *,
+        manifest: str,
+        places: _Floats,
+        keys: Sequence[int],
+        n_speakers: int,
+        fps: float,
+    ) -> Self:
+        """As MotionRecorder takes them. It is shown once. Raises EngineError where a table would be too long."""
+
+@final
 class Snapshot:
     """The state of a simulation at one frame."""
 
@@ -1374,11 +1392,11 @@ class Meter:
 
 @final
 class ViewServer:
-    """Serves the page and a `.motion` file to browsers, by HTTP and WebSocket on one port, until it is closed."""
+    """Serves the page, with a `.motion` file or what is played, to browsers, by HTTP and WebSocket on one port, until it is closed."""
 
     def __new__(
         cls,
-        path: Path | str,
+        path: Path | str | None = None,
         *,
         sound: Path | str | None = None,
         at: str = "127.0.0.1:0",
@@ -1394,7 +1412,11 @@ class ViewServer:
         """What a browser on this machine opens."""
     @property
     def tally(self) -> dict[str, int]:
-        """How many requests were `served`, `refused` and `dropped`, and how many `viewers` there are now."""
+        """How many requests were `served`, `refused` and `dropped`, how many `viewers` there are now, and how many pictures
+        of performances were `skipped`."""
+    def show(self, window: Window, performance: Performance) -> None:
+        """Show what a window sees of a performance whose simulation, or a change's, it is of: as soon as that plays.
+        Raises EngineError where either is closed, or the window is shown already."""
     def close(self) -> None:
         """End it, and every page's connection."""
 
@@ -1669,13 +1691,15 @@ class Performance:
         record: RecordTarget | None = None,
         frozen: Sequence[FrozenStem] = ...,
         fold: Fold | None = None,
+        seen: bool = False,
     ) -> Self:
         """Begin to play a copy of the simulation, through a copy of the mixer and of the fold.
 
         `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
         `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
         FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
-        over; `fold`: from the mixer's channels to those that are heard. Raises EngineError.
+        over; `fold`: from the mixer's channels to those that are heard; `seen`: pages will
+        see it (`ViewServer.show`). Raises EngineError.
         """
     def status(self) -> Status:
         """The state now."""

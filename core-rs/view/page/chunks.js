@@ -5,7 +5,7 @@ export const KIND = {
   clock: 9, state: 10, index: 11, links: 12, shapes: 13, names: 14, peaks: 15,
 };
 
-const MAGIC = [0x45, 0x52, 0x47, 0x4d, 1, 0, 0, 0];
+export const MAGIC = [0x45, 0x52, 0x47, 0x4d, 1, 0, 0, 0];
 const VERSION = 1;
 const HEAD = 16;
 const CRC = 4;

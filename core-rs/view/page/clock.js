@@ -17,10 +17,16 @@ export class Clock {
     return SLOWER[this.slow];
   }
 
-  /** Goes on to `now` [s] of the page, within a piece of a length. */
-  tick(now, duration) {
+  /** Seconds of the page up to `now` since the last call. */
+  since(now) {
     const step = this.told === null ? 0 : Math.min(Math.max(0, now - this.told), 0.5);
     this.told = now;
+    return step;
+  }
+
+  /** Goes on to `now` [s] of the page, within a piece of a length. */
+  tick(now, duration) {
+    const step = this.since(now);
     if (!this.runs) return;
     this.t += step * this.rate;
     if (this.loop && this.t >= this.loop[1]) {
@@ -33,8 +39,8 @@ export class Clock {
     }
   }
 
-  seek(t, duration) {
-    this.t = Math.max(0, Math.min(t, duration));
+  seek(t, duration, from = 0) {
+    this.t = Math.max(from, Math.min(t, duration));
     this.jumped = true;
   }
 

@@ -2,6 +2,7 @@
 
 const AGAIN = 1000; // [ms] until it is tried again
 const ASK = 200; // [ms] between questions for the time
+const KEPT = 100; // answers that are compared: 20 s, for two clocks drift
 
 export class Connection {
   /** `takes(bytes)`, `isLost()`, `isBack(another)`: whether another server has taken the place of the last. */
@@ -17,7 +18,7 @@ export class Connection {
     address.search = "";
     this.socket = new WebSocket(address);
     this.socket.binaryType = "arraybuffer";
-    this.best = Infinity; // [s] the least round trip: it says most of the clock
+    this.answers = []; // the one of the least round trip says most of the clock
     let asking = 0;
     this.socket.onopen = () => {
       this.ask();
@@ -47,9 +48,8 @@ export class Connection {
       this.does.isBack(this.offset !== null && Math.abs(offset - this.offset) > 1);
       this.fresh = false;
     }
-    if (trip <= this.best) {
-      this.best = trip;
-      this.offset = offset;
-    }
+    this.answers.push({ trip, offset });
+    if (this.answers.length > KEPT) this.answers.shift();
+    this.offset = this.answers.reduce((best, one) => (one.trip <= best.trip ? one : best)).offset;
   }
 }

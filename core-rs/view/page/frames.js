@@ -29,16 +29,27 @@ export class Frames {
   /** A promise that the frames about `t` are unpacked; null where they are. */
   prepare(t) {
     const i = after(this.times, t + 1e-9) - 1;
-    const needed = [this.chunks[i], this.chunks[i + 1]].filter((chunk) => chunk && !chunk.rows);
+    const needed = [this.chunks[i], this.chunks[i + 1]].filter((chunk) => chunk && !chunk.rows && chunk.coding !== 0);
     return needed.length ? Promise.all(needed.map((chunk) => this.unpack(chunk))) : null;
+  }
+
+  /** What is not squeezed needs no wait: a live piece is drawn as it comes. */
+  near(chunk) {
+    if (!chunk || chunk.rows || chunk.coding !== 0) return;
+    chunk.rows = chunk.frames * (4 + 2 * this.count) <= chunk.packed.length ? plain(chunk, this.count) : [];
+    this.keep(chunk);
+  }
+
+  keep(chunk) {
+    this.unpacked.push(chunk);
+    if (this.unpacked.length > KEPT) this.unpacked.shift().rows = null;
   }
 
   unpack(chunk) {
     chunk.wait ??= rows(chunk, this.count).catch(() => []).then((found) => {
       chunk.rows = found;
       chunk.wait = null;
-      this.unpacked.push(chunk);
-      if (this.unpacked.length > KEPT) this.unpacked.shift().rows = null;
+      this.keep(chunk);
     });
     return chunk.wait;
   }
@@ -47,6 +58,8 @@ export class Frames {
   at(t, out, first) {
     const i = after(this.times, t + 1e-9) - 1;
     const chunk = this.chunks[i];
+    this.near(chunk);
+    this.near(this.chunks[i + 1]);
     if (!chunk?.rows?.length) return false; // not yet, or what it holds is none
     const at = Math.min(Math.max(0, (t - chunk.seconds) / chunk.hop), chunk.frames);
     const k = Math.min(Math.floor(at + 1e-6), chunk.frames - 1);
@@ -67,7 +80,6 @@ export class Frames {
 async function rows(chunk, n) {
   const length = chunk.frames * (4 + 2 * n);
   if (length > MOST) throw new Error(`${chunk.frames} frames of ${n} points are more than a chunk holds`);
-  if (chunk.coding === 0) return plain(chunk, n);
   if (chunk.coding === 1) return unzigzag(chunk, n, await inflate(chunk.packed, length));
   throw new Error(`frames have the coding ${chunk.coding}, which this page does not know`);
 }

@@ -1,7 +1,7 @@
 // The page: what is asked for in its address, the piece that it is given, and one instant after the other.
 
 import { Camera, presets, project } from "./camera.js";
-import { Chunks } from "./chunks.js";
+import { Chunks, MAGIC } from "./chunks.js";
 import { Clock, shown } from "./clock.js";
 import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
@@ -9,6 +9,7 @@ import { Drawing, levels } from "./draw.js";
 import { context } from "./gl.js";
 import { describe, pick } from "./inspector.js";
 import { Labels, times } from "./labels.js";
+import { Live } from "./live.js";
 import { Motion } from "./motion.js";
 import { Sound } from "./sound.js";
 import { Story } from "./story.js";
@@ -22,7 +23,9 @@ class Page {
   constructor(gl, canvas) {
     this.canvas = canvas;
     this.drawing = new Drawing(gl);
-    this.story = new Story();
+    this.live = asked.has("live") ? new Live(() => this.connection?.offset ?? null) : null;
+    this.story = new Story(this.live);
+    this.begun = new Promise((resolve) => (this.hasBegun = resolve)); // a live piece can be drawn
     this.clock = new Clock();
     this.camera = new Camera();
     this.labels = new Labels(element("labels"));
@@ -64,6 +67,15 @@ class Page {
     if (!this.story.model) throw new Error("the file ends before its manifest does");
   }
 
+  /** A message of what is played now. Each greeting begins as a file does, and ends what was before. */
+  takes(bytes) {
+    if (!this.live) return;
+    if (MAGIC.every((byte, i) => bytes[i] === byte)) this.chunks = new Chunks((chunk) => this.take(chunk));
+    this.chunks?.push(bytes);
+    if (this.story.isBegun) this.hasBegun();
+    this.changed();
+  }
+
   async listen() {
     await this.sound.load("sound.wav").catch((error) => {
       this.tell(`The sound cannot be played (${error.message}); the picture goes on without it.`);
@@ -84,9 +96,18 @@ class Page {
     this.motion = new Motion(this.story);
     this.presets = presets(model);
     this.camera.scale = this.motion.whole;
-    if (!same) this.look.seen = model.parts.map(() => 1);
+    if (!same) this.choices(model);
     if (!this.moved) this.camera.look(this.presets[0]);
     document.title = `${model.title || "ergon"}: view`;
+  }
+
+  /** What was chosen for a part holds for the part of that name in a new model; points have other numbers. */
+  choices(model) {
+    const before = new Map(this.look.seen.map((seen, i) => [this.names[i], seen]));
+    this.names = model.parts.map((part) => part.name);
+    this.look.seen = this.names.map((name) => before.get(name) ?? 1);
+    this.chosen = Math.min(this.chosen, Math.max(0, model.parts.length - 1));
+    this.following = this.inspected = null;
   }
 
   lost() {
@@ -146,9 +167,9 @@ class Page {
     const part = model.parts[this.chosen];
     const words = [
       model.title || "ergon",
-      `${shown(clock.t, clock.rate)} of ${story.duration.toFixed(1)} s`,
+      this.live ? `${shown(clock.t, clock.rate)} live` : `${shown(clock.t, clock.rate)} of ${story.duration.toFixed(1)} s`,
       mark ? `section ${mark.name}` : "",
-      `${slow} ${clock.runs ? "runs" : "stands"}`,
+      `${slow} ${!clock.runs ? "stands" : this.live && !this.live.isNow ? "behind" : "runs"}`,
       part ? `part ${part.name} ${times(this.motion.exaggeration(this.chosen))}` : "",
       `ergons ${this.look.fall.toPrecision(2)} m/s`,
       this.sound.isThere && !this.sound.wanted ? "no sound" : "",
@@ -167,7 +188,7 @@ class Page {
   /** Draws exactly one instant [s], and then it stands in the picture. */
   async one(t) {
     this.clock.runs = false;
-    this.clock.seek(t, this.story.duration);
+    this.clock.seek(t, this.story.duration, this.story.begins);
     while (this.story.prepare(this.clock.t)) await this.story.prepare(this.clock.t);
     this.draw();
     this.isDirty = false;
@@ -177,7 +198,7 @@ class Page {
     const { clock, story } = this;
     const runs = clock.runs;
     if (story.model) {
-      clock.tick(now / 1000, story.duration);
+      this.tick(now / 1000);
       this.sound.follow(clock);
       story.prepare(Math.min(clock.t + AHEAD, story.end));
       const wait = story.prepare(clock.t);
@@ -196,6 +217,15 @@ class Page {
     requestAnimationFrame((next) => this.loop(next));
   }
 
+  /** Time goes on to `now` [s] of the page. Only at its own speed a live piece is seen as it is heard. */
+  tick(now) {
+    const { clock, live, story } = this;
+    if (live && clock.rate !== 1) live.isNow = false;
+    if (live?.isNow && clock.runs) clock.t = live.follow(clock.t, clock.since(now), performance.now() / 1000, story.end);
+    else clock.tick(now, story.duration);
+    if (clock.t < story.begins && live) clock.seek(story.begins, story.duration);
+  }
+
   changed() {
     this.isDirty = true;
   }
@@ -207,12 +237,18 @@ class Page {
   // --- what one does ---
 
   play(runs) {
-    if (runs && this.clock.t >= this.story.duration) this.clock.seek(0, this.story.duration);
+    if (this.live) this.live.isNow = runs && this.clock.rate === 1;
+    else if (runs && this.clock.t >= this.story.duration) this.clock.seek(0, this.story.duration);
     this.clock.runs = runs;
   }
 
   seek(t) {
-    this.clock.seek(t, this.story.duration);
+    this.clock.seek(t, this.story.duration, this.story.begins);
+    if (this.live) {
+      // The end of what is played is now.
+      this.live.isNow = t >= this.story.duration;
+      if (this.live.isNow) this.play(true);
+    }
     this.changed();
   }
 
@@ -335,17 +371,16 @@ async function main() {
     /** Fulfilled when all of the file is here and the first picture is drawn. */
     ready: null,
   };
-  new Connection({ takes: () => {}, isLost: () => page.lost(), isBack: (another) => page.back(another) });
+  page.connection = new Connection({ takes: (bytes) => page.takes(bytes), isLost: () => page.lost(), isBack: (another) => page.back(another) });
   requestAnimationFrame((now) => page.loop(now));
-  window.ergon.ready = page
-    .load()
+  window.ergon.ready = (page.live ? page.begun : page.load())
     .catch((error) => {
       page.tell(`The motion cannot be read further: ${error.message}.`);
       if (!page.story.model) throw error;
     })
     .then(async () => {
       if (asked.has("sound")) await page.listen();
-      await page.one(Number(asked.get("t") ?? 0) || 0);
+      await page.one(page.live ? page.story.end : Number(asked.get("t") ?? 0) || 0);
       if (!asked.has("t") && !page.look.still) page.play(true);
     });
   await window.ergon.ready;

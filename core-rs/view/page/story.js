@@ -4,12 +4,16 @@ import { KIND } from "./chunks.js";
 import { Contacts, Ergons, Rows } from "./events.js";
 import { Flights } from "./flights.js";
 import { Frames } from "./frames.js";
+import { BACK } from "./live.js";
 import { Model } from "./model.js";
 
 export class Story {
-  constructor() {
+  /** `live`: what is played now, of which only the last seconds are kept; null of a file. */
+  constructor(live = null) {
+    this.live = live;
     this.model = null;
-    this.end = 0; // [s] up to where it is known
+    this.begins = 0; // [s] from where on it is known
+    this.end = 0; // [s] up to where
   }
 
   begin(bytes) {
@@ -23,7 +27,8 @@ export class Story {
     this.peaks = new Float32Array(this.model.parts.length); // [m]
     this.loudest = new Float64Array(this.model.parts.length); // [m/s] of free points
     this.largest = new Float64Array(this.model.parts.length); // [m] of them
-    this.end = 0;
+    this.begins = this.end = 0;
+    this.isBegun = false; // whether a key state has come
   }
 
   /** Takes a chunk. */
@@ -34,6 +39,7 @@ export class Story {
     const does = DO[kind];
     if (does) does(this, seconds, view, bytes);
     if (kind !== KIND.index) this.end = Math.max(this.end, seconds);
+    if (kind === KIND.state && this.live) this.keepUp(seconds);
   }
 
   get duration() {
@@ -58,6 +64,15 @@ export class Story {
       if (far > this.largest[part] && model.omega[i] > 0) this.largest[part] = far;
       if (fast > this.loudest[part]) this.loudest[part] = fast;
     }
+  }
+
+  /** A live piece goes on without end: what is long past is forgotten. */
+  keepUp(seconds) {
+    if (!this.isBegun) this.begins = seconds;
+    this.isBegun = true;
+    if (seconds - BACK <= this.begins) return;
+    this.begins = seconds - BACK;
+    this.forget(this.begins);
   }
 
   forget(t) {
@@ -95,6 +110,7 @@ const DO = {
   [KIND.contacts]: (s, t, view) => s.contacts.take(t, view),
   [KIND.levels]: (s, t, view) => s.levels.take(t, floats(view)),
   [KIND.hands]: (s, t, view) => s.hands.take(t, hands(view)),
+  [KIND.clock]: (s, t, view) => s.live?.take(t, view),
   [KIND.peaks]: (s, _, view) => s.peaks.set(floats(view).subarray(0, s.peaks.length)),
   [KIND.index]: (s, _, view) => {
     for (let i = 0; i < s.peaks.length; i++) s.peaks[i] = view.getFloat32(16 + 4 * i, true);

@@ -9,7 +9,7 @@ export class Timeline {
     this.canvas = canvas;
     this.paper = canvas.getContext("2d");
     this.bins = null;
-    const at = (event) => (event.offsetX / canvas.clientWidth) * this.duration;
+    const at = (event) => this.begins + (event.offsetX / canvas.clientWidth) * (this.duration - this.begins);
     let held = false;
     canvas.addEventListener("pointerdown", (event) => {
       held = true;
@@ -22,16 +22,18 @@ export class Timeline {
 
   /** Counts anew, where there is more to count. */
   count(story) {
+    this.begins = story.begins;
     this.duration = story.duration || 1;
     if (this.bins?.story === story && this.bins.ergons === story.ergons.count && this.bins.end === story.end) return;
     const ergons = new Float64Array(BINS);
     const energy = new Float64Array(BINS);
-    const bin = (t) => Math.min(BINS - 1, Math.max(0, Math.floor((t / this.duration) * BINS)));
-    story.ergons.between(0, this.duration, (e) => ergons[bin(e.t)]++);
+    const instant = (i) => this.begins + (i / BINS) * (this.duration - this.begins);
+    const bin = (t) => Math.min(BINS - 1, Math.max(0, Math.floor(((t - this.begins) / (this.duration - this.begins || 1)) * BINS)));
+    story.ergons.between(this.begins, this.duration, (e) => ergons[bin(e.t)]++);
     const { times, rows } = story.levels;
     for (let i = 0; i < BINS; i++) {
-      const from = after(times, (i / BINS) * this.duration);
-      const to = Math.max(from + 1, after(times, ((i + 1) / BINS) * this.duration));
+      const from = after(times, instant(i));
+      const to = Math.max(from + 1, after(times, instant(i + 1)));
       for (let k = from; k < to && k < rows.length; k++) energy[i] += rows[k].reduce((sum, v) => sum + v * v, 0) / (to - from);
     }
     this.bins = { story, ergons: story.ergons.count, end: story.end, density: scaled(ergons), energy: scaled(energy) };
@@ -46,7 +48,7 @@ export class Timeline {
       canvas.height = Math.round(h * ratio);
     }
     this.count(story);
-    const x = (t) => (t / this.duration) * w;
+    const x = (t) => ((t - this.begins) / (this.duration - this.begins || 1)) * w;
     paper.setTransform(ratio, 0, 0, ratio, 0, 0);
     paper.clearRect(0, 0, w, h);
     const bars = (values, colour, low, high) => {

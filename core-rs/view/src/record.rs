@@ -6,16 +6,18 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use ergon_engine::simulation::{How, Look, Record, Simulation};
+use ergon_engine::simulation::{Glance, How, Look, Push, Record, Simulation};
 
 use crate::frames::Frames;
 use crate::motion::{MAGIC, MOST};
 use crate::payload::{Bytes, kind, put};
 use parts::{Track, blows, tracks};
 
+mod live;
 mod parts;
 mod tables;
 
+pub use live::Told;
 pub use parts::{Run, runs};
 
 /// A flight is told where the last is off by this part of the amplitude.
@@ -76,7 +78,8 @@ pub struct Recorder {
     flights: Vec<Flight>,
     /// Instants at which each point, and behind them each body, is struck: rising.
     blows: Vec<Vec<f64>>,
-    seen: Vec<f64>,
+    /// What a file is told.
+    glance: Glance,
     /// Displacements of modal points, as far as they are asked for   (n_points)
     shaped: Vec<f64>,
     peaks: Vec<f64>,
@@ -121,7 +124,7 @@ impl Recorder {
             tracks: tracks(&look, &runs),
             flights: vec![Flight::default(); n_tracks],
             blows,
-            seen: vec![0.0; 2 * n_tracks],
+            glance: Glance::new(simulation, &look),
             shaped: vec![0.0; look.points.len()],
             peaks: vec![0.0; runs.len()],
             points,
@@ -146,6 +149,11 @@ impl Recorder {
         Ok(own)
     }
 
+    /// The instant of a frame [s].
+    pub fn seconds(&self, frame: u64) -> f64 {
+        frame as f64 / self.rate
+    }
+
     /// The sample of the simulation at which it is to be looked at next.
     pub fn next(&self) -> u64 {
         (self.frame as f64 * self.rate / self.setup.fps + 0.5) as u64
@@ -153,32 +161,51 @@ impl Recorder {
 
     /// Look at the simulation as it is now.
     pub fn look(&mut self, simulation: &mut Simulation) {
-        let now = simulation.frame() as f64 / self.rate;
-        simulation.look(&self.look, &mut self.seen);
-        let per_segment = (self.setup.fps + 0.5) as u64;
-        let is_first = self.frame.is_multiple_of(per_segment.max(1));
-        self.fly(now, is_first);
-        self.touch(simulation);
+        let mut glance = std::mem::take(&mut self.glance);
+        simulation.glance(&self.look, &mut glance);
+        self.see(&glance);
+        self.glance = glance;
+    }
+
+    /// Go on to what was seen next.
+    pub fn see(&mut self, glance: &Glance) {
+        let now = self.seconds(glance.frame);
+        let is_first = self.frame.is_multiple_of(self.per_segment());
+        if self.frame == 0 {
+            // What is looked at later than from its beginning on has a past.
+            self.last = (now - 1.0 / self.setup.fps).max(0.0);
+            let last = self.last;
+            self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < last);
+        }
+        self.fly(&glance.tracks, now, is_first);
+        self.touch(&glance.pushes);
         if is_first {
             self.end_segment();
             self.begin_segment(now);
         }
-        self.sample();
+        self.sample(&glance.tracks);
         self.foretell(now);
-        self.hands(simulation, now);
+        self.hands(glance, now);
         self.levels(now);
         self.last = now;
         self.frame += 1;
     }
 
+    fn per_segment(&self) -> u64 {
+        ((self.setup.fps + 0.5) as u64).max(1)
+    }
+
     /// Take what loudspeakers sound since the last look   (n_frames · n_speakers)
     pub fn hear(&mut self, mixed: &[f64]) {
-        for frame in mixed.chunks_exact(self.squares.len().max(1)) {
-            for (square, x) in self.squares.iter_mut().zip(frame) {
-                *square += x * x;
-            }
-            self.heard += 1;
+        self.heard += add_squares(&mut self.squares, mixed);
+    }
+
+    /// Take the sums of squares of what `n` frames sound   (n_speakers)
+    pub fn hear_squares(&mut self, squares: &[f64], n: u64) {
+        for (square, more) in self.squares.iter_mut().zip(squares) {
+            *square += more;
         }
+        self.heard += n;
     }
 
     /// The bytes that are complete by now, once.
@@ -216,13 +243,11 @@ impl Recorder {
     }
 
     /// Flights that are not where a reader has them.
-    fn fly(&mut self, now: f64, is_first: bool) {
+    fn fly(&mut self, seen: &[f64], now: f64, is_first: bool) {
         let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut found: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
-            let is = track
-                .own
-                .phase(self.seen[track.number], self.seen[n + track.number], step);
+            let is = (track.own).phase(seen[track.number], seen[n + track.number], step);
             let flight = &self.flights[track.number];
             let told = track.own.later((flight.a, flight.b), now - flight.since);
             let scale = if track.own.omega == 0.0 {
@@ -264,18 +289,18 @@ impl Recorder {
             }
         }
         if self.frame.is_multiple_of(SHAPED) {
-            self.shape();
+            self.shape(seen);
         }
     }
 
     /// The peaks of modal parts.
-    fn shape(&mut self) {
+    fn shape(&mut self, seen: &[f64]) {
         let n = self.look.points.len();
         for (run, peak) in self.runs.iter().zip(&mut self.peaks) {
             let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
                 continue;
             };
-            let modes = &self.seen[n + body.first..][..body.modes.len()];
+            let modes = &seen[n + body.first..][..body.modes.len()];
             for (row, &point) in body.shapes.chunks(modes.len().max(1)).zip(&body.points) {
                 self.shaped[point] = row.iter().zip(modes).map(|(share, q)| share * q).sum();
                 *peak = peak.max(self.shaped[point].abs());
@@ -284,17 +309,14 @@ impl Recorder {
     }
 
     /// Contacts since the last look.
-    fn touch(&mut self, simulation: &mut Simulation) {
-        let mut touches = Vec::new();
-        simulation.take_contacts(&self.look, |contact, frame, force| {
-            touches.push((contact, frame, force));
-        });
+    fn touch(&mut self, pushes: &[Push]) {
         let (last, rate) = (self.last, self.rate);
-        for (contact, frame, force) in touches {
+        let all = pushes.iter().enumerate();
+        for (contact, push) in all.filter(|(_, push)| push.force != 0.0) {
             let to = self.event(last, kind::CONTACTS);
-            to.f32(frame as f64 / rate - last);
+            to.f32(push.frame as f64 / rate - last);
             to.u32(contact as u32);
-            to.f32(force);
+            to.f32(push.force);
         }
     }
 
@@ -316,7 +338,7 @@ impl Recorder {
         }
     }
 
-    fn sample(&mut self) {
+    fn sample(&mut self, seen: &[f64]) {
         self.segment.rows.resize(self.runs.len(), Vec::new());
         let all = self
             .runs
@@ -324,7 +346,7 @@ impl Recorder {
             .zip(&mut self.segment.rows)
             .zip(&mut self.peaks);
         for ((run, rows), peak) in all.filter(|((run, _), _)| run.kind == "sampled") {
-            let row = &self.seen[run.points.clone()];
+            let row = &seen[run.points.clone()];
             *peak = row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
             rows.extend_from_slice(row);
         }
@@ -350,11 +372,10 @@ impl Recorder {
         }
     }
 
-    fn hands(&mut self, simulation: &Simulation, now: f64) {
+    fn hands(&mut self, glance: &Glance, now: f64) {
         if self.setup.keys.is_empty() {
             return;
         }
-        let asked = simulation.asked();
         let all: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
             .map(|(key, mat)| {
                 let at = self
@@ -363,10 +384,10 @@ impl Recorder {
                     .map(|&point| (point, &self.look.points[point]));
                 let x = match at {
                     Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
-                    Some((number, point)) => self.seen[number] + point.rest,
+                    Some((number, point)) => glance.tracks[number] + point.rest,
                     None => f64::NAN,
                 };
-                (x, asked.get(key).copied().unwrap_or(f64::NAN))
+                (x, glance.asked.get(key).copied().unwrap_or(f64::NAN))
             })
             .collect();
         let to = self.event(now, kind::HANDS);
@@ -428,6 +449,18 @@ impl Recorder {
             put(&mut self.out, kind, seconds, &payload.0);
         }
     }
+}
+
+/// Add the squares of frames to those of each loudspeaker; how many frames there were.
+pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
+    let frames = mixed.chunks_exact(squares.len().max(1));
+    let n = frames.len() as u64;
+    for frame in frames {
+        for (square, x) in squares.iter_mut().zip(frame) {
+            *square += x * x;
+        }
+    }
+    n
 }
 
 fn write(to: &mut Bytes, number: usize, flight: &Flight) {

@@ -178,7 +178,6 @@ impl Island {
             led,
             hand_bindings,
             strike_points,
-            n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
         };
         let mut simulation = Self {

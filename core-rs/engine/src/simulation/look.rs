@@ -3,19 +3,23 @@
 //! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::look`] then only copies. What is
 //! free to swing goes by its oscillation, of which two frames tell all; a body by those of its modes; the rest by positions.
 
+use std::sync::Arc;
+
 use super::Simulation;
 use super::group::RunningUnit;
 use crate::island::inside::RunningBody;
 use crate::island::{Island, Record};
 use crate::network::Network;
-use crate::plan::Unit;
+use crate::plan::{Plan, Unit};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 use maker::Maker;
 
+mod glance;
 mod maker;
 mod oscillation;
 
+pub use glance::{Glance, Push};
 pub use oscillation::Oscillation;
 
 /// How a point that is looked at moves.
@@ -82,6 +86,7 @@ pub struct Look {
     pub bodies: Vec<SeenBody>,
     /// Contacts.
     pub contacts: Vec<Contact>,
+    plan: Arc<Plan>,
     n_modes: usize,
     sources: Vec<(usize, Source)>,
     /// By unit: the contact of each LIA of the island.
@@ -104,7 +109,7 @@ const NOWHERE: u32 = u32::MAX;
 impl Look {
     /// What can be seen of a simulation. Takes as long as finding the modes of its bodies.
     fn of(simulation: &Simulation) -> Self {
-        let plan = &*simulation.plan;
+        let plan = &simulation.plan;
         let mut maker = Maker::new(&plan.network, plan.timeline_rate.hertz());
         for (at, unit) in plan.units.iter().enumerate() {
             match unit {
@@ -112,12 +117,17 @@ impl Look {
                 Unit::Bank(bank) => maker.bank(at, bank),
             }
         }
-        maker.finish(&plan.unmoved)
+        maker.finish(plan.clone())
     }
 
     /// How many numbers are looked at: points, then modes.
     pub fn n_tracks(&self) -> usize {
         self.points.len() + self.n_modes
+    }
+
+    /// Whether it was found of the plan of this simulation.
+    pub fn is_of(&self, simulation: &Simulation) -> bool {
+        Arc::ptr_eq(&self.plan, &simulation.plan)
     }
 
     /// How many modes are looked at.

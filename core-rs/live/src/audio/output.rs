@@ -41,6 +41,42 @@ pub struct Info {
     pub sentence: String,
 }
 
+/// When frames go to the card, as it says.
+#[derive(Clone, Copy, Debug)]
+pub struct Sounding {
+    /// How long ago the first frame went [s], by what the last block tells.
+    pub since: f64,
+    /// From there to being heard [s].
+    pub latency: f64,
+    /// How often the ring went empty.
+    pub gaps: u64,
+    /// Whether a card takes the frames.
+    pub is_alive: bool,
+}
+
+/// Tells any thread how the sound goes.
+pub struct News(Arc<OutputState>);
+
+impl News {
+    /// When frames go to the card; `None` before the first, and where no clock takes them.
+    #[must_use]
+    pub fn sounding(&self) -> Option<Sounding> {
+        let (rate, is_paced) = {
+            let info = &self.0.report().info;
+            (info.rate, info.paced)
+        };
+        let shared = &self.0.shared;
+        let (_, latency) = shared.timing();
+        let since = shared.sounding().filter(|_| is_paced)?;
+        Some(Sounding {
+            since: since.as_secs_f64(),
+            latency: f64::from(latency) / f64::from(rate.max(1)),
+            gaps: shared.underruns(),
+            is_alive: shared.alive(),
+        })
+    }
+}
+
 /// Something that happened to the sound.
 #[derive(Clone, Debug)]
 pub struct Event {
@@ -125,6 +161,12 @@ impl Output {
         info.priority = self.state.shared.priority();
         info.sentence = sentence(&info, &report.remarks);
         info
+    }
+
+    /// What tells another thread how the sound goes.
+    #[must_use]
+    pub fn news(&self) -> News {
+        News(self.state.clone())
     }
 
     /// What happened since it was opened.

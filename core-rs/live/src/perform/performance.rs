@@ -12,8 +12,8 @@ use super::control::{Control, MarkDone, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    ChangeError, Command, Event, HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, Stage,
-    Status, frozen, keys,
+    ChangeError, Command, Ear, Event, Garbage, HandKey, HandLimit, Keyboard, PlayError,
+    PlaybackConfig, Stage, Status, Window, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
 use crate::realtime::{self, Granted};
@@ -33,7 +33,7 @@ pub struct Performance {
     pub(super) reader: Option<frozen::Reader>,
     pub(super) hand_limits: Vec<HandLimit>,
     pub(super) hand_keys: Vec<HandKey>,
-    pub(super) garbage: Consumer<Box<ScheduledChange>>,
+    pub(super) garbage: Consumer<Garbage>,
     pub(super) tickets: u64,
     pub(super) tap: Option<TapHandle>,
     /// Frames of a tick.
@@ -44,6 +44,11 @@ pub struct Performance {
     pub(super) mixed_channels: usize,
     /// Number of outputs, where frozen parts fill some of them.
     pub(super) frozen_outputs: Option<usize>,
+    /// Frames a second [Hz], and the first that is played.
+    pub(super) rate: f64,
+    pub(super) start: u64,
+    /// Whether windows may be opened on it.
+    pub(super) is_seen: bool,
 }
 
 impl Performance {
@@ -98,6 +103,11 @@ impl Performance {
     /// Channels that are heard.
     pub fn n_channels(&self) -> usize {
         self.channels
+    }
+
+    /// When its frames are heard, for [`Showing::show`](super::Showing::show).
+    pub fn ear(&self) -> Ear {
+        Ear::new(self.output.news(), self.rate, self.start)
     }
 
     /// The output that it plays on.
@@ -178,9 +188,8 @@ impl Performance {
     ///
     /// # Errors
     /// [`ChangeError`]: nothing was asked for then.
-    pub fn change(&mut self, at: u64, change: Change) -> Result<u64, ChangeError> {
-        // What was replaced before is freed here.
-        while self.garbage.pop().is_ok() {}
+    pub fn change(&mut self, at: u64, mut change: Change) -> Result<u64, ChangeError> {
+        self.free();
         if !at.is_multiple_of(self.tick_frames as u64) {
             return Err(ChangeError::Frame(at, self.tick_frames));
         }
@@ -203,6 +212,9 @@ impl Performance {
         {
             return Err(ChangeError::Channels(self.mixed_channels));
         }
+        if let Some((simulation, _)) = change.simulation.as_mut().filter(|_| self.is_seen) {
+            simulation.watch_contacts();
+        }
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;
         let ticket = self.tickets;
@@ -217,6 +229,18 @@ impl Performance {
         } else {
             Err(ChangeError::Busy)
         }
+    }
+
+    /// Look through a window from now on, or as soon as the simulation plays that it is of; false where too much is asked at
+    /// once. One that waits gives way to the next.
+    pub fn open(&mut self, window: Window) -> bool {
+        self.free();
+        self.command(Command::Window(Box::new(window)))
+    }
+
+    /// Free what was replaced before.
+    fn free(&mut self) {
+        while self.garbage.pop().is_ok() {}
     }
 
     fn command(&self, command: Command) -> bool {

@@ -22,7 +22,7 @@ use super::guidance::GuidanceState;
 use super::hand::Mover;
 use super::scale::Scale;
 use super::status::{Event, EventKind, Status};
-use super::{Command, Hand, HandLimit, Slot, Stage};
+use super::{Command, Garbage, Hand, HandLimit, Slot, Stage, Window};
 use crate::audio::{Feed, Shared, Tap};
 use crate::recording::{self, RowSink};
 use crate::safety;
@@ -45,7 +45,7 @@ pub(super) struct Connections {
     pub(super) record: Option<RowSink>,
     pub(super) frozen: Option<Frozen>,
     pub(super) shared: Arc<Shared>,
-    pub(super) garbage: Producer<Box<ScheduledChange>>,
+    pub(super) garbage: Producer<Garbage>,
 }
 
 /// All that plays.
@@ -60,6 +60,9 @@ pub(super) struct Player {
     pub(super) waiting: Vec<Box<ScheduledChange>>,
     /// Writes what is heard into a file.
     tap: Option<Tap>,
+    /// What pages see, and what they will see once its simulation plays.
+    window: Option<Box<Window>>,
+    next_window: Option<Box<Window>>,
     /// Strikes of this tick: ticket, point, impulse [N·s].
     strikes: Vec<(u64, u32, f64)>,
     clock: Clock,
@@ -152,6 +155,8 @@ impl Player {
             waiting: Vec::with_capacity(SCHEDULED_MAX),
             strikes: Vec::with_capacity(STRIKES_MAX),
             tap: None,
+            window: None,
+            next_window: None,
             stage,
             slots,
             connections,
@@ -204,6 +209,7 @@ impl Player {
             self.step(n);
             self.watch();
             self.record();
+            self.look();
         } else {
             // The last frames of fold and limiter are heard; no hand moves anything any more.
             self.slots.iter_mut().for_each(|slot| slot.stop(true));
@@ -245,6 +251,11 @@ impl Player {
                 }
                 Command::Change(due) => self.wait_for(due),
                 Command::Tap(tap) => self.tap = tap,
+                Command::Window(window) => {
+                    if let Some(old) = self.next_window.replace(window) {
+                        self.throw_away(Garbage::Window(old));
+                    }
+                }
                 Command::Strike(ticket, ..) if self.strikes.len() == STRIKES_MAX => {
                     self.tell(EventKind::Missed(ticket));
                 }
@@ -267,6 +278,20 @@ impl Player {
         }
         if self.connections.flags.release.swap(false, Ordering::AcqRel) {
             self.slots.iter_mut().for_each(Slot::release);
+        }
+    }
+
+    /// Leave a picture for pages.
+    fn look(&mut self) {
+        let simulation = &mut self.stage.simulation;
+        if (self.next_window.as_ref()).is_some_and(|next| next.is_of(simulation)) {
+            std::mem::swap(&mut self.window, &mut self.next_window);
+            if let Some(old) = self.next_window.take() {
+                self.throw_away(Garbage::Window(old));
+            }
+        }
+        if let Some(window) = &mut self.window {
+            window.look(&mut self.stage.simulation, self.status.dropped);
         }
     }
 

@@ -30,7 +30,10 @@ impl Performance {
         boards: Vec<Keyboard>,
         config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
-        let rate = stage.simulation.rate();
+        let (rate, start) = (stage.simulation.rate(), stage.simulation.frame());
+        if stage.is_seen {
+            stage.simulation.watch_contacts();
+        }
         let channels = stage.n_heard();
         if !(1..=audio::CHANNELS_MAX).contains(&channels) {
             let why = format!("an output has 1 to {}", audio::CHANNELS_MAX);
@@ -120,6 +123,7 @@ impl Performance {
             info.paced,
         );
         let (tick_frames, mixed_channels) = (stage.tick_frames, stage.mixer.n_channels());
+        let is_seen = stage.is_seen;
         let frozen_outputs = reader.is_some().then(|| stage.simulation.n_out());
         let player = Player::new(
             stage,
@@ -148,6 +152,9 @@ impl Performance {
             channels,
             mixed_channels,
             frozen_outputs,
+            rate,
+            start,
+            is_seen,
         };
         Ok((this, player))
     }

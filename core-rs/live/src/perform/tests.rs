@@ -16,6 +16,7 @@ use crate::device::Url;
 use crate::recording::{Axis, flag, read};
 
 pub(super) mod unplugged;
+mod windows;
 
 use unplugged::Unplugged;
 
@@ -109,6 +110,7 @@ fn stage() -> Stage {
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
         frozen: Vec::new(),
+        is_seen: false,
     }
 }
 
@@ -240,7 +242,9 @@ fn a_fold_sounds_to_its_end() {
         record: None,
     };
     let n_frames = 100 * EVERY + 7;
-    let filters: Vec<f64> = (0..2 * 3 * 150).map(|n| 0.3 * f64::from(n).sin()).collect();
+    let filters: Vec<f64> = (0..2 * 3 * 150)
+        .map(|n| 0.3 * libm::sin(f64::from(n)))
+        .collect();
     let mut fold = Fold::new(2, 3, &filters).unwrap();
     let mut offline = simulation(&[0.01, 0.1], 0);
     let stage = Stage {
@@ -251,7 +255,7 @@ fn a_fold_sounds_to_its_end() {
         ..stage()
     };
     let mut mix = stage.mixer.clone();
-    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    let (this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
     player.begin();
     reset_violation_count();
     assert_no_alloc(|| while player.tick() {});

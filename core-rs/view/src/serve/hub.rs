@@ -9,6 +9,8 @@ use std::time::Duration;
 pub enum Keep {
     /// Events: each counts.
     All,
+    /// Events with a key state: who comes later begins here.
+    Key,
     /// Frames: the latest alone does.
     Latest,
 }
@@ -31,15 +33,28 @@ struct Inner {
     held: VecDeque<Option<Arc<[u8]>>>,
     bytes: usize,
     latest: Option<u64>,
+    /// Number of the newest key state.
+    key: Option<u64>,
     greeting: Option<Arc<[u8]>>,
+    /// How many greetings there were, and the number of the first message after the last.
+    greetings: u64,
+    begin: u64,
     closed: bool,
+}
+
+impl Inner {
+    /// Where who knows nothing can begin: at the newest key state, while it is held.
+    fn whole(&self) -> Option<u64> {
+        self.key.filter(|key| *key >= self.first)
+    }
 }
 
 /// How far a viewer has come.
 #[derive(Debug, Default)]
 pub struct Cursor {
     next: u64,
-    greeted: bool,
+    /// Which greeting it was sent.
+    greeted: u64,
 }
 
 /// What comes next for a viewer.
@@ -60,9 +75,18 @@ impl Hub {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What every viewer is sent before anything else: the manifest, and the state at some instant.
+    /// What every viewer is sent before anything else: the manifest and its tables. A greeting ends what was before it, so
+    /// messages of before are no longer sent.
     pub fn greet(&self, bytes: &[u8]) {
-        self.inner().greeting = Some(bytes.into());
+        let mut inner = self.inner();
+        inner.greeting = Some(bytes.into());
+        inner.greetings += 1;
+        inner.first += inner.held.len() as u64;
+        inner.begin = inner.first;
+        inner.held.clear();
+        inner.bytes = 0;
+        (inner.latest, inner.key) = (None, None);
+        drop(inner);
         self.news.notify_all();
     }
 
@@ -76,6 +100,9 @@ impl Hub {
             && let Some(frame) = inner.held[at as usize].take()
         {
             inner.bytes -= frame.len();
+        }
+        if keep == Keep::Key {
+            inner.key = Some(number);
         }
         inner.bytes += bytes.len();
         inner.held.push_back(Some(bytes.into()));
@@ -91,9 +118,10 @@ impl Hub {
     /// A viewer that comes now.
     pub fn join(&self) -> Cursor {
         let inner = self.inner();
+        let end = inner.first + inner.held.len() as u64;
         Cursor {
-            next: inner.first + inner.held.len() as u64,
-            greeted: false,
+            next: inner.whole().unwrap_or(end),
+            greeted: 0,
         }
     }
 
@@ -102,7 +130,7 @@ impl Hub {
         let waits = |inner: &mut Inner| {
             !inner.closed
                 && inner.first + inner.held.len() as u64 == cursor.next
-                && (cursor.greeted || inner.greeting.is_none())
+                && cursor.greeted == inner.greetings
         };
         let (inner, _) = self
             .news
@@ -111,15 +139,18 @@ impl Hub {
         if inner.closed {
             return Taken::Closed;
         }
-        if !cursor.greeted
+        if cursor.greeted != inner.greetings
             && let Some(greeting) = &inner.greeting
         {
-            cursor.greeted = true;
+            cursor.greeted = inner.greetings;
+            cursor.next = cursor.next.max(inner.begin);
             return Taken::Message(greeting.clone());
         }
         if cursor.next < inner.first {
-            let lost = inner.first - cursor.next;
-            cursor.next = inner.first;
+            // With a key state it knows all again.
+            let next = inner.whole().unwrap_or(inner.first);
+            let lost = next - cursor.next;
+            cursor.next = next;
             return Taken::Lost(lost);
         }
         let from = (cursor.next - inner.first) as usize;
@@ -193,6 +224,45 @@ mod tests {
         let found = all(&hub, &mut stalled);
         assert_eq!(found[0], Taken::Lost(84));
         assert_eq!(found.len(), 17);
+    }
+
+    #[test]
+    fn who_comes_late_begins_with_the_newest_key_state() {
+        let hub = Hub::default();
+        hub.greet(b"manifest");
+        let mut stalled = hub.join();
+        hub.publish(b"first key", Keep::Key);
+        hub.publish(b"event 0", Keep::All);
+        hub.publish(b"second key", Keep::Key);
+        hub.publish(b"event 1", Keep::All);
+        let wanted = ["manifest", "second key", "event 1"].map(message);
+        assert_eq!(all(&hub, &mut hub.join()), wanted);
+        // So does who missed what stands before it.
+        let event = vec![7; 1 << 20];
+        for _ in 0..18 {
+            hub.publish(&event, Keep::All);
+        }
+        hub.publish(b"third key", Keep::Key);
+        assert_eq!(
+            all(&hub, &mut stalled),
+            [message("manifest"), Taken::Lost(22), message("third key")]
+        );
+    }
+
+    #[test]
+    fn a_new_greeting_ends_what_was_before_it() {
+        let hub = Hub::default();
+        hub.greet(b"one");
+        hub.publish(b"key of one", Keep::Key);
+        let (mut prompt, mut slow) = (hub.join(), hub.join());
+        assert_eq!(all(&hub, &mut prompt), ["one", "key of one"].map(message));
+        hub.publish(b"event of one", Keep::All);
+        hub.greet(b"two");
+        assert_eq!(hub.bytes(), 0);
+        hub.publish(b"key of two", Keep::Key);
+        for cursor in [&mut prompt, &mut slow, &mut hub.join()] {
+            assert_eq!(all(&hub, cursor), ["two", "key of two"].map(message));
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::{Contact, How, Look, NOWHERE, Oscillation, Point, SeenBody, Source};
 use crate::bank::Oscillator;
 use crate::island::inside::BodyPlan;
 use crate::network::{LinkKind, MatKind, Network};
-use crate::plan::{BankPlan, IslandPlan, ModalTransform, ModeShapes, whole};
+use crate::plan::{BankPlan, IslandPlan, ModalTransform, ModeShapes, Plan, whole};
 use crate::units::Rate;
 
 /// Most modes of a body that are looked at, the lowest: those that can be seen.
@@ -261,7 +261,7 @@ impl<'a> Maker<'a> {
             }));
     }
 
-    pub(super) fn finish(mut self, unmoved: &[u32]) -> Look {
+    pub(super) fn finish(mut self, plan: Arc<Plan>) -> Look {
         let mats = self.network.mats();
         let mut points: Vec<Point> = Vec::new();
         for mat in 0..self.network.n_mat() {
@@ -272,7 +272,7 @@ impl<'a> Maker<'a> {
             let (how, rest) = match &self.found[mat] {
                 Some(found) => (found.how, found.rest),
                 None => {
-                    let is_moved = unmoved.binary_search(&(mat as u32)).is_err();
+                    let is_moved = plan.unmoved.binary_search(&(mat as u32)).is_err();
                     (How::NotComputed { is_moved }, self.rest(mat))
                 }
             };
@@ -313,6 +313,7 @@ impl<'a> Maker<'a> {
             sources: self.sources(&points, &bodies),
             bodies,
             contacts: self.contacts,
+            plan,
             n_modes,
             touched: self.touched,
             points,

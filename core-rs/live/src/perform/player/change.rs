@@ -7,6 +7,7 @@ use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Simulation, Takeover};
 
 use super::Player;
+use crate::perform::Garbage;
 use crate::perform::guidance::GuidanceStep;
 use crate::perform::scale::Bound;
 use crate::perform::status::EventKind;
@@ -171,10 +172,14 @@ impl Player {
         }
     }
 
-    /// Send a box back to be freed; where there is no room it is leaked, not freed here.
     fn give_back(&mut self, due: Box<ScheduledChange>) {
-        if let Err(rtrb::PushError::Full(due)) = self.connections.garbage.push(due) {
-            std::mem::forget(due);
+        self.throw_away(Garbage::Change(due));
+    }
+
+    /// Send a box back to be freed; where there is no room it is leaked, not freed here.
+    pub(super) fn throw_away(&mut self, garbage: Garbage) {
+        if let Err(rtrb::PushError::Full(garbage)) = self.connections.garbage.push(garbage) {
+            std::mem::forget(garbage);
         }
     }
 }

@@ -43,6 +43,9 @@ impl Player {
                 stage.fades = None;
             }
             self.gain.apply(self.frame, mixed, channels);
+            if let Some(window) = &mut self.window {
+                window.hear(mixed, !self.panicked);
+            }
             limit(stage, mixed, &mut self.folded);
         } else {
             let n = stage.tick_frames.min(self.tail);

@@ -1,0 +1,70 @@
+"""The server of pages, as options ask for it."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+from ergon.live.pages import Pages
+
+from .errors import OptionError
+from .film import window
+from .options import PerformanceOptions
+
+if TYPE_CHECKING:
+    from ergon import _core
+
+ANYWHERE = "127.0.0.1:0"  # any free port of this machine
+
+
+def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
+    """A server of pages that see a performance, whose address is told; None where none is asked.
+
+    Raises OptionError where nothing can be served there.
+    """
+    if not options.view and options.view_at is None:
+        return None
+    server = serve(options.view_at or ANYWHERE, "view_at", report)
+    url = f"{server.url}?live"
+    report.event("view", url=url)
+    report.say(f"seen at {url}")
+    return Pages(server, window)
+
+
+def serve(
+    at: str,
+    option: str,
+    report: Report,
+    motion: Path | None = None,
+    sound: Path | None = None,
+) -> _core.ViewServer:
+    """A server of pages at HOST:PORT; its address has a key where other machines can reach it.
+
+    `option` says where. Raises OptionError.
+    """
+    from ergon import _core
+
+    key = None if _is_loopback(at) else secrets.token_hex(16)
+    try:
+        server = _core.ViewServer(motion, sound=sound, at=at, key=key)
+    except _core.EngineError as error:
+        raise OptionError(option, str(error)) from None
+    if key is not None:
+        report.say(
+            "other machines open the address with this machine's own instead of 127.0.0.1; "
+            "who knows the key sees the piece"
+        )
+    return server
+
+
+def _is_loopback(at: str) -> bool:
+    host = at.rpartition(":")[0].strip("[]")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,52 @@
+//! All that is seen of a simulation at one frame, in room that is made beforehand.
+
+use super::Look;
+use crate::simulation::Simulation;
+
+/// The strongest push of a contact between two glances.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Push {
+    /// The frame in which it pushed most.
+    pub frame: u64,
+    /// Force then, above 0 where it pushes its first end up [N]; 0: it did not touch.
+    pub force: f64,
+}
+
+/// What was seen of a simulation at one frame.
+#[derive(Clone, Debug, Default)]
+pub struct Glance {
+    /// The frame.
+    pub frame: u64,
+    /// Displacements, as [`Simulation::look`] tells them [m]   (2 · n_tracks)
+    pub tracks: Vec<f64>,
+    /// Where the gesture of each key wants it [m]; NaN where none runs   (n_keys)
+    pub asked: Vec<f64>,
+    /// What each contact did since the last glance   (n_contacts)
+    pub pushes: Vec<Push>,
+}
+
+impl Glance {
+    /// Room for what is seen of a simulation.
+    pub fn new(simulation: &Simulation, look: &Look) -> Self {
+        Self {
+            frame: 0,
+            tracks: vec![0.0; 2 * look.n_tracks()],
+            asked: vec![f64::NAN; simulation.plan.n_keys],
+            pushes: vec![Push::default(); look.contacts.len()],
+        }
+    }
+}
+
+impl Simulation {
+    /// See what it is now, and what touched since the last glance. Only copies.
+    pub fn glance(&mut self, look: &Look, into: &mut Glance) {
+        into.frame = self.frame;
+        self.look(look, &mut into.tracks);
+        self.asked_into(&mut into.asked);
+        into.pushes.fill(Push::default());
+        let pushes = &mut into.pushes;
+        self.take_contacts(look, |contact, frame, force| {
+            pushes[contact] = Push { frame, force };
+        });
+    }
+}

@@ -1,0 +1,569 @@
+//! Windows on a performance, tick by tick: what pages are told, and that the physics neither allocates nor waits for them.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Sender, channel};
+
+use ergon_engine::generator::{Rim, Shape, plate};
+use ergon_engine::network::But;
+use ergon_view::motion::{self, MAGIC};
+use ergon_view::payload::kind;
+use ergon_view::read::MotionFile;
+use ergon_view::record::{Setup, runs};
+use ergon_view::serve::{Cursor, Limits, Server, Taken};
+use tungstenite::protocol::Role;
+use tungstenite::{Message, WebSocket};
+
+use super::super::player::Player;
+use super::super::window::{Ear, Relay, Scene, Window, window};
+use super::*;
+
+const FPS: f64 = 60.0;
+/// After which a test gives up; nothing is judged by it.
+const PATIENCE: Duration = Duration::from_secs(120);
+const CELLS: usize = 12;
+
+/// Cells that swing freely, and a skin that a hammer falls on.
+fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
+    let mut network = Network::new();
+    network.part("sky", None);
+    for i in 0..CELLS {
+        let f = 40.0 * libm::pow(1.4, i as f64);
+        let tie = Tie::Tuned { f, t60: Some(0.8) };
+        let name = format!("c{i}");
+        network.cel(&name, 1e-3, tie, 0.0, 0.0, 0.0).unwrap();
+    }
+    network.part("skin", None);
+    let topology = plate(Shape::Hex, 2, Rim::Fixed).unwrap();
+    let skin = network
+        .mesh("p", &topology, 1e-3, 200.0, Some(0.5), 0.0)
+        .unwrap();
+    let hammer = network.mas("h", 5e-3, -5e-3, 0.2).unwrap();
+    let but = But::plain(4e4, 0.0, 0.0);
+    network.but("hits", hammer, skin + 5, but).unwrap();
+    let heard = |first, len| Term::Position {
+        first,
+        len,
+        weight: 10.0,
+    };
+    let all = vec![heard(0, CELLS), heard(skin + 8, 1)];
+    network.listen("out", all).unwrap();
+    let network = Arc::new(network);
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    for (i, &at) in struck.iter().enumerate() {
+        timeline
+            .strike(&network, i % CELLS, at, 2e-5, i as u32)
+            .unwrap();
+    }
+    (network, timeline)
+}
+
+fn planned(scene: &(Arc<Network>, Timeline), from: u64) -> Simulation {
+    let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
+    Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()
+}
+
+/// Strikes of a second and a half, some of them at once.
+fn strikes() -> Vec<f64> {
+    (0..40).map(|i| f64::from(i * i % 53) / 36.0).collect()
+}
+
+/// A window as a performance has it, with a manifest of what a reader needs.
+fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Window, Scene) {
+    let look = simulation.looked_at();
+    let parts: Vec<_> = runs(&look)
+        .into_iter()
+        .map(|run| {
+            let modes = run.body.map(|body| {
+                let body = &look.bodies[body];
+                serde_json::json!({"first": body.first, "count": body.modes.len(), "of": body.of})
+            });
+            serde_json::json!({"name": run.part.to_string(), "first": run.points.start,
+                "count": run.points.len(), "kind": run.kind, "modes": modes})
+        })
+        .collect();
+    let manifest = serde_json::json!({"title": title, "points": look.points.len(), "modes": look.n_modes(),
+        "parts": parts, "fps": FPS});
+    let mut ergons = simulation.written(timeline);
+    ergons.sort_by(|a, b| a.time.total_cmp(&b.time));
+    let setup = Setup {
+        manifest: manifest.to_string(),
+        places: vec![[0.0; 3]; look.points.len()],
+        ergons,
+        keys: Vec::new(),
+        n_speakers: 2,
+        fps: FPS,
+    };
+    window(simulation, look, setup).unwrap()
+}
+
+fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
+    Stage {
+        simulation: simulation.fork(),
+        hands: Vec::new(),
+        is_seen,
+        ..stage()
+    }
+}
+
+fn config(audio: &str) -> PlaybackConfig {
+    PlaybackConfig {
+        audio: audio.parse().unwrap(),
+        ahead: None,
+        record: None,
+    }
+}
+
+fn served(limits: Limits) -> Arc<Server> {
+    let options = ergon_view::serve::Options {
+        at: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+        key: None,
+        file: None,
+        sound: None,
+        limits,
+    };
+    Arc::new(Server::start(options).expect("a server"))
+}
+
+/// A performance whose ticks and pages go on by hand.
+struct Shown {
+    this: Performance,
+    player: Player,
+    server: Arc<Server>,
+    relay: Relay,
+    coming: Sender<(Scene, Ear)>,
+}
+
+impl Shown {
+    fn new(
+        simulation: &Simulation,
+        timeline: &Timeline,
+        config: PlaybackConfig,
+        limits: Limits,
+    ) -> Self {
+        let (window, scene) = window_on(simulation, timeline, "first");
+        let stage = a_stage(simulation, true);
+        let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+        player.begin();
+        assert!(this.open(window));
+        let server = served(limits);
+        let (coming, scenes) = channel();
+        coming.send((scene, this.ear())).unwrap();
+        let relay = Relay::new(server.clone(), scenes);
+        Self {
+            this,
+            player,
+            server,
+            relay,
+            coming,
+        }
+    }
+
+    /// So many ticks without a page that takes anything.
+    fn tick(&mut self, n: u64) {
+        reset_violation_count();
+        assert_no_alloc(|| (0..n).for_each(|_| assert!(self.player.tick())));
+        assert_eq!(violation_count(), 0);
+    }
+
+    fn frame(&self) -> u64 {
+        self.player.frame
+    }
+
+    fn end(self) {
+        drop(self.player);
+        self.this.close(Duration::from_secs(10)).unwrap();
+    }
+}
+
+/// All messages that a viewer gets by now.
+fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
+    let mut all = Vec::new();
+    loop {
+        match server.hub().take(cursor, Duration::ZERO) {
+            Taken::Message(bytes) => all.push(bytes.to_vec()),
+            Taken::Nothing => return all,
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+/// The kinds and instants of chunks, one after the other.
+fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
+    let mut all = Vec::new();
+    bytes = bytes.strip_prefix(&MAGIC[..]).unwrap_or(bytes);
+    while !bytes.is_empty() {
+        let (chunk, n) = motion::read(bytes).expect("a whole chunk");
+        all.push((chunk.kind, chunk.seconds, chunk.payload.to_vec()));
+        bytes = &bytes[n..];
+    }
+    all
+}
+
+/// What a page that misses nothing is told is where the engine has its masses, once in each video frame.
+#[test]
+fn pages_are_told_what_the_engine_has() {
+    let scene = scene(&strikes());
+    let simulation = planned(&scene, 0);
+    let mut truth = simulation.fork();
+    let mut shown = Shown::new(
+        &simulation,
+        &scene.1,
+        config("null:fast"),
+        Limits::default(),
+    );
+    let mut cursor = shown.server.hub().join();
+    let (mut bytes, mut frames) = (Vec::new(), Vec::new());
+    let mut squares = Vec::new();
+    for _ in 0..2_000 {
+        shown.tick(1);
+        shown.relay.turn();
+        let some = messages(&shown.server, &mut cursor);
+        let mut heard = vec![0.0; EVERY];
+        truth.process(&mut heard).unwrap();
+        squares.extend(heard.iter().map(|x| x * x));
+        if some.is_empty() {
+            continue;
+        }
+        frames.push(shown.frame());
+        bytes.extend(some.concat());
+    }
+    assert_eq!(shown.relay.skipped(), 0);
+    let seconds: Vec<f64> = frames.iter().map(|frame| *frame as f64 / RATE).collect();
+    // Each video frame has one picture, at its first tick.
+    let numbers: Vec<u64> = seconds.iter().map(|t| (t * FPS) as u64).collect();
+    let n = (2_000 * EVERY) as f64 / RATE * FPS;
+    assert_eq!(numbers, (0..=n as u64).collect::<Vec<_>>());
+
+    let found = chunks(&bytes);
+    let of = |which: u16| {
+        found
+            .iter()
+            .filter(move |chunk| chunk.0 == which)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(of(kind::MANIFEST).len(), 1);
+    assert_eq!(of(kind::STATE).len(), 2, "one in a second");
+    assert!(of(kind::CLOCK).is_empty(), "no clock takes these frames");
+    assert!(!of(kind::CONTACTS).is_empty());
+    // Every strike is told once.
+    let mut told: Vec<f64> = of(kind::ERGONS)
+        .iter()
+        .flat_map(|(_, t, payload)| {
+            let records = payload.chunks(20);
+            records.map(move |own| t + f64::from(f32::from_le_bytes(own[..4].try_into().unwrap())))
+        })
+        .collect();
+    let mut wanted = strikes();
+    told.sort_by(f64::total_cmp);
+    wanted.sort_by(f64::total_cmp);
+    assert_eq!(told.len(), wanted.len());
+    assert!(told.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-6));
+    // Levels: the first channel is the output as it is. The window was opened in the first tick, which it did not hear.
+    let levels = of(kind::LEVELS);
+    assert_eq!(levels.len(), frames.len() - 1);
+    for (at, (_, t, payload)) in levels.iter().enumerate() {
+        let level = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
+        let own = &squares[frames[at] as usize..frames[at + 1] as usize];
+        let wanted = (own.iter().sum::<f64>() / own.len() as f64).sqrt();
+        assert_eq!(*t, seconds[at + 1]);
+        assert!(
+            (level - wanted).abs() <= 1e-6 * wanted + 1e-12,
+            "{t}: {level}, {wanted}"
+        );
+    }
+
+    // Where points are, by the reader of files.
+    let look = simulation.looked_at();
+    let file = MotionFile::new(bytes).expect("a motion file");
+    let displacements = file.displacements(&seconds).expect("frames");
+    let mut again = simulation.fork();
+    let (mut glance, n) = (
+        ergon_engine::simulation::Glance::new(&again, &look),
+        look.points.len(),
+    );
+    let mut off: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
+    for (row, &frame) in displacements.chunks(n).zip(&frames) {
+        let left = (frame - again.frame()) as usize;
+        again.process(&mut vec![0.0; left]).unwrap();
+        again.glance(&look, &mut glance);
+        for run in runs(&look) {
+            let (worst, swing) = off.entry(run.kind).or_default();
+            for at in run.points.clone() {
+                let wanted = match run.body.map(|body| &look.bodies[body]) {
+                    None => glance.tracks[at],
+                    Some(body) => {
+                        let row = &body.shapes[(at - run.points.start) * body.modes.len()..];
+                        let modes = &glance.tracks[n + body.first..];
+                        row.iter()
+                            .zip(&modes[..body.modes.len()])
+                            .map(|(a, b)| a * b)
+                            .sum()
+                    }
+                };
+                *worst = worst.max((row[at] - wanted).abs());
+                *swing = swing.max(wanted.abs());
+            }
+        }
+    }
+    assert!(off.contains_key("free") && off.len() > 1, "{off:?}");
+    for (kind, (worst, swing)) in off {
+        assert!(
+            worst <= 5e-3 * swing && swing > 0.0,
+            "{kind}: {worst} of {swing}"
+        );
+    }
+    shown.end();
+}
+
+/// What is heard is the same to the bit without a window, with one, and with one that nobody looks through.
+#[test]
+fn a_window_changes_no_sample() {
+    let scene = scene(&strikes());
+    let simulation = planned(&scene, 0);
+    let path = |name: &str| {
+        std::env::temp_dir().join(format!("ergon-window-{name}-{}.wav", std::process::id()))
+    };
+    let to = |path: &PathBuf| config(&format!("file:{}", path.display()));
+    let paths = ["none", "shown", "stalled"].map(path);
+
+    let stage = a_stage(&simulation, false);
+    let (this, mut player) = Performance::prepare(stage, Vec::new(), to(&paths[0])).unwrap();
+    player.begin();
+    (0..1_000).for_each(|_| assert!(player.tick()));
+    player.connections.feed.close();
+    drop(player);
+    this.close(PATIENCE).unwrap();
+    let mut skipped = Vec::new();
+    for (path, is_looked_at) in [(&paths[1], true), (&paths[2], false)] {
+        let mut shown = Shown::new(&simulation, &scene.1, to(path), Limits::default());
+        for _ in 0..1_000 {
+            shown.tick(1);
+            if is_looked_at {
+                shown.relay.turn();
+            }
+        }
+        shown.relay.turn();
+        skipped.push(shown.relay.skipped());
+        shown.player.connections.feed.close();
+        drop(shown.player);
+        shown.this.close(PATIENCE).unwrap();
+    }
+    // A picture waits for who does not come, and all others are counted.
+    let looks = (1_000 * EVERY) as f64 / RATE * FPS;
+    assert_eq!(skipped, [0, looks as u64]);
+    let heard = paths.map(|path| {
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        bytes
+    });
+    assert!(heard[0].iter().filter(|byte| **byte != 0).count() > 100_000);
+    assert!(heard[0] == heard[1], "with a window");
+    assert!(heard[0] == heard[2], "with one that nobody looks through");
+}
+
+/// Contacts and levels of frames that were skipped are in the next picture.
+#[test]
+fn what_happens_while_nobody_looks_is_told_afterwards() {
+    let scene = scene(&[]);
+    let simulation = planned(&scene, 0);
+    let mut shown = Shown::new(
+        &simulation,
+        &scene.1,
+        config("null:fast"),
+        Limits::default(),
+    );
+    let mut cursor = shown.server.hub().join();
+    shown.tick(1);
+    shown.relay.turn();
+    let before = messages(&shown.server, &mut cursor).concat();
+    assert!(
+        !chunks(&before)
+            .iter()
+            .any(|chunk| chunk.0 == kind::CONTACTS)
+    );
+    // The hammer meets the skin after 25 ms, when the picture of 17 ms has not been fetched, and is gone after some more.
+    shown.tick(400);
+    shown.relay.turn();
+    shown.tick(20);
+    shown.relay.turn();
+    let after = messages(&shown.server, &mut cursor).concat();
+    let pushes: Vec<_> = chunks(&after)
+        .into_iter()
+        .filter(|chunk| chunk.0 == kind::CONTACTS)
+        .collect();
+    let &[(_, t, ref payload)] = pushes.as_slice() else {
+        panic!("{pushes:?}");
+    };
+    let dt = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
+    assert!((0.025..0.05).contains(&(t + dt)), "{t} + {dt}");
+    assert!(shown.relay.skipped() > 20);
+    shown.end();
+}
+
+/// A new version has its own manifest from its first picture on; one that came too late is never shown.
+#[test]
+fn a_version_that_takes_over_is_shown_from_then_on() {
+    let first = scene(&strikes());
+    let (old, second) = (planned(&first, 0), scene(&[0.6, 0.7]));
+    let mut shown = Shown::new(&old, &first.1, config("null:fast"), Limits::default());
+    let mut cursor = shown.server.hub().join();
+    let every = EVERY as u64;
+    let second_at = |tick: u64| planned(&second, tick * every);
+    let change = |shown: &mut Shown, tick: u64, new: &Simulation| {
+        let change = Change {
+            simulation: Some((new.fork(), Takeover::new(&old, new))),
+            ..Change::default()
+        };
+        shown.this.change(tick * every, change).unwrap();
+    };
+    let open = |shown: &mut Shown, new: &Simulation, title: &str| {
+        let (window, scene) = window_on(new, &second.1, title);
+        assert!(shown.this.open(window));
+        shown.coming.send((scene, shown.this.ear())).unwrap();
+    };
+    shown.tick(300);
+    let (late, new) = (second_at(200), second_at(600));
+    change(&mut shown, 200, &late);
+    open(&mut shown, &late, "late");
+    change(&mut shown, 600, &new);
+    open(&mut shown, &new, "second");
+    let mut titles = Vec::new();
+    for tick in 300..900_u64 {
+        shown.tick(1);
+        shown.relay.turn();
+        if tick == 800 {
+            open(&mut shown, &new, "again");
+        }
+        for message in messages(&shown.server, &mut cursor) {
+            if let Some((kind::MANIFEST, _, json)) = chunks(&message).first() {
+                let manifest: serde_json::Value = serde_json::from_slice(json).unwrap();
+                titles.push((tick, manifest["title"].as_str().unwrap().to_owned()));
+            }
+        }
+    }
+    assert_eq!(titles.len(), 3, "{titles:?}");
+    assert_eq!(titles[0], (300, "first".into()));
+    assert!(
+        (600..620).contains(&titles[1].0) && titles[1].1 == "second",
+        "{titles:?}"
+    );
+    // A window may come at any time, also after its version.
+    assert!((800..820).contains(&titles[2].0) && titles[2].1 == "again");
+    // Who comes now knows nothing of the first.
+    let late = messages(&shown.server, &mut shown.server.hub().join());
+    let kinds: Vec<u16> = late
+        .iter()
+        .flat_map(|own| chunks(own))
+        .map(|own| own.0)
+        .collect();
+    assert_eq!(kinds[0], kind::MANIFEST);
+    assert_eq!(
+        kinds.iter().filter(|own| **own == kind::MANIFEST).count(),
+        1
+    );
+    assert!(kinds.contains(&kind::STATE));
+    shown.end();
+}
+
+/// A page's WebSocket.
+fn page(server: &Server) -> WebSocket<TcpStream> {
+    let port = server.at().port();
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let head = format!(
+        "GET /live HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}\r\nUpgrade: websocket\r\n\
+         Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes()).unwrap();
+    let mut answer = Vec::new();
+    while !answer.ends_with(b"\r\n\r\n") {
+        let mut byte = [0];
+        stream.read_exact(&mut byte).unwrap();
+        answer.extend(byte);
+    }
+    assert!(answer.starts_with(b"HTTP/1.1 101"));
+    let mut page = WebSocket::from_raw_socket(stream, Role::Client, None);
+    // It is answered once it has joined.
+    page.send(Message::text("ping 0")).unwrap();
+    page
+}
+
+/// Reads up to the picture of an instant.
+fn read_until(page: &mut WebSocket<TcpStream>, seconds: f64) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    loop {
+        if let Message::Binary(message) = page.read().expect("a message") {
+            let is_there = chunks(&message)
+                .iter()
+                .any(|own| own.0 == kind::PEAKS && own.1 == seconds);
+            bytes.extend_from_slice(&message);
+            if is_there {
+                return bytes;
+            }
+        }
+    }
+}
+
+/// Four pages over sockets in lockstep, one that comes late, and one that takes nothing: nobody waits for it, and it is dropped.
+#[test]
+fn a_page_that_stalls_keeps_nobody() {
+    let scene = scene(&strikes());
+    let simulation = planned(&scene, 0);
+    let limits = Limits {
+        stall: Duration::from_millis(100),
+        ..Limits::default()
+    };
+    let mut shown = Shown::new(&simulation, &scene.1, config("null:fast"), limits);
+    let stalled = page(&shown.server);
+    let mut pages: Vec<_> = (0..3).map(|_| page(&shown.server)).collect();
+    let mut all = vec![Vec::new(); 4];
+    let mut seen = None;
+    for tick in 0..1_500 {
+        if tick == 800 {
+            pages.push(page(&shown.server));
+        }
+        shown.tick(1);
+        shown.relay.turn();
+        let seconds = shown.frame() as f64 / RATE;
+        let number = (seconds * FPS) as u64;
+        if seen.replace(number) != Some(number) {
+            for (page, bytes) in pages.iter_mut().zip(&mut all) {
+                bytes.extend(read_until(page, seconds));
+            }
+        }
+    }
+    assert_eq!(shown.relay.skipped(), 0);
+    assert!(shown.server.hub().bytes() <= 16 << 20);
+    let (late, prompt) = all.split_last().unwrap();
+    assert!(prompt[0].starts_with(&MAGIC) && late.starts_with(&MAGIC));
+    // Three pages see the same, and the late one from some key state on what they see.
+    let file = |bytes: &[u8]| MotionFile::new(bytes.to_vec()).expect("a motion file");
+    let (first, last) = (file(&prompt[0]), file(late));
+    let instants = [1.3, 1.4, 1.45];
+    let wanted = first.displacements(&instants).unwrap();
+    for bytes in &prompt[1..] {
+        assert_eq!(file(bytes).displacements(&instants).unwrap(), wanted);
+    }
+    let peak = wanted.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let found = last.displacements(&instants).unwrap();
+    let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f64::max) <= 1e-3 * peak && peak > 0.0);
+    // What the stalled page is sent fills its socket, and then it is gone.
+    let blob = vec![0; 1 << 20];
+    let tally = shown.server.tally();
+    while tally.dropped.load(Ordering::Relaxed) == 0 {
+        shown
+            .server
+            .hub()
+            .publish(&blob, ergon_view::serve::Keep::All);
+        for page in &mut pages {
+            while page.read().expect("a message").len() != blob.len() {}
+        }
+    }
+    drop((stalled, pages));
+    shown.end();
+}

@@ -1,0 +1,127 @@
+//! The instants at which frames are heard, by what the sound card says.
+
+use std::collections::VecDeque;
+
+use crate::audio::{News, Sounding};
+
+/// A card's blocks come late, never early: the earliest of so many seconds is the true one [s].
+const MEMORY: f64 = 1.0;
+/// By which only another time line differs: a server came back, the machine was suspended [s].
+const JUMP: f64 = 0.02;
+
+/// The instants at which frames of a performance are heard.
+pub struct Ear {
+    news: News,
+    line: Line,
+}
+
+impl Ear {
+    /// Of an output whose first frame is `start`, at `rate` frames a second.
+    pub(in crate::perform) fn new(news: News, rate: f64, start: u64) -> Self {
+        let line = Line::new(rate, start);
+        Self { news, line }
+    }
+
+    /// When a frame is heard, by the clock that says `now` [s]; `dropped` frames before it never are. `None` where no clock says it.
+    pub(super) fn when(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
+        self.line.take(self.news.sounding(), dropped, now);
+        self.line.when(frame, dropped)
+    }
+}
+
+/// A line through instants and frames.
+struct Line {
+    rate: f64,
+    start: u64,
+    /// When it was looked at, and when frame `start` was heard by that look [s].
+    seen: VecDeque<(f64, f64)>,
+    /// What makes another line of it: gaps, frames that were dropped, whether a card plays.
+    state: Option<(u64, u64, bool)>,
+}
+
+impl Line {
+    fn new(rate: f64, start: u64) -> Self {
+        Self {
+            rate,
+            start,
+            seen: VecDeque::new(),
+            state: None,
+        }
+    }
+
+    fn take(&mut self, sounding: Option<Sounding>, dropped: u64, now: f64) {
+        let Some(sounding) = sounding else {
+            return;
+        };
+        let zero = now - sounding.since + sounding.latency;
+        let state = Some((sounding.gaps, dropped, sounding.is_alive));
+        let is_far = |last: &(f64, f64)| (zero - last.1).abs() > JUMP;
+        if state != self.state || self.seen.back().is_some_and(is_far) {
+            self.seen.clear();
+        }
+        self.state = state;
+        self.seen.push_back((now, zero));
+        while self
+            .seen
+            .front()
+            .is_some_and(|first| first.0 < now - MEMORY)
+        {
+            self.seen.pop_front();
+        }
+    }
+
+    fn when(&self, frame: u64, dropped: u64) -> Option<f64> {
+        let zeros = self.seen.iter().map(|seen| seen.1);
+        let zero = zeros.min_by(f64::total_cmp)?;
+        Some(zero + (frame as f64 - self.start as f64 - dropped as f64) / self.rate)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE: f64 = 44_100.0;
+    const BLOCK: u64 = 256;
+
+    /// A card that began to play frame 0 at 3 s and is heard 10 ms later, looked at after `age` seconds of a block.
+    fn sounding(now: f64, late: f64, gaps: u64) -> Sounding {
+        Sounding {
+            since: now - 3.0 - late,
+            latency: 0.01,
+            gaps,
+            is_alive: true,
+        }
+    }
+
+    #[test]
+    fn the_earliest_of_a_second_says_when_a_frame_is_heard() {
+        let mut line = Line::new(RATE, 4_410);
+        assert_eq!(line.when(0, 0), None);
+        // Each block is told up to a block late; some are told at once.
+        for look in 0..240_u64 {
+            let now = 4.0 + look as f64 / 60.0;
+            let late = (look % 7) as f64 / 7.0 * BLOCK as f64 / RATE;
+            line.take(Some(sounding(now, late, 0)), 0, now);
+        }
+        let when = line.when(4_410 + 44_100, 0).expect("a clock");
+        assert!((when - 4.01).abs() < 1e-9, "{when}");
+        // Frames that were dropped are not heard: those after them come sooner.
+        line.take(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
+        let when = line.when(4_410 + 44_100, 441).expect("a clock");
+        assert!((when - 4.0).abs() < 1e-9, "{when}");
+    }
+
+    #[test]
+    fn a_gap_begins_another_line() {
+        let mut line = Line::new(RATE, 0);
+        line.take(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
+        // 5 ms of silence were put in: all after them is heard later, from now on.
+        line.take(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
+        let when = line.when(0, 0).expect("a clock");
+        assert!((when - 3.015).abs() < 1e-9, "{when}");
+        // What is not told keeps what was.
+        line.take(None, 0, 4.2);
+        assert_eq!(line.when(0, 0), Some(when));
+    }
+}

@@ -1,0 +1,150 @@
+//! The plain thread between a performance and its pages.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use ergon_view::payload::{Bytes, kind, put};
+use ergon_view::serve::{Keep, Server};
+
+use super::{Ear, Scene};
+use crate::safety;
+
+/// Between two looks for a picture: a quarter of a video frame. Nobody wakes this thread, for that would cost the physics a call of the system.
+const NAP: Duration = Duration::from_millis(4);
+
+/// Shows performances to pages, one version after the other, until it is dropped.
+pub struct Showing {
+    scenes: Mutex<Sender<(Scene, Ear)>>,
+    skipped: Arc<AtomicU64>,
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Showing {
+    /// # Errors
+    /// Where the system has no thread.
+    pub fn start(server: Arc<Server>) -> io::Result<Self> {
+        let (to_scenes, coming) = channel();
+        let mut relay = Relay::new(server, coming);
+        let over = Arc::new(AtomicBool::new(false));
+        let (skipped, asked) = (relay.skipped.clone(), over.clone());
+        let thread = thread::Builder::new()
+            .name("ergon window".into())
+            .spawn(move || {
+                safety::leave_signals();
+                while !asked.load(Ordering::Acquire) {
+                    relay.turn();
+                    thread::sleep(NAP);
+                }
+            })?;
+        Ok(Self {
+            scenes: Mutex::new(to_scenes),
+            skipped,
+            over,
+            thread: Some(thread),
+        })
+    }
+
+    /// Show a version from its first picture on; until then the one before it.
+    pub fn show(&self, scene: Scene, ear: Ear) {
+        let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
+        // Where the thread is gone there is nobody to show it to.
+        let _ = scenes.send((scene, ear));
+    }
+
+    /// Pictures that were not made because the one before had not been fetched.
+    pub fn skipped(&self) -> u64 {
+        self.skipped.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Showing {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What the thread does, turn by turn.
+pub(in super::super) struct Relay {
+    server: Arc<Server>,
+    coming: Receiver<(Scene, Ear)>,
+    /// First the one that is shown, then those that will be.
+    scenes: Vec<(Scene, Ear)>,
+    is_greeted: bool,
+    skipped: Arc<AtomicU64>,
+    /// Of scenes that are gone.
+    skipped_before: u64,
+}
+
+impl Relay {
+    pub(in super::super) fn new(server: Arc<Server>, coming: Receiver<(Scene, Ear)>) -> Self {
+        Self {
+            server,
+            coming,
+            scenes: Vec::new(),
+            is_greeted: false,
+            skipped: Arc::default(),
+            skipped_before: 0,
+        }
+    }
+
+    /// Send what is new.
+    pub(in super::super) fn turn(&mut self) {
+        self.scenes.extend(self.coming.try_iter());
+        let is_new = |own: &(Scene, Ear)| own.0.pictures.updated();
+        if let Some(at) = self.scenes.iter().rposition(is_new) {
+            self.is_greeted &= at == 0;
+            self.skipped_before += (self.scenes.drain(..at))
+                .map(|(scene, _)| scene.skipped())
+                .sum::<u64>();
+            self.tell();
+        }
+        // The one that is shown stays for its count; others that are over were never played.
+        let mut at = 0;
+        self.scenes.retain(|(scene, _)| {
+            at += 1;
+            at == 1 || !scene.is_over()
+        });
+        let now = self.scenes.first().map_or(0, |(scene, _)| scene.skipped());
+        (self.skipped).store(self.skipped_before + now, Ordering::Relaxed);
+    }
+
+    #[cfg(test)]
+    pub(in super::super) fn skipped(&self) -> u64 {
+        self.skipped.load(Ordering::Relaxed)
+    }
+
+    /// Send the picture of the first scene.
+    fn tell(&mut self) {
+        let (scene, ear) = &mut self.scenes[0];
+        let (recorder, hub) = (&mut scene.recorder, self.server.hub());
+        let picture = scene.pictures.read();
+        let seconds = recorder.seconds(picture.glance.frame);
+        let heard = ear.when(picture.glance.frame, picture.dropped, self.server.now());
+        recorder.hear_squares(&picture.squares, picture.heard);
+        recorder.see(&picture.glance);
+        if !self.is_greeted {
+            hub.greet(&recorder.take());
+            self.is_greeted = true;
+        }
+        let mut told = recorder.tell();
+        if let Some(heard) = heard {
+            let mut clock = Bytes::default();
+            clock.f64(heard);
+            clock.f64(1.0);
+            put(&mut told.latest, kind::CLOCK, seconds, &clock.0);
+        }
+        if !told.events.is_empty() {
+            let keep = if told.is_key { Keep::Key } else { Keep::All };
+            hub.publish(&told.events, keep);
+        }
+        hub.publish(&told.latest, Keep::Latest);
+    }
+}

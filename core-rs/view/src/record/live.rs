@@ -1,0 +1,62 @@
+//! What a page is told of a look at once, where a file waits until a second is full.
+
+use super::Recorder;
+use crate::frames::Frames;
+use crate::payload::{Bytes, kind, put};
+
+/// The chunks of one look.
+#[derive(Debug, Default)]
+pub struct Told {
+    /// Whether a key state is in them: who comes now can begin here.
+    pub is_key: bool,
+    /// What counts whatever comes after.
+    pub events: Vec<u8>,
+    /// What counts until the next look.
+    pub latest: Vec<u8>,
+}
+
+impl Recorder {
+    /// The chunks of the look that was the last, instead of those of a file.
+    pub fn tell(&mut self) -> Told {
+        let mut segment = std::mem::take(&mut self.segment);
+        let now = self.last;
+        let is_key = (self.frame.wrapping_sub(1)).is_multiple_of(self.per_segment());
+        let (mut events, mut latest) = (Vec::new(), Vec::new());
+        (segment.events).sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let first = segment.events.partition_point(|event| event.0 < now);
+        let (before, now_on) = segment.events.split_at(first);
+        let mut write = |some: &[(f64, u16, Bytes)], state: Option<&Bytes>| {
+            if let Some(state) = state {
+                put(&mut events, kind::STATE, now, &state.0);
+            }
+            for (seconds, which, payload) in some {
+                let to = match *which {
+                    kind::LEVELS | kind::HANDS => &mut latest,
+                    _ => &mut events,
+                };
+                put(to, *which, *seconds, &payload.0);
+            }
+        };
+        write(before, None);
+        write(now_on, is_key.then_some(&segment.state));
+        let mut peaks = Bytes::default();
+        self.peaks.iter().for_each(|peak| peaks.f32(*peak));
+        put(&mut latest, kind::PEAKS, now, &peaks.0);
+        for (part, rows) in segment.rows.into_iter().enumerate() {
+            if self.runs[part].kind == "sampled" {
+                let frames = Frames {
+                    part: part as u16,
+                    hop: 1.0 / self.setup.fps,
+                    rows,
+                    count: 1,
+                };
+                put(&mut latest, kind::FRAMES, now, &frames.bytes(false));
+            }
+        }
+        Told {
+            is_key,
+            events,
+            latest,
+        }
+    }
+}

@@ -1,0 +1,207 @@
+"""Pages that see what is played, by the commands and in a real browser."""
+
+import json
+import re
+import urllib.parse
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import browser
+import pytest
+from commands import forked
+from duets import played, recorded
+from emulators import emulator
+from one_bell import SCORE
+from patience import until
+from tests.live.test_duet_lockstep import COUPLED, written
+from tests.repl.test_repl_live import ok, session_on
+
+from ergon.api.play import PlayOptions, begin, prepare
+from ergon.common.report import Report
+
+SKY = """\
+ergon: 1
+title: Sky
+instruments:
+  sky: {BANK: {count: 60, f: 30Hz..2kHz, t60: 3s, M: 1g}, out: {SOX: sky.all}}
+  wire: {STRING: {masses: 24, f: 110Hz, t60: 3s, M: 10g}, out: {SOX: wire.3}}
+  dark: {STRING: {masses: 12, f: 110Hz, t60: 3s, M: 10g}}
+strikes:
+  rain: {to: sky.all, at: 0s, for: 600s, rate: 0.5Hz, impulse: -1uNs..1uNs}
+  pluck: {to: wire.9, at: 0s, every: 1s, times: 600, impulse: 1mNs}
+  unheard: {to: dark.3, at: 0s, every: 1s, times: 600, impulse: 1mNs}
+mix: {channels: 2, route: [{from: sky, to: [1, 2]}, {from: wire, to: 1}]}
+"""
+# What a page knows of what is heard: whether a clock says it, how far its picture is from that.
+HEARD = """(() => { const {live, clock, story} = ergon.page;
+  const there = live.at(performance.now() / 1000, story.end);
+  return [live.heard !== null, there - clock.t, clock.t]; })()"""
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
+    with browser.running(tmp_path_factory.mktemp("browser")) as found:
+        yield found
+
+
+def test_what_is_heard_is_the_same_to_the_bit(own_folder: Path) -> None:
+    """A performance with and without pages, into a file."""
+    Path("s.yaml").write_text(SCORE)
+    common = ("play", "s.yaml", "--gain", "0dB", "--audio")
+    plain = forked([*common, "file:plain.wav"], own_folder)
+    assert plain.returncode == 0, plain.stderr
+    for name, options in {
+        "seen": ("--view",),
+        "all": ("--view-at", "127.0.0.1:0", "--see", "all"),
+    }.items():
+        seen = forked([*common, f"file:{name}.wav", *options], own_folder)
+        assert seen.returncode == 0, seen.stderr
+        assert re.search(r"^seen at http://127\.0\.0\.1:\d+/\?live$", seen.stderr, re.MULTILINE)
+        heard = Path("plain.wav").read_bytes()
+        assert len(heard) > 100_000
+        assert Path(f"{name}.wav").read_bytes() == heard
+
+
+def test_a_duet_in_lockstep_is_the_same_to_the_bit(own_folder: Path) -> None:
+    """A real key in another process: what it does, and what is heard."""
+    rate = 6000
+    head, tick = f"rates: {{audio: {rate}Hz}}", f", tick: {rate}Hz"
+    score = written(own_folder, head=head, tick=tick, duet=COUPLED)
+    found = []
+    for name, options in {"plain": (), "seen": ("--view",)}.items():
+        take, heard = Path(f"{name}.take"), Path(f"{name}.wav")
+        with emulator("frame", "--pty", "--lockstep", "--rate", f"{rate}Hz") as device:
+            live = ("--live", f"remi={device.url}&wide", "--record", take, "--gain", "0dB")
+            said = played(score, *live, "--audio", f"file:{heard}", *options)
+        assert any("seen at http://" in line for line in said) == bool(options)
+        found.append((heard.read_bytes(), recorded(take).positions().tobytes()))
+    assert len(found[0][1]) > rate
+    assert found[0] == found[1]
+
+
+def test_what_cannot_be_is_refused_before_anything_sounds(own_folder: Path) -> None:
+    Path("s.yaml").write_text(SCORE)
+    for options, words in {
+        ("--see", "all"): "--see: says what pages show; add view",
+        ("--view-at", "127.0.0.1"): "write HOST:PORT",
+        ("--view-at", "elsewhere.invalid:80"): "write HOST:PORT",
+    }.items():
+        refused = forked(["play", "s.yaml", "--audio", "null", *options], own_folder)
+        assert refused.returncode == 2
+        assert words in refused.stderr
+
+
+def test_elsewhere_the_address_has_a_key(own_folder: Path) -> None:
+    Path("s.yaml").write_text(SCORE)
+    words = [
+        "play",
+        "s.yaml",
+        "--gain",
+        "0dB",
+        "--audio",
+        "file:a.wav",
+        "--view-at",
+        "0.0.0.0:0",
+        "--json",
+    ]
+    told = [json.loads(line) for line in forked(words, own_folder).stdout.splitlines()]
+    (url,) = (one["url"] for one in told if one["event"] == "view")
+    assert len(bytes.fromhex(urllib.parse.urlsplit(url).path.strip("/"))) == 16
+
+
+def test_a_page_follows_what_is_heard(chromium: browser.Browser, own_folder: Path) -> None:
+    """By the clock of a card that is none; the page stands, goes back and comes to now again."""
+    Path("s.yaml").write_text(SKY)
+    options = PlayOptions(audio="null", gain="0dB", ahead=4096, view=True)
+    ready = prepare("s.yaml", options, Report())
+    pages = ready.config.pages
+    assert pages is not None
+    performance = begin(ready.stage, ready.config, Report())
+    try:
+        with chromium.page() as page:
+            page.open(f"{pages.server.url}?live")
+            assert page.run("document.title") == "Sky: view"
+            parts = page.run("ergon.page.story.model.parts.map((p) => [p.name, p.kind, p.count])")
+            assert [name for name, *_ in parts] == ["sky", "wire", "dark"]
+            assert parts[0][1:] == ["free", 60]
+            assert parts[2][1] == "none"
+            until(lambda: page.run(HEARD)[0], "a clock")
+            until(lambda: abs(page.run(HEARD)[1]) < 1 / 60, "the picture is where the sound is")
+            # Strikes are known before they are heard, and what they did is drawn.
+            until(lambda: page.run("ergon.page.story.ergons.count") > 20, "ergons")
+            until(lambda: page.run("ergon.page.motion.sweep.some((x) => x > 0)"), "it swings")
+            page.press(" ")
+            stands = page.run(HEARD)[2]
+            until(lambda: page.run("ergon.page.story.end") > stands + 6, "it is played on")
+            # What is long past is forgotten, however long one looks at it.
+            assert page.run("ergon.page.story.end - ergon.page.story.begins") < 7
+            assert page.run("ergon.page.story.flights.states.length") <= 8
+            until(lambda: page.run("ergon.page.clock.t >= ergon.page.story.begins"), "it is drawn")
+            page.press("End")
+            until(lambda: abs(page.run(HEARD)[1]) < 1 / 60, "now again")
+            page.press("ArrowLeft")
+            assert page.run("ergon.page.live.isNow") is False
+            page.press("-")
+            page.press("=")
+            page.press("End")
+            until(lambda: abs(page.run(HEARD)[1]) < 1 / 60, "now again")
+            assert page.errors == []
+        tally = pages.server.tally
+        assert tally["dropped"] == 0
+    finally:
+        performance.stop()
+        performance.close(1.0)
+        pages.close()
+
+
+def test_the_picture_is_pulled_to_what_is_heard(
+    chromium: browser.Browser, own_folder: Path
+) -> None:
+    """Instants that the test writes: no clock is asked."""
+    Path("s.yaml").write_text(SKY)
+    ready = prepare("s.yaml", PlayOptions(audio="null", gain="0dB", view=True), Report())
+    pages = ready.config.pages
+    assert pages is not None
+    with chromium.page() as page:
+        page.call("Page.navigate", url=f"{pages.server.url}?live")
+        until(lambda: page.run("!!window.ergon"), "the page's script")
+        found = page.run("""import('./live.js').then(({ Live }) => {
+          let offset = null;
+          const live = new Live(() => offset);
+          const told = [live.at(7, 3)];
+          const word = new DataView(new ArrayBuffer(16));
+          word.setFloat64(0, 100.5, true);
+          word.setFloat64(8, 1, true);
+          live.take(20, word);
+          told.push(live.at(7, 3));
+          offset = 94; // the server's clock says 101 where the page's says 7
+          told.push(live.at(7, 3), live.follow(20.47, 0.02, 7, 3), live.follow(12, 0.02, 7, 3));
+          return told;
+        })""")
+    assert found == pytest.approx([3, 3, 20.5, 20.491, 20.5])
+    pages.close()
+
+
+def test_a_line_that_changes_the_piece_begins_a_new_picture(
+    chromium: browser.Browser, own_folder: Path
+) -> None:
+    """A session, whose page is open all the time."""
+    from ergon.api.options import SessionOptions
+    from ergon.api.pages import pages_of
+
+    pages = pages_of(SessionOptions(view=True), Report())
+    assert pages is not None
+    key = "ergon.page.story.model.parts.findIndex((p) => p.name === 'k1')"
+    with closing(session_on(own_folder, "null", pages=pages)) as session, chromium.page() as page:
+        page.open(f"{pages.server.url}?live")
+        page.run("window.before = ergon.page.story.model")
+        page.run(f"ergon.page.look.seen[{key}] = 0")
+        ok(session, "play")
+        ok(session, "couple k1 k2 K=40N/m Z=0.2Ns/m")
+        new = "ergon.page.story.model !== window.before && ergon.page.story.isBegun"
+        until(lambda: page.run(new), "a new picture")
+        # What was chosen for a part holds for the part of that name.
+        assert page.run(f"ergon.page.look.seen[{key}]") == 0
+        assert page.run("ergon.page.look.seen.filter((seen) => seen === 0).length") == 1
+        assert page.errors == []
