@@ -44,8 +44,11 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "near-and-far": 33.14,
     "night-piece": 178.15,
     "procession": 176.97,
+    "feathers": 240.0,
+    "feathers-small": 240.0,
 }
-LIVE = (SCORES / "duet.yaml", SCORES / "fader.yaml")
+LIVE = [SCORES / f"{name}.yaml" for name in ("duet", "fader", "feathers", "feathers-small")]
+LARGE = {"night-piece", "feathers", "feathers-small"}  # rendered by `make test-long` alone
 HEARD = {  # how many seconds are rendered here; others wholly
     "duet": 0.5,
     "two-keys": 4.0,
@@ -61,6 +64,8 @@ HEARD = {  # how many seconds are rendered here; others wholly
     "near-and-far": 2.0,
     "night-piece": 6.0,
     "procession": 1.0,
+    "feathers": 0.5,
+    "feathers-small": 1.0,
 }
 CENTS = 5.0
 
@@ -161,7 +166,7 @@ def test_every_score_has_a_title_a_length_and_comments() -> None:
         assert max(map(len, text.splitlines())) <= 120
 
 
-@pytest.mark.parametrize("name", few(SECONDS, SECONDS.keys() - {"night-piece"}))
+@pytest.mark.parametrize("name", few(SECONDS, SECONDS.keys() - LARGE))
 def test_sounds(name: str) -> None:
     staged, x = heard(name)
     assert staged.n_frames / staged.rate == pytest.approx(SECONDS[name], abs=0.05)
