@@ -1,4 +1,4 @@
-"""Feathers, large and small: how many modules move, of what they are made, and that they can be divided."""
+"""Feathers, large and small: how many modules move, their pitches, and that they can be divided."""
 
 import re
 from math import log2
