@@ -58,7 +58,7 @@ def _route(
 def _treated(
     route: Route, instrument: Instrument, rooms: Sequence[Room], part_names: PartNames
 ) -> None:
-    """A route sends to rooms that there are, and radiates accelerations."""
+    """A route sends to rooms that there are, radiates accelerations, and brings masses nearest."""
     known = tuple(room.name for room in rooms)
     for name, _ in route.sends:
         if name not in known:
@@ -69,4 +69,8 @@ def _treated(
     if route.radiation is not None and wrong is not None:
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
         help = "listen by SOA: the pressure of a small source goes by its acceleration"
+        part_names.collector.error("E304", message, route.place, help=help)
+    if route.to == "nearest" and any(out.kind == "SOF" and out.nearest is None for out in heard):
+        message = f"route: `nearest` takes masses, which lie somewhere, and {route.part} gives SOF"
+        help = "name channels, `to: [1, 2]`, or listen to masses by SOX, SOV or SOA"
         part_names.collector.error("E304", message, route.place, help=help)

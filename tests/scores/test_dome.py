@@ -143,6 +143,18 @@ def test_what_cannot_be_placed_is_told_with_its_place(bank: str, lying: str, cod
     assert found[0].place.line in (4, 6)
 
 
+def test_the_force_of_a_link_is_nearest_to_no_loudspeaker():
+    text = SCORE % ("place: galaxy", "", 0, "layouts/dome24.yaml")
+    modules = "wall: {SOL: {}}, m: {MAS: {M: 1g}}, spring: {RES: {between: [wall, m], K: 1N/m}}"
+    spring = f"  spring: {{modules: {{{modules}}}, out: {{SOF: {{RES: spring}}}}}}\nstrikes:"
+    text = text.replace("strikes:", spring).replace("from: sky", "from: spring")
+    (found,) = (one for one in load("a.yaml", text=text).diagnostics if one.severity == "error")
+    assert (found.code, found.place.line) == ("E304", 9)
+    assert "`nearest` takes masses" in found.message
+    named = load("a.yaml", text=text.replace("to: nearest", "to: 1"))
+    assert named.piece is not None, named.diagnostics
+
+
 def test_what_begins_with_another_lies_where_it_lies():
     """`like` brings `place`, and the copy may lie elsewhere."""
     text = SCORE % ("place: galaxy", "place: {across: 6m}", 0, "layouts/dome24.yaml")

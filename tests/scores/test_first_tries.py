@@ -145,7 +145,8 @@ def test_a_tempo_begins_at_the_beginning():
         (
             "mix: {layout: layouts/ring8.yaml}",
             "layouts/ring24.yaml",
-            "in the library: layouts/dome24.yaml, layouts/ring24.yaml, layouts/stereo.yaml",
+            "in the library: layouts/dome24.yaml, layouts/dome8.yaml, layouts/ring24.yaml, "
+            "layouts/stereo.yaml",
         ),
         ("use: [zzz.yaml]", None, None),
         ("use: [instruments/strin.yaml]", "instruments/string.yaml", None),

@@ -44,9 +44,12 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "near-and-far": 33.14,
     "night-piece": 178.15,
     "procession": 176.97,
+    "feathers": 240.0,
+    "feathers-small": 240.0,
 }
-SLOW = {"night-piece", "rain", "tempo", "two-keys"}  # all seconds of them are in `make test-long`
-LIVE = (SCORES / "duet.yaml", SCORES / "fader.yaml")
+LIVE = [SCORES / f"{name}.yaml" for name in ("duet", "fader", "feathers", "feathers-small")]
+# `make test-long` alone renders these.
+SLOW = {"night-piece", "feathers", "feathers-small", "rain", "tempo", "two-keys"}
 HEARD = {  # how many seconds are rendered here; others wholly
     "duet": 0.5,
     "two-keys": 4.0,
@@ -62,6 +65,8 @@ HEARD = {  # how many seconds are rendered here; others wholly
     "near-and-far": 2.0,
     "night-piece": 6.0,
     "procession": 1.0,
+    "feathers": 0.5,
+    "feathers-small": 1.0,
 }
 CENTS = 5.0
 
