@@ -93,7 +93,8 @@ def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
         if t60 is None:
             return "has no t60 of its own, so it has no dampers; write one"
         if not isinstance(t60, float):
-            return "has a t60 for each of several frequencies, which stay as they are; one t60 may change"
+            several = "has a t60 for each of several frequencies, which stay as they are"
+            return f"{several}; a single t60 may change"
     if module.kind in LINKS and not module.fields.get(parameter):
         return f"has no {parameter} of its own that could change; write one above 0"
     return None
