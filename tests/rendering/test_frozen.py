@@ -12,6 +12,8 @@ from sweep import crossed
 from tests.cli.test_cli_emulate import GESTURE, emulator
 
 from ergon import _core
+from ergon.api import score as scores
+from ergon.api.options import AccuracyOptions
 from ergon.cli import app
 from ergon.exchange import frozen as exchange
 from ergon.scores.reading.load import load
@@ -86,6 +88,38 @@ def played(name: str, *more: str) -> np.ndarray:
     asked = ["play", "s.yaml", "--audio", f"file:{name}", "--gain", "50dB", "--plain", "-q"]
     assert app.run([*asked, *more]) == 0
     return soundfile.read(name, dtype="float32", always_2d=True)[0]
+
+
+BANKS = """\
+ergon: 1
+instruments:
+  few: {BANK: {count: 40, f: 100Hz..2kHz, t60: 0.3s, M: 1g}, out: {SOX: few.all}}
+  string: {STRING: {masses: 30, f: 110Hz, t60: 1s, M: 5g}, out: {SOX: string.4}}
+  sky: {BANK: {count: 9000, f: 50Hz..9kHz, t60: 0.3s..2s, M: 1g}, out: {SOX: sky.all}}
+  dust: {BANK: {count: 300, f: 2kHz..9kHz, t60: 0.1s, M: 1g}, out: {SOX: dust.all}}
+strikes:
+  a: {to: few.all, at: 1|1, impulse: 1uNs}
+  b: {to: string.3, at: 1|1, impulse: 1mNs}
+  c: {to: sky.all, at: 1|1, for: 200ms, rate: 20Hz, impulse: 1uNs..9uNs}
+  d: {to: dust.all, at: 1|1, for: 200ms, rate: 20Hz, impulse: 1uNs..9uNs}
+"""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("alone", ["sky", "dust"])
+def test_a_large_bank_sounds_alone_as_among_others(alone: str, threads: int) -> None:
+    loaded = load("s.yaml", text=BANKS)
+    assert loaded.piece is not None, loaded.diagnostics
+    sounds = []
+    for silent in ([], sorted({"few", "string", "sky", "dust"} - {alone})):
+        options = AccuracyOptions()
+        stage = scores.stage_piece(loaded, options, threads=threads, silent=silent).stage
+        frames = np.zeros((13_000, stage.simulation.n_out))
+        stage.simulation.process(frames)
+        sounds.append(frames[:, stage.listening.taps(alone)])
+    whole, part = sounds
+    assert np.abs(whole).max() > 0.0
+    np.testing.assert_array_equal(whole, part)
 
 
 # --- equality -------------------------------------------------------------------------------------

@@ -115,7 +115,7 @@ def planned(text: str, silent: tuple[str, ...] | None) -> Stage:
     assert loaded.piece is not None, loaded.diagnostics
     names = {instrument.name for _, instrument, _ in heard(loaded.piece)}
     quiet = sorted(names - {"sky", "gong"}) if silent is None else silent
-    return api.stage_piece(loaded, AccuracyOptions(method="ca"), Report(), silent=quiet).stage
+    return api.stage_piece(loaded, AccuracyOptions(), Report(), silent=quiet).stage
 
 
 def computed(stage: Stage, seconds: float) -> np.ndarray:
@@ -124,20 +124,9 @@ def computed(stage: Stage, seconds: float) -> np.ndarray:
     return frames
 
 
-def in_24_bits(stage: Stage, frames: np.ndarray) -> np.ndarray:
-    """The samples of a file of 24 bits at the level of the score, before its limiter."""
-    mixed = np.zeros((len(frames), stage.n_channels))
-    stage.mixer(highpass=8.0, reference=0.1).process(frames, mixed)
-    assert np.max(np.abs(mixed)) > 1e-3
-    return np.rint(mixed * 2**23).astype(np.int64)
-
-
+@pytest.mark.slow  # plans it three times
 def test_what_is_frozen_and_what_is_live_are_the_whole() -> None:
-    """By the hands that stand in: gong and harp in every bit, the file in each of its 24 bits.
-
-    An output of the sky adds up hundreds of threads, in an order that may differ by the last bit of
-    a double (docs/frozen.md).
-    """
+    """By the hands that stand in, bit for bit."""
     text = from_the_serpent("feathers-small")
     whole = planned(text, ())
     frozen, live = planned(text, None), planned(text, ("sky", "gong"))
@@ -148,8 +137,4 @@ def test_what_is_frozen_and_what_is_live_are_the_whole() -> None:
     sound = computed(whole, 0.3)
     for part in ("sky", "gong", "h1", "h2"):
         assert np.max(np.abs(sound[:, whole.listening.taps(part)])) > 0.0, part
-    others = [tap for tap in range(sound.shape[1]) if tap not in sky]
-    np.testing.assert_array_equal(together[:, others], sound[:, others])
-    peak = float(np.max(np.abs(sound[:, sky])))
-    np.testing.assert_allclose(together[:, sky], sound[:, sky], rtol=0, atol=1e-12 * peak)
-    np.testing.assert_array_equal(in_24_bits(whole, together), in_24_bits(whole, sound))
+    np.testing.assert_array_equal(together, sound)

@@ -30,6 +30,11 @@ use crate::network::{Error, Network};
 use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;
 
+/// Banks of one part that a group adds up, at least.
+const PIECE: usize = 2;
+/// Groups that the banks of one part fill, at most: each holds frames of all outputs.
+const PIECES_MAX: usize = 16;
+
 /// One island as it will be computed: modules that can touch each other, and their events.
 #[derive(Clone, Debug)]
 pub(crate) struct IslandPlan {
@@ -73,6 +78,8 @@ pub(crate) fn whole(map: &Option<Vec<u32>>, local: usize) -> usize {
 pub(crate) struct BankPlan {
     pub(crate) oscillators: Vec<Oscillator>,
     pub(crate) strikes: Vec<Strikes>,
+    /// The part whose CELs they are, where it has banks of its own.
+    pub(crate) part: Option<u32>,
     /// The MAT that an oscillator is, and where it rests; empty where they are modes.
     pub(crate) mats: Vec<(u32, f64)>,
     /// The body whose modes they are; none where they are MATs.
@@ -290,7 +297,10 @@ impl Plan {
         let (mut groups, mut first, mut sum) = (Vec::new(), units.start, 0.0);
         for (at, cost) in units.clone().zip(&costs) {
             sum += cost;
-            if sum >= fair && groups.len() + 1 < most {
+            let is_full = self
+                .ends_piece(at, &units)
+                .unwrap_or(sum >= fair && groups.len() + 1 < most);
+            if is_full {
                 groups.push(first..at + 1);
                 (first, sum) = (at + 1, 0.0);
             }
@@ -299,6 +309,21 @@ impl Plan {
             groups.push(first..units.end);
         }
         groups
+    }
+
+    /// Whether a group ends behind a bank that the next one goes on: a function of their part alone, for an output adds up all of
+    /// them. `None` behind every other unit.
+    fn ends_piece(&self, at: usize, units: &Range<usize>) -> Option<bool> {
+        let part = |at: usize| match &self.units[at] {
+            Unit::Bank(bank) => bank.part,
+            Unit::IslandPlan(_) => None,
+        };
+        let own = part(at)?;
+        let is_own = |other: &usize| part(*other) == Some(own);
+        let before = (units.start..at).rev().take_while(is_own).count();
+        let after = (at + 1..units.end).take_while(is_own).count();
+        let piece = (before + 1 + after).div_ceil(PIECES_MAX).max(PIECE);
+        (after > 0).then(|| (before + 1).is_multiple_of(piece))
     }
 
     fn empty(network: Arc<Network>, timeline: &Timeline) -> Self {

@@ -11,8 +11,10 @@ use ergon_engine::simulation::{Glance, How, Look, Push, Record, Simulation};
 use crate::frames::Frames;
 use crate::motion::{MAGIC, MOST};
 use crate::payload::{Bytes, kind, put};
+use flights::Flight;
 use parts::{Track, blows, tracks};
 
+mod flights;
 mod live;
 mod parts;
 mod tables;
@@ -20,17 +22,8 @@ mod tables;
 pub use live::Told;
 pub use parts::{Run, runs};
 
-/// A flight is told where the last is off by this part of the amplitude.
-const OFF: f64 = 2e-3;
-/// What nobody could see [m].
-const FAINT: f64 = 1e-12;
 /// What is written is told so long before it strikes [s].
 const AHEAD: f64 = 1.0;
-/// Where an oscillation fades faster than this in a frame, it is not followed back to the ergon.
-const STEEP: f64 = 20.0;
-/// Frames from one look at the shape of a modal part, for its peak, to the next.
-const SHAPED: u64 = 4;
-
 /// What is recorded beside what moves.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -46,14 +39,6 @@ pub struct Setup {
     pub n_speakers: usize,
     /// Looks a second [Hz].
     pub fps: f64,
-}
-
-/// What a reader computes by itself of one point or mode.
-#[derive(Clone, Copy, Debug, Default)]
-struct Flight {
-    a: f64,
-    b: f64,
-    since: f64,
 }
 
 /// One second of chunks, which is written when it is over.
@@ -242,72 +227,6 @@ impl Recorder {
         &mut events[last].2
     }
 
-    /// Flights that are not where a reader has them.
-    fn fly(&mut self, seen: &[f64], now: f64, is_first: bool) {
-        let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
-        let mut found: Vec<(f64, usize, Flight)> = Vec::new();
-        for track in &self.tracks {
-            let is = (track.own).phase(seen[track.number], seen[n + track.number], step);
-            let flight = &self.flights[track.number];
-            let told = track.own.later((flight.a, flight.b), now - flight.since);
-            let scale = if track.own.omega == 0.0 {
-                1.0 / self.setup.fps
-            } else {
-                1.0
-            };
-            let size = |(a, b): (f64, f64)| amplitude(a, b * scale);
-            let off = size((is.0 - told.0, is.1 - told.1));
-            let largest = size(is).max(size(told));
-            let peak = &mut self.peaks[track.run];
-            if track.number < self.look.points.len() {
-                *peak = peak.max(if track.own.omega == 0.0 {
-                    is.0.abs()
-                } else {
-                    size(is)
-                });
-            }
-            if off.is_nan() || off <= OFF * largest + FAINT {
-                continue;
-            }
-            // What strikes at the instant of a look acts after it.
-            let blows = &self.blows[track.struck];
-            let blow = blows[..blows.partition_point(|blow| *blow < now)].last();
-            let since = match blow {
-                Some(&blow) if blow >= self.last && track.own.sigma * (now - blow) < STEEP => blow,
-                _ => now,
-            };
-            let (a, b) = track.own.later(is, since - now);
-            let (a, b) = (f64::from(a as f32), f64::from(b as f32));
-            found.push((since, track.number, Flight { a, b, since }));
-        }
-        found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-        for (since, number, flight) in found {
-            self.flights[number] = flight;
-            // What begins now is in the key state.
-            if !(is_first && since == now) {
-                write(self.event(since, kind::FLIGHTS), number, &flight);
-            }
-        }
-        if self.frame.is_multiple_of(SHAPED) {
-            self.shape(seen);
-        }
-    }
-
-    /// The peaks of modal parts.
-    fn shape(&mut self, seen: &[f64]) {
-        let n = self.look.points.len();
-        for (run, peak) in self.runs.iter().zip(&mut self.peaks) {
-            let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
-                continue;
-            };
-            let modes = &seen[n + body.first..][..body.modes.len()];
-            for (row, &point) in body.shapes.chunks(modes.len().max(1)).zip(&body.points) {
-                self.shaped[point] = row.iter().zip(modes).map(|(share, q)| share * q).sum();
-                *peak = peak.max(self.shaped[point].abs());
-            }
-        }
-    }
-
     /// Contacts since the last look.
     fn touch(&mut self, pushes: &[Push]) {
         let (last, rate) = (self.last, self.rate);
@@ -317,24 +236,6 @@ impl Recorder {
             to.f32(push.frame as f64 / rate - last);
             to.u32(contact as u32);
             to.f32(push.force);
-        }
-    }
-
-    fn begin_segment(&mut self, now: f64) {
-        self.segment.start = now;
-        for track in &self.tracks {
-            let flight = &mut self.flights[track.number];
-            let (a, b) = track.own.later((flight.a, flight.b), now - flight.since);
-            let is_faint = amplitude(a, b) <= FAINT;
-            let kept = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
-            *flight = Flight {
-                a: kept(a),
-                b: kept(b),
-                since: now,
-            };
-            if !is_faint {
-                write(&mut self.segment.state, track.number, flight);
-            }
         }
     }
 
@@ -463,20 +364,10 @@ pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
     n
 }
 
-fn write(to: &mut Bytes, number: usize, flight: &Flight) {
-    to.u32(number as u32);
-    to.f32(flight.a);
-    to.f32(flight.b);
-}
-
 /// `n` in pieces of at most `most`.
 fn chunks(n: usize, most: usize) -> impl Iterator<Item = Range<usize>> {
     let most = most.max(1);
     (0..n)
         .step_by(most)
         .map(move |from| from..n.min(from + most))
-}
-
-fn amplitude(a: f64, b: f64) -> f64 {
-    (a * a + b * b).sqrt()
 }

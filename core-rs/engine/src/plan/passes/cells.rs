@@ -1,5 +1,7 @@
 //! Isolated CELs: oscillators as they are, with the very poles of the scheme; and free masses, which fly.
 
+use std::collections::HashMap;
+
 use crate::bank::{Blow, Kick, Oscillator};
 use crate::network::{Error, MatKind, Network, Subset, Term};
 use crate::plan::BankPlan;
@@ -13,6 +15,9 @@ use crate::units::frame;
 
 /// Oscillators of one bank: enough to fill vectors for long, few enough to share out to threads.
 const TOGETHER: usize = 2_048;
+/// A part with so many has banks of its own, so that its sound depends on no other part to the last bit. Smaller parts share
+/// banks: a few CELs would leave most of a vector empty.
+const OF_ONE_PART: usize = 256;
 
 /// Whether an island is one CEL or MAS that no link, hand or path touches. One that swings so slowly that a
 /// two-term recurrence would round its pitch is not.
@@ -95,14 +100,21 @@ pub(in crate::plan) fn oscillators(
             },
         });
     }
+    let mut sizes = HashMap::new();
+    for (part, own) in mats.part.iter().zip(&all) {
+        *sizes.entry(*part).or_insert(0) += usize::from(!own.heard.is_empty());
+    }
     let mut banks: Vec<BankPlan> = Vec::new();
     for (i, mut oscillator) in all.into_iter().enumerate() {
         if oscillator.heard.is_empty() {
             continue;
         }
         oscillator.blows.sort_by_key(|blow| blow.frame);
-        if banks.last().is_none_or(|bank| bank.mats.len() == TOGETHER) {
+        let part = Some(mats.part[i]).filter(|part| sizes[part] >= OF_ONE_PART);
+        let has_room = |bank: &BankPlan| bank.part == part && bank.mats.len() < TOGETHER;
+        if !banks.last().is_some_and(has_room) {
             banks.push(BankPlan {
+                part,
                 is_open: timeline.is_open,
                 ..BankPlan::default()
             });

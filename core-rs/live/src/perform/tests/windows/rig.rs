@@ -1,0 +1,189 @@
+//! A scene, a window on it, and a performance whose ticks and pages go on by hand.
+
+use super::*;
+
+pub(super) const FPS: f64 = 60.0;
+/// After which a test gives up; nothing is judged by it.
+pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+pub(super) const CELLS: usize = 12;
+
+/// Cells that swing freely, and a skin that a hammer falls on.
+pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
+    let mut network = Network::new();
+    network.part("sky", None);
+    for i in 0..CELLS {
+        let f = 40.0 * libm::pow(1.4, i as f64);
+        let tie = Tie::Tuned { f, t60: Some(0.8) };
+        let name = format!("c{i}");
+        network.cel(&name, 1e-3, tie, 0.0, 0.0, 0.0).unwrap();
+    }
+    network.part("skin", None);
+    let topology = plate(Shape::Hex, 2, Rim::Fixed).unwrap();
+    let skin = network
+        .mesh("p", &topology, 1e-3, 200.0, Some(0.5), 0.0)
+        .unwrap();
+    let hammer = network.mas("h", 5e-3, -5e-3, 0.2).unwrap();
+    let but = But::plain(4e4, 0.0, 0.0);
+    network.but("hits", hammer, skin + 5, but).unwrap();
+    let heard = |first, len| Term::Position {
+        first,
+        len,
+        weight: 10.0,
+    };
+    let all = vec![heard(0, CELLS), heard(skin + 8, 1)];
+    network.listen("out", all).unwrap();
+    let network = Arc::new(network);
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    for (i, &at) in struck.iter().enumerate() {
+        timeline
+            .strike(&network, i % CELLS, at, 2e-5, i as u32)
+            .unwrap();
+    }
+    (network, timeline)
+}
+
+pub(super) fn planned(scene: &(Arc<Network>, Timeline), from: u64) -> Simulation {
+    let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
+    Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()
+}
+
+/// Strikes of a second and a half, some of them at once.
+pub(super) fn strikes() -> Vec<f64> {
+    (0..40).map(|i| f64::from(i * i % 53) / 36.0).collect()
+}
+
+/// A window as a performance has it, with a manifest of what a reader needs.
+pub(super) fn window_on(
+    simulation: &Simulation,
+    timeline: &Timeline,
+    title: &str,
+) -> (Window, Scene) {
+    let look = simulation.looked_at();
+    let parts: Vec<_> = runs(&look)
+        .into_iter()
+        .map(|run| {
+            let modes = run.body.map(|body| {
+                let body = &look.bodies[body];
+                serde_json::json!({"first": body.first, "count": body.modes.len(), "of": body.of})
+            });
+            serde_json::json!({"name": run.part.to_string(), "first": run.points.start,
+                "count": run.points.len(), "kind": run.kind, "modes": modes})
+        })
+        .collect();
+    let manifest = serde_json::json!({"title": title, "points": look.points.len(), "modes": look.n_modes(),
+        "parts": parts, "fps": FPS});
+    let mut ergons = simulation.written(timeline);
+    ergons.sort_by(|a, b| a.time.total_cmp(&b.time));
+    let setup = Setup {
+        manifest: manifest.to_string(),
+        places: vec![[0.0; 3]; look.points.len()],
+        ergons,
+        keys: Vec::new(),
+        n_speakers: 2,
+        fps: FPS,
+    };
+    window(simulation, look, setup).unwrap()
+}
+
+pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
+    Stage {
+        simulation: simulation.fork(),
+        hands: Vec::new(),
+        is_seen,
+        ..stage()
+    }
+}
+
+pub(super) fn config(audio: &str) -> PlaybackConfig {
+    PlaybackConfig {
+        audio: audio.parse().unwrap(),
+        ahead: None,
+        record: None,
+    }
+}
+
+pub(super) fn served(limits: Limits) -> Arc<Server> {
+    let options = ergon_view::serve::Options {
+        at: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+        key: None,
+        file: None,
+        sound: None,
+        limits,
+    };
+    Arc::new(Server::start(options).expect("a server"))
+}
+
+/// A performance whose ticks and pages go on by hand.
+pub(super) struct Shown {
+    pub(super) this: Performance,
+    pub(super) player: Player,
+    pub(super) server: Arc<Server>,
+    pub(super) relay: Relay,
+    pub(super) coming: Sender<(Scene, Ear)>,
+}
+
+impl Shown {
+    pub(super) fn new(
+        simulation: &Simulation,
+        timeline: &Timeline,
+        config: PlaybackConfig,
+        limits: Limits,
+    ) -> Self {
+        let (window, scene) = window_on(simulation, timeline, "first");
+        let stage = a_stage(simulation, true);
+        let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+        player.begin();
+        assert!(this.open(window));
+        let server = served(limits);
+        let (coming, scenes) = channel();
+        coming.send((scene, this.ear())).unwrap();
+        let relay = Relay::new(server.clone(), scenes);
+        Self {
+            this,
+            player,
+            server,
+            relay,
+            coming,
+        }
+    }
+
+    /// So many ticks without a page that takes anything.
+    pub(super) fn tick(&mut self, n: u64) {
+        reset_violation_count();
+        assert_no_alloc(|| (0..n).for_each(|_| assert!(self.player.tick())));
+        assert_eq!(violation_count(), 0);
+    }
+
+    pub(super) fn frame(&self) -> u64 {
+        self.player.frame
+    }
+
+    pub(super) fn end(self) {
+        drop(self.player);
+        self.this.close(Duration::from_secs(10)).unwrap();
+    }
+}
+
+/// All messages that a viewer gets by now.
+pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
+    let mut all = Vec::new();
+    loop {
+        match server.hub().take(cursor, Duration::ZERO) {
+            Taken::Message(bytes) => all.push(bytes.to_vec()),
+            Taken::Nothing => return all,
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+/// The kinds and instants of chunks, one after the other.
+pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
+    let mut all = Vec::new();
+    bytes = bytes.strip_prefix(&MAGIC[..]).unwrap_or(bytes);
+    while !bytes.is_empty() {
+        let (chunk, n) = motion::read(bytes).expect("a whole chunk");
+        all.push((chunk.kind, chunk.seconds, chunk.payload.to_vec()));
+        bytes = &bytes[n..];
+    }
+    all
+}
