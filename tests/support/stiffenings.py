@@ -103,7 +103,9 @@ class Rig:
     @property
     def trips(self) -> int:
         """How often the key has tripped since the last look."""
-        return sum("tripped" in message for message in self.session.messages())
+        found = [message for message in self.session.messages() if "tripped" in message]
+        print(*found, sep="\n")  # why, where a test fails
+        return len(found)
 
     def power(self, since: int) -> float:
         """Mean power of the motor from a period on [W]."""
