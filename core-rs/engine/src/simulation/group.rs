@@ -14,7 +14,7 @@ use crate::units::Rate;
 pub(super) const STRETCH: usize = 256;
 /// Frames that a group advances where threads share the work: starting the threads costs little beside it.
 pub(super) const LONG: usize = 4_096;
-/// Largest number of groups, whatever the number of threads.
+/// Largest number of groups, whatever the number of threads; banks of large parts may add some.
 pub(super) const GROUPS: usize = 16;
 /// Part of a helper's time that is gained where a team computes one mesh.
 const HELP: f64 = 0.7;
