@@ -283,9 +283,9 @@ impl Plan {
         make::make(network, timeline, budget, pins, known)
     }
 
-    /// The units that are heard in at most `most` groups of about the same cost, and those into which banks of large parts are
-    /// divided, one after the other; then the others. How
-    /// what is heard is grouped does not depend on what is looked at: sums are rounded in groups.
+    /// The units that are heard in at most `most` groups of about the same cost, and those into which banks of large parts
+    /// are divided, one after the other; then the others. How what is heard is grouped does not depend on what is looked at:
+    /// sums are rounded in groups.
     pub(crate) fn groups(&self, most: usize) -> Vec<Range<usize>> {
         let mut groups = self.grouped(0..self.n_heard, most);
         groups.extend(self.grouped(self.n_heard..self.units.len(), most));

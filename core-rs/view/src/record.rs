@@ -24,6 +24,7 @@ pub use parts::{Run, runs};
 
 /// What is written is told so long before it strikes [s].
 const AHEAD: f64 = 1.0;
+
 /// What is recorded beside what moves.
 #[derive(Clone, Debug)]
 pub struct Setup {

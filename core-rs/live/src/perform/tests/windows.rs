@@ -31,12 +31,7 @@ fn pages_are_told_what_the_engine_has() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
     let mut truth = simulation.fork();
-    let mut shown = Shown::new(
-        &simulation,
-        &scene.1,
-        config("null:fast"),
-        Limits::default(),
-    );
+    let mut shown = Shown::fast(&simulation, &scene.1);
     let mut cursor = shown.server.hub().join();
     let (mut bytes, mut frames) = (Vec::new(), Vec::new());
     let mut squares = Vec::new();
@@ -192,12 +187,7 @@ fn a_window_changes_no_sample() {
 fn what_happens_while_nobody_looks_is_told_afterwards() {
     let scene = scene(&[]);
     let simulation = planned(&scene, 0);
-    let mut shown = Shown::new(
-        &simulation,
-        &scene.1,
-        config("null:fast"),
-        Limits::default(),
-    );
+    let mut shown = Shown::fast(&simulation, &scene.1);
     let mut cursor = shown.server.hub().join();
     shown.tick(1);
     shown.relay.turn();
@@ -231,7 +221,7 @@ fn what_happens_while_nobody_looks_is_told_afterwards() {
 fn a_version_that_takes_over_is_shown_from_then_on() {
     let first = scene(&strikes());
     let (old, second) = (planned(&first, 0), scene(&[0.6, 0.7]));
-    let mut shown = Shown::new(&old, &first.1, config("null:fast"), Limits::default());
+    let mut shown = Shown::fast(&old, &first.1);
     let mut cursor = shown.server.hub().join();
     let every = EVERY as u64;
     let second_at = |tick: u64| planned(&second, tick * every);

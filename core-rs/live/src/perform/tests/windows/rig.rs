@@ -123,6 +123,12 @@ pub(super) struct Shown {
 }
 
 impl Shown {
+    /// As fast as it goes, into no file.
+    pub(super) fn fast(simulation: &Simulation, timeline: &Timeline) -> Self {
+        let config = config("null:fast");
+        Self::new(simulation, timeline, config, Limits::default())
+    }
+
     pub(super) fn new(
         simulation: &Simulation,
         timeline: &Timeline,
