@@ -232,6 +232,8 @@ class SessionCore:
             made = edit(version, at)
             return replace(made, number=number, line=line)
 
+        if resets:  # the piece stands there: what begins between there and `place` never plays
+            place = self.commits.running.beat(start)
         enter = place if beat is None else beat
         is_now = when is NOW or (when is None and self.quant is None) or goes is not None
         waiting = Waiting(

@@ -10,6 +10,7 @@ from sessions import Stepped
 
 SCORE = """\
 ergon: 1
+rates: {audio: 8kHz}
 tempo: [{at: 1|1, bpm: 240}]               # a bar is a second
 keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
 instruments:

@@ -11,6 +11,7 @@ from sessions import Stepped
 
 SCORE = """\
 ergon: 1
+rates: {audio: 8kHz}
 tempo: {bpm: 240}
 keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
 instruments:

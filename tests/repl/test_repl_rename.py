@@ -12,6 +12,7 @@ from sweep import few
 
 SCORE = """\
 ergon: 1
+rates: {audio: 8kHz}
 seed: 5
 tempo: {bpm: 240}
 let: {bell: 3mm}

@@ -17,6 +17,7 @@ from ergon.scores.edits.scenes import Scene
 
 SCORE = """\
 ergon: 1
+rates: {audio: 8kHz}
 tempo:
   - {at: 1|1, bpm: 240}                    # a bar is a second
 keys:

@@ -22,6 +22,7 @@ SCORE = """\
 ergon: 1
 title: For a session                       # a comment
 seed: 7
+rates: {audio: 8kHz}
 tempo:
   - {at: 1|1, bpm: 120}
 keys:
@@ -198,6 +199,21 @@ def test_rest_ends_after_the_gesture_and_hush_at_once(session):
     assert session.session.state().playing == ()
 
 
+@pytest.mark.parametrize("phase", range(20))
+def test_nothing_comes_back_after_a_panic(session, phase):
+    """Wherever the panic falls between two gestures that begin every quarter of a second."""
+    session.ok("play")
+    session.ok("ada plays knock every 1/2 now")
+    session.run(1.0 + 0.0125 * phase)
+    session.ok("panic")
+    session.run(0.1)
+    assert not session.session.commits.running.clock.goes
+    session.ok("release")
+    session.ok("play")
+    session.run(0.1)
+    assert session.session.state().playing == ()
+
+
 def test_a_hushed_bell_decays_as_its_model_says(session):
     session.ok("play")
     session.ok("leo plays knock every 1 now")
@@ -207,7 +223,8 @@ def test_a_hushed_bell_decays_as_its_model_says(session):
     start = len(session.sound)
     session.run(0.4)
     ring = session.sound[start:, 1]
-    blocks = np.abs(ring[: len(ring) // 882 * 882].reshape(-1, 882)).max(axis=1)
+    n = int(0.02 * session.rate)
+    blocks = np.abs(ring[: len(ring) // n * n].reshape(-1, n)).max(axis=1)
     keep = blocks > 1e-3 * blocks[0]
     slope = np.polyfit(np.arange(len(blocks))[keep], 20 * np.log10(blocks[keep]), 1)[0]
     t60 = -60.0 / (slope * 50.0)

@@ -14,6 +14,7 @@ from ergon.scores.edits import structure
 
 SCORE = """\
 ergon: 1
+rates: {audio: 8kHz}
 tempo:
   - {at: 1|1, bpm: 240}                    # a bar is a second
 keys:

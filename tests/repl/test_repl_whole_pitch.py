@@ -19,6 +19,7 @@ from ergon.scores.staging.stage import stage
 
 SCORE = """\
 ergon: 1
+rates: {audio: 8kHz}
 tempo: {bpm: 240}
 keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
 instruments:
