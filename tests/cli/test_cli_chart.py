@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from commands import records
 from one_bell import SCORE
+from sweep import few
 
 from ergon.cli import app
 from ergon.cli.laboratory import FORMS
@@ -136,10 +137,10 @@ def test_what_is_refused(
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("typed", [
+@pytest.mark.parametrize("typed", few([
     ["chart", "bell.yaml", "--seconds", "0.2", "--upto", "2", "-o", "x"],
     ["stability", "--maps", "rate", "-o", "x"],
-])  # fmt: skip
+], 1))  # fmt: skip
 def test_without_matplotlib_there_is_the_table(
     here: Path,
     capsys: pytest.CaptureFixture[str],

@@ -16,6 +16,7 @@ from commands import records
 from docs.generators import faults
 from emulators import pulled
 from patience import PATIENCE, until
+from sweep import few
 
 from ergon import _core
 from ergon.cli import app
@@ -41,7 +42,7 @@ def by(found: list[dict], event: str) -> dict:
     return record
 
 
-@pytest.mark.parametrize("clock", [(), ("--lockstep",)])
+@pytest.mark.parametrize("clock", few([(), ("--lockstep",)], 1))
 def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tuple[str, ...]):
     with emulated("frame", "--udp", "0", *clock) as url:
         asked = ["doctor", "--no-audio", "--seconds", "0.5", "--json", "--device", url]

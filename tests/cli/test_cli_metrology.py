@@ -11,6 +11,7 @@ from commands import records
 from emulators import emulator
 from measured_keys import KEY, Floats, knocks, path, rain, read
 from recordings import Axis, end, header, row, rows
+from sweep import few
 
 from ergon.cli import app
 
@@ -173,6 +174,7 @@ EMULATED = (
 )
 
 
+@pytest.mark.slow
 def test_a_key_of_a_device_is_measured(capsys: Capture):
     """As a user does it: measure, look again, compare, list, weigh."""
     with emulator("frame", "--udp", "0", *EMULATED) as board:
@@ -273,14 +275,17 @@ def test_a_device_that_ends_leaves_its_take(capsys: Capture):
 
 @pytest.mark.parametrize(
     ("command", "code", "told"),
-    [
-        (["emul:"], 2, "-o FILE says where"),
-        (["nobody"], 2, "No such command 'nobody'"),
-        (["frame+udp:127.0.0.1:1", "-n"], 3, "127.0.0.1:1"),
-        (["emul:#7", "-n"], 2, "axis 7 does not exist"),
-        (["replay", "rain.take", "knocks.take"], 2, "this is no text"),
-        (["compare", "none.yaml", "none.yaml"], 2, "none.yaml"),
-    ],
+    few(
+        [
+            (["emul:"], 2, "-o FILE says where"),
+            (["nobody"], 2, "No such command 'nobody'"),
+            (["frame+udp:127.0.0.1:1", "-n"], 3, "127.0.0.1:1"),
+            (["emul:#7", "-n"], 2, "axis 7 does not exist"),
+            (["replay", "rain.take", "knocks.take"], 2, "this is no text"),
+            (["compare", "none.yaml", "none.yaml"], 2, "none.yaml"),
+        ],
+        2,
+    ),
 )
 def test_what_measures_nothing_is_refused(
     capsys: Capture, command: list[str], code: int, told: str

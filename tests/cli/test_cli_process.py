@@ -9,6 +9,7 @@ import pytest
 from commands import ERGON
 from one_bell import SCORE
 from patience import PATIENCE, until
+from sweep import few
 
 
 @pytest.fixture
@@ -18,7 +19,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("threads", ["1", "2"])
+@pytest.mark.parametrize("threads", few(["1", "2"], 1))
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_render_leaves_nothing(
     folder: Path, number: signal.Signals, threads: str

@@ -50,7 +50,8 @@ def ergon(folder: Path, line: str, closed: tuple[int, ...] = (), **environment: 
 
 @pytest.mark.parametrize("closed", [(0, 1), (1,), (0, 1, 2)])
 @pytest.mark.parametrize(
-    ("line", "code"), [("info score.yaml", 0), ("check nothing.yaml", 1), (REPL, 0), ("--help", 0)]
+    ("line", "code"),
+    few([("info score.yaml", 0), ("check nothing.yaml", 1), (REPL, 0), ("--help", 0)], 1),
 )
 def test_closed_streams(here: Path, closed: tuple[int, ...], line: str, code: int) -> None:
     assert ergon(here, line, closed).returncode == code
@@ -78,18 +79,21 @@ def test_what_ascii_cannot_say_is_escaped(here: Path, environment: dict[str, str
 
 @pytest.mark.parametrize(
     ("line", "code"),
-    [
-        ("check loop.yaml", 1),
-        ("check round/score.yaml", 1),
-        ("check uses.yaml", 1),
-        ("check plays.yaml", 1),
-        ("render score.yaml -o loop.wav", 2),
-        ("render score.yaml -o round/x.wav", 2),
-        ("render loop.jsonl -o x.wav", 2),
-        ("repl --resume loop.jsonl --audio null", 2),
-        ("repl score.yaml --audio null --journal round/session.jsonl", 2),
-        ("schema -o loop.yaml", 2),
-    ],
+    few(
+        [
+            ("check loop.yaml", 1),
+            ("check round/score.yaml", 1),
+            ("check uses.yaml", 1),
+            ("check plays.yaml", 1),
+            ("render score.yaml -o loop.wav", 2),
+            ("render score.yaml -o round/x.wav", 2),
+            ("render loop.jsonl -o x.wav", 2),
+            ("repl --resume loop.jsonl --audio null", 2),
+            ("repl score.yaml --audio null --journal round/session.jsonl", 2),
+            ("schema -o loop.yaml", 2),
+        ],
+        4,
+    ),
 )
 def test_links_that_lead_back_to_themselves(here: Path, line: str, code: int) -> None:
     (here / "uses.yaml").write_text(SCORE.replace("keys:", "use: loop.yaml\nkeys:"))

@@ -220,13 +220,14 @@ MOST: Mapping[str, Callable[[], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", few(MOST, ["rain", "times", "bank"]))
+@pytest.mark.parametrize("name", few(MOST, ["rain"]))
 def test_the_most_that_is_allowed_fits(tmp_path: Path, name: str) -> None:
     (tmp_path / "s.yaml").write_text(MOST[name]())
     done = ergon(tmp_path, "check", "-q", "s.yaml")
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_rendering_a_hostile_score_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "law.yaml").write_text(law("__import__('os').system('touch pwned')"))
     (tmp_path / "day.yaml").write_text(piece("at: 0", "at: 1000000s"))

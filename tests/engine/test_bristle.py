@@ -13,7 +13,7 @@ from ergon.scores.staging.implausible import implausible
 N = 4410  # frames that are judged: 0.1 s
 
 
-@pytest.fixture(scope="module", params=SCENES)
+@pytest.fixture(scope="module", params=few(SCENES, 1))
 def solved(request):
     scene = SCENES[request.param]
     return scene, scene.exact(N)

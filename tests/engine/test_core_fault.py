@@ -38,6 +38,7 @@ def fall() -> int:
     return int(np.flatnonzero(~np.isfinite(out[:, -1]))[0])
 
 
+@pytest.mark.slow
 def test_the_scene_is_doomed_only_when_struck_hard():
     assert np.isfinite(simulate(doomed(0.1), RATE, 4000).out).all()
     assert 1000 < fall() < 3000

@@ -12,7 +12,7 @@ from ergon import _core
 N = 4410  # frames that are judged: 0.1 s
 
 
-@pytest.fixture(scope="module", params=few(SCENES, ["block", "stick-slip"]))
+@pytest.fixture(scope="module", params=few(SCENES, ["stick-slip"]))
 def solved(request):
     scene = SCENES[request.param]
     return scene, scene.exact(N)
@@ -47,6 +47,7 @@ def test_a_mass_that_is_held_rests_exactly():
     assert np.ptp(played(SCENES["held"].text, method="ca")) == 0.0
 
 
+@pytest.mark.slow
 def test_a_held_mass_stays_where_a_contact_presses_it():
     """Contacts that are computed finer than a frame push before friction answers."""
     text = (
@@ -96,7 +97,7 @@ def test_no_spring_and_no_step_makes_friction_give_energy():
 
 
 @pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
-@pytest.mark.parametrize("name", ["stick-slip", "key"])
+@pytest.mark.parametrize("name", few(["stick-slip", "key"], 1))
 def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
     stage, plan = planned(SCENES[name].text, **wishes)
     sound = played(SCENES[name].text, **wishes)

@@ -188,6 +188,7 @@ def body(matrix: np.ndarray, lowest: float, f: float, t60: float, at: int) -> np
     return shapes @ np.array(modes)
 
 
+@pytest.mark.slow
 def test_a_decay_glides_without_a_change_of_pitch():
     n, f = 8, 220.0
     module = (

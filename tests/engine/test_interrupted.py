@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from benches.interrupts import COMMANDS, begun
 from patience import PATIENCE
+from sweep import few
 
 from ergon import _core
 from ergon.cli.signals import Terminated, signals_as_exceptions
@@ -20,7 +21,7 @@ _HOURS = [what for what in COMMANDS if COMMANDS[what][0] and "large" not in what
 _HOURS = [what for what in _HOURS if what not in ("chart", "info")]
 
 
-@pytest.mark.parametrize("what", _HOURS)
+@pytest.mark.parametrize("what", few(_HOURS, 3))
 def test_control_c_ends_a_command(what, tmp_path):
     with begun(tmp_path, what) as child:
         try:

@@ -1,12 +1,13 @@
 """Slow parts (E4): held against every frame, against the motion itself, and against its own map."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from oracle.planned import error_db
 from scipy.linalg import expm
-from sweep import crossed, few
+from sweep import few
 
 from ergon import _core
 
@@ -82,7 +83,7 @@ def test_at_every_frame_it_is_the_plain_network(gesture: dict[str, Any] | None):
 
 
 @pytest.mark.parametrize(
-    ("kc", "gesture", "damped"), crossed([5e2, 5e3], [None, {}], [True, False])
+    ("kc", "gesture", "damped"), few(product([5e2, 5e3], [None, {}], [True, False]), 1)
 )
 def test_it_is_preserved_at_ten_frames_and_at_twenty(
     kc: float, gesture: dict[str, Any] | None, damped: bool
@@ -271,12 +272,15 @@ def lone_key(every: int | None, **more: Any) -> tuple[_core.Network, _core.Timel
 
 @pytest.mark.parametrize(
     "gesture",
-    [
-        {},
-        {"grain": 5e-3},
-        {"ergons": "particle"},
-        {"join": 0.0},
-    ],
+    few(
+        [
+            {},
+            {"grain": 5e-3},
+            {"ergons": "particle"},
+            {"join": 0.0},
+        ],
+        2,
+    ),
     ids=["dense", "grains", "particles", "no joining curve"],
 )
 @pytest.mark.parametrize("every", few([10, 44], [44]))

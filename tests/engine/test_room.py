@@ -1,8 +1,10 @@
 """A room's impulse response beside what was asked of it."""
 
+from itertools import product
+
 import numpy as np
 import pytest
-from sweep import crossed
+from sweep import few
 
 from ergon._core import EngineError, Mixer
 
@@ -43,14 +45,17 @@ def decay(sound: np.ndarray, f: float) -> float:
 
 @pytest.mark.parametrize(
     ("t60", "size"),
-    crossed(
-        [
-            ((200.0, 2.0), (6_000.0, 2.0)),
-            ((200.0, 2.4), (6_000.0, 0.8)),
-            ((125.0, 1.2), (8_000.0, 0.6)),
-            ((300.0, 1.0), (5_000.0, 1.6)),
-        ],
-        [4.0, 12.0, 35.0],
+    few(
+        product(
+            [
+                ((200.0, 2.0), (6_000.0, 2.0)),
+                ((200.0, 2.4), (6_000.0, 0.8)),
+                ((125.0, 1.2), (8_000.0, 0.6)),
+                ((300.0, 1.0), (5_000.0, 1.6)),
+            ],
+            [4.0, 12.0, 35.0],
+        ),
+        1,
     ),
 )
 def test_it_fades_as_asked(t60, size):
@@ -59,6 +64,7 @@ def test_it_fades_as_asked(t60, size):
         assert decay(sound, f) == pytest.approx(wanted, rel=0.05), f
 
 
+@pytest.mark.slow
 def test_between_and_beyond_the_two_frequencies():
     (low, long), (high, short) = t60 = (200.0, 2.4), (6_000.0, 0.8)
     sound = response(t60, n_channels=15)

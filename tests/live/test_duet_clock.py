@@ -49,6 +49,7 @@ def score(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_path: Path):
     take, heard = tmp_path / "two.take", tmp_path / "two.wav"
     port = free_port()

@@ -48,11 +48,14 @@ COUPLED = "duet: [{couple: [k, v], REF: {K: 60N/m, Z: 0Ns/m}}]"
 
 @pytest.mark.parametrize(
     ("kind", "way", "scheme"),
-    [
-        ("frame", "--pty", "frame:"),
-        ("frame", "--udp=0", "frame+udp:"),
-        ("haply", "--ws=0", "haply:"),
-    ],
+    few(
+        [
+            ("frame", "--pty", "frame:"),
+            ("frame", "--udp=0", "frame+udp:"),
+            ("haply", "--ws=0", "haply:"),
+        ],
+        1,
+    ),
 )
 def test_a_key_in_another_process_is_the_key_in_the_network(
     tmp_path: Path, kind: str, way: str, scheme: str
@@ -151,13 +154,16 @@ def staged(score: Path, **how: object) -> Stage:
 
 @pytest.mark.parametrize(
     ("arguments", "options"),
-    [
-        (("firefader", "--pty"), ""),
-        (("frame", "--pty"), "&wide"),
-        (("frame", "--udp", "0"), "&wide"),
-        (("frame", "--udp", "0"), ""),
-        (("haply", "--ws", "0"), ""),
-    ],
+    few(
+        [
+            (("firefader", "--pty"), ""),
+            (("frame", "--pty"), "&wide"),
+            (("frame", "--udp", "0"), "&wide"),
+            (("frame", "--udp", "0"), ""),
+            (("haply", "--ws", "0"), ""),
+        ],
+        2,
+    ),
 )
 def test_every_wire_in_lockstep_plays_what_the_scheme_renders(
     tmp_path: Path, arguments: tuple[str, ...], options: str

@@ -114,6 +114,7 @@ def test_as_fast_as_it_goes_nothing_at_all_is_missing(
     assert "gaps" not in playing.told[-1]
 
 
+@pytest.mark.slow
 def test_a_key_on_a_wire_is_heard_through_pulse(
     score: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import soundfile
 from numpy.typing import NDArray
+from sweep import few
 
 from ergon import _core
 from ergon.api.play import PlayOptions, Prepared, prepare
@@ -62,7 +63,7 @@ def folded(to: str) -> tuple[NDArray[np.float32], int]:
     return made.astype(np.float32), fold.tail
 
 
-@pytest.mark.parametrize("to", ["binaural", "stereo", "ambix2"])
+@pytest.mark.parametrize("to", few(["binaural", "stereo", "ambix2"], 1))
 def test_what_is_heard_is_the_mix_through_the_fold(to: str) -> None:
     words = ["play", "s.yaml", "--audio", "file:heard.wav", "--gain", GAIN, "--to", to, "-q"]
     assert app.run(words) == 0

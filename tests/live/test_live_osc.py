@@ -21,6 +21,7 @@ from patience import PATIENCE, until
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message import OscMessage
 from pythonosc.osc_message_builder import OscMessageBuilder
+from sweep import few
 
 from ergon import _core
 from ergon.cli import app
@@ -307,11 +308,14 @@ def ringing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Stage, np.ndarray
 
 @pytest.mark.parametrize(
     ("address", "moved"),
-    [
-        ("/ergon/instrument/bell/gain", [True, False, False]),
-        ("/ergon/player/ada/gain", [True, True, False]),
-        ("/ergon/gain", [True, True, True]),
-    ],
+    few(
+        [
+            ("/ergon/instrument/bell/gain", [True, False, False]),
+            ("/ergon/player/ada/gain", [True, True, False]),
+            ("/ergon/gain", [True, True, True]),
+        ],
+        1,
+    ),
 )
 def test_a_gain_moves_what_it_says(
     ringing: tuple[Stage, np.ndarray], tmp_path: Path, address: str, moved: list[bool]

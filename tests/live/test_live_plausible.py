@@ -58,6 +58,7 @@ def harm(log: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
     return float(lasted), float(np.maximum(x - high, low - x).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "why"),
     few(
@@ -112,6 +113,7 @@ def test_a_board_that_is_wired_rightly_is_tried_and_plays(tmp_path: Path):
         assert not (tmp_path / "config").exists(), "an address is no board that one remembers"
 
 
+@pytest.mark.slow
 def test_unchecked_it_is_found_at_its_first_movement(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
         code, told = duet(tmp_path, board, "--unchecked", "--guide", "remi=800N/m")

@@ -110,6 +110,7 @@ def test_elsewhere_the_address_has_a_key(own_folder: Path) -> None:
     assert len(bytes.fromhex(urllib.parse.urlsplit(url).path.strip("/"))) == 16
 
 
+@pytest.mark.slow
 def test_a_page_follows_what_is_heard(chromium: browser.Browser, own_folder: Path) -> None:
     """By the clock of a card that is none; the page stands, goes back and comes to now again."""
     Path("s.yaml").write_text(SKY)

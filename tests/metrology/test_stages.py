@@ -61,6 +61,7 @@ def test_a_key_is_measured_as_well_as_can_be():
     assert (np.abs(errors.mean(axis=0)) <= 0.5 * spread).all(), errors.mean(axis=0)
 
 
+@pytest.mark.slow
 def test_no_mode_is_found_where_there_is_none():
     found, replay = measured(PLAIN, 7)
     assert "mode" not in kept(found)

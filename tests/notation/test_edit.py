@@ -223,6 +223,7 @@ def test_what_is_removed_is_all_that_goes(found, data):
     assert is_part_of(comments(changed), comments(document.text))
 
 
+@pytest.mark.slow
 @quiet
 @given(documents, st.data())
 def test_many_edits_in_a_row_keep_the_comments(found, data):

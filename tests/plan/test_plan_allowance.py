@@ -47,6 +47,7 @@ def planned(threads: int = 1) -> _core.Plan:
     return staged.stage.plan
 
 
+@pytest.mark.slow
 def test_trials_draw_no_more_than_their_allowance() -> None:
     drawn, most = hostile(1).trials
     assert 0.0 < drawn <= most
@@ -81,6 +82,7 @@ def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
     assert "planning ended, for its work is bounded" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_proof_that_slow_parts_do_not_grow_is_drawn() -> None:
     network = _core.Network()
     for name, every in (("one", 137), ("two", 139)):

@@ -9,6 +9,7 @@ import pytest
 from accuracy import reference
 from accuracy.equations import read
 from commands import records
+from sweep import few
 
 from ergon import _core
 from ergon.cli import app
@@ -54,7 +55,7 @@ def apart(ours: np.ndarray, theirs: np.ndarray, rate: float) -> tuple[float, flo
     return max(cents), max(levels)
 
 
-@pytest.mark.parametrize("name", ["hammer-0", "hammer-20", "hard-8", "hard-20", "laws-10"])
+@pytest.mark.parametrize("name", few(["hammer-0", "hammer-20", "hard-8", "hard-20", "laws-10"], 2))
 def test_by_ear_pitches_and_third_octaves_are_right_or_said_not_to_be(name: str):
     text = (SCENES / f"{name}.yaml").read_text(encoding="utf-8")
     piece = load("scene.yaml", text=text).piece

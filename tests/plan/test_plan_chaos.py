@@ -135,6 +135,7 @@ def test_so_is_a_gong_that_is_struck_softly():
     assert row.spectral_db is None
 
 
+@pytest.mark.slow
 def test_by_ear_a_method_that_raves_gives_way():
     # At four times the blow CA once a frame is lost, and others come through far too loud.
     gong = scene(impulse=3.0 * HARD)

@@ -113,7 +113,7 @@ EDITS = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new"), few(EDITS, EDITS[1::3]))
+@pytest.mark.parametrize(("old", "new"), few(EDITS, EDITS[1:2]))
 def test_a_plan_with_what_is_known_is_that_from_scratch(old: str, new: str) -> None:
     edited = SCORE.replace(old, new)
     assert edited != SCORE

@@ -121,6 +121,7 @@ def still(scene: Scene) -> list[Mat]:
     return [point, cell, a, b]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wishes", few(WISHES, WISHES[:1]), ids=str)
 def test_where_what_is_still_stands_is_heard(wishes: dict[str, Any]):
     alone, scene = Scene(), Scene()

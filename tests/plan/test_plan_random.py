@@ -92,6 +92,7 @@ def test_many_scenes_keep_their_budget(seed: int, even: bool):
     check(seed, even=even)
 
 
+@pytest.mark.slow
 def test_most_scenes_can_be_told_from_their_reference():
     """Else the tests above would hold of anything: the plain scheme itself is far outside."""
     outside = 0

@@ -94,7 +94,7 @@ EDITS = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "is_known"), few(EDITS, EDITS[::2]))
+@pytest.mark.parametrize(("old", "new", "is_known"), few(EDITS, EDITS[::4]))
 def test_whatever_a_trial_depends_on_makes_another(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch, old: str, new: str, is_known: bool
 ):
@@ -135,7 +135,7 @@ SPOILT = [
 ]
 
 
-@pytest.mark.parametrize("spoil", SPOILT)
+@pytest.mark.parametrize("spoil", few(SPOILT, 3))
 def test_a_broken_file_is_made_anew(capsys: Capture, plans: Path, spoil):
     Path("a.yaml").write_text(BELL)
     fresh, _ = told(capsys)

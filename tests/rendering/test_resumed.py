@@ -157,6 +157,7 @@ render: {{tail: 0.3s, bits: float}}
 """
 
 
+@pytest.mark.slow
 def test_what_is_computed_between_frames_goes_on(counted: Counted, monkeypatch: pytest.MonkeyPatch):
     versions = [BETWEEN.format(late=late) for late in (1.4, 1.4, 1.5)]
     scratch = [sound(version, monkeypatch, kept=False) for version in versions]
@@ -168,6 +169,7 @@ def test_what_is_computed_between_frames_goes_on(counted: Counted, monkeypatch: 
     assert again > edited > 0.5 * again
 
 
+@pytest.mark.slow
 def test_where_in_the_text_a_gesture_stands_does_not_sound(
     counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
@@ -205,6 +207,7 @@ def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytes
     assert counted.recalled[1] == counted.recalled[2] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(60), range(2)))
 def test_random_scores_sound_as_from_scratch(
     seed: int, counted: Counted, monkeypatch: pytest.MonkeyPatch
@@ -237,6 +240,7 @@ def test_what_is_damaged_counts_as_none(tmp_path: Path):
         assert store.get(key) is None
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_written_is_no_mistake(
     tmp_path: Path, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):

@@ -16,6 +16,7 @@ import pytest
 import soundfile
 from paced_board import Paced, paced
 from patience import PATIENCE, until
+from sweep import few
 from tests.repl.test_repl_live import ok
 
 from ergon import _core
@@ -276,7 +277,9 @@ def test_a_missing_recording_is_refused_by_name(short: Path, tmp_path: Path):
     assert not (tmp_path / "again.wav").exists()
 
 
-@pytest.mark.parametrize("name", ["../session.take", "/dev/zero", "a/b.take", "score.yaml", ""])
+@pytest.mark.parametrize(
+    "name", few(["../session.take", "/dev/zero", "a/b.take", "score.yaml", ""], 2)
+)
 def test_a_recording_elsewhere_is_refused(short: Path, tmp_path: Path, name: str):
     events = copied(short, tmp_path)
     events[0]["take"] = name
@@ -312,11 +315,14 @@ def test_what_was_cut_is_not_called_whole(short: Path, tmp_path: Path):
 
 @pytest.mark.parametrize(
     "silences",
-    [
-        [{"frame": 5, "begins": False}],
-        [{"frame": 5, "begins": True}, {"frame": 9, "begins": True}],
-        [{"frame": 5, "begins": True}, {"frame": 4, "begins": False}],
-    ],
+    few(
+        [
+            [{"frame": 5, "begins": False}],
+            [{"frame": 5, "begins": True}, {"frame": 9, "begins": True}],
+            [{"frame": 5, "begins": True}, {"frame": 4, "begins": False}],
+        ],
+        1,
+    ),
 )
 def test_silences_that_cannot_be_are_refused(short: Path, tmp_path: Path, silences: list[dict]):
     events = copied(short, tmp_path)

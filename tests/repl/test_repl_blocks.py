@@ -192,6 +192,7 @@ def _n_calls(own, line):
     return sum(called)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "of"),
     crossed(

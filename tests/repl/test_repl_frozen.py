@@ -254,14 +254,17 @@ def test_a_journal_refuses_frozen_parts_that_are_missing_or_others(
 
 @pytest.mark.parametrize(
     ("field", "value", "why"),
-    [
-        ("frozen", "../../../../tmp", "outside this folder and the journal's"),
-        ("frozen", "", "no name of a folder"),
-        ("frozen", 7, "wrong type"),
-        ("frozen_parts", "gong", "wrong type"),
-        ("frozen_parts", [7], "wrong type"),
-        ("frozen_parts", [{"part": "gong"}], "missing"),
-    ],
+    few(
+        [
+            ("frozen", "../../../../tmp", "outside this folder and the journal's"),
+            ("frozen", "", "no name of a folder"),
+            ("frozen", 7, "wrong type"),
+            ("frozen_parts", "gong", "wrong type"),
+            ("frozen_parts", [7], "wrong type"),
+            ("frozen_parts", [{"part": "gong"}], "missing"),
+        ],
+        2,
+    ),
 )
 def test_a_forged_journal_is_refused(folder: Path, field: str, value: object, why: str) -> None:
     with closing(opened(folder)) as stepped:

@@ -15,6 +15,7 @@ from captured import check_heard
 from commands import ERGON, PATIENT, forked
 from emulators import emulator
 from patience import PATIENCE, until
+from sweep import few
 from tests.repl.test_repl_session import SCORE
 
 from ergon import _core
@@ -61,7 +62,7 @@ def ok(session: Session, line: str) -> str:
     return reply.text
 
 
-@pytest.mark.parametrize("is_seen", [False, True])
+@pytest.mark.parametrize("is_seen", few([False, True], 1))
 def test_what_was_played_is_what_its_journal_renders(tmp_path: Path, is_seen: bool):
     """Check 12, over the real engine; the same where pages see it."""
     heard = tmp_path / "heard.wav"

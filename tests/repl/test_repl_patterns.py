@@ -42,29 +42,33 @@ def gestures(session: Stepped, player: str = "ada") -> list[tuple[str, float]]:
 
 @pytest.mark.parametrize(
     ("line", "row"),
-    [
-        (
-            "ada plays knock lean knock",
-            "{at: 2|1, play: knock lean knock}",
-        ),
-        (
-            "ada plays knock (tap tap) ~ every 1/2 times 3",
-            "{at: 2|1, play: knock (tap tap) ~, every: 1/2, times: 3}",
-        ),
-        (
-            "ada plays choose knock tap every 1/2 chance 60%",
-            "{at: 2|1, play: choose knock tap, every: 1/2, chance: 60%, until: 999|1}",
-        ),
-        (
-            "ada plays tap euclid 3 8 rotate 2",
-            "{at: 2|1, play: tap, euclid: 3 8 rotate 2, until: 999|1}",
-        ),
-        (
-            "ada plays tap lean every 1 every 4th do mirror, scale 0.5 swing 2/3 do scale 0.9 now",
-            "{at: 1|1.2, play: tap lean, every: 1, nth: '4th do mirror, scale 0.5', swing: 2/3, "
-            "until: 999|1, do: [scale 0.9]}",
-        ),
-    ],
+    few(
+        [
+            (
+                "ada plays knock lean knock",
+                "{at: 2|1, play: knock lean knock}",
+            ),
+            (
+                "ada plays knock (tap tap) ~ every 1/2 times 3",
+                "{at: 2|1, play: knock (tap tap) ~, every: 1/2, times: 3}",
+            ),
+            (
+                "ada plays choose knock tap every 1/2 chance 60%",
+                "{at: 2|1, play: choose knock tap, every: 1/2, chance: 60%, until: 999|1}",
+            ),
+            (
+                "ada plays tap euclid 3 8 rotate 2",
+                "{at: 2|1, play: tap, euclid: 3 8 rotate 2, until: 999|1}",
+            ),
+            (
+                "ada plays tap lean every 1 every 4th do mirror, scale 0.5 swing 2/3 do scale 0.9 "
+                "now",
+                "{at: 1|1.2, play: tap lean, every: 1, nth: '4th do mirror, scale 0.5', "
+                "swing: 2/3, until: 999|1, do: [scale 0.9]}",
+            ),
+        ],
+        2,
+    ),
 )
 def test_a_line_says_what_a_part_says(session, tmp_path, line, row):
     session.ok("play")
@@ -102,12 +106,15 @@ def test_a_pattern_is_undone_and_done_again(session):
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "ada plays choose knock tap lean every 1/2 chance 0.7",
-        "ada plays walk knock tap (lean tap) every 1 do jitter 4ms 0.2mm",
-        "ada plays shuffle knock tap lean euclid 5 8 rotate 3 swing 0.6",
-        "ada plays tap euclid 5 8 every 4th do mirror",
-    ],
+    few(
+        [
+            "ada plays choose knock tap lean every 1/2 chance 0.7",
+            "ada plays walk knock tap (lean tap) every 1 do jitter 4ms 0.2mm",
+            "ada plays shuffle knock tap lean euclid 5 8 rotate 3 swing 0.6",
+            "ada plays tap euclid 5 8 every 4th do mirror",
+        ],
+        1,
+    ),
 )
 def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, line):
     """`play from`, a resumed session and a session from the beginning play the same."""
@@ -134,12 +141,15 @@ def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, line):
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "ada plays knock lean tap every 1 every 3rd do mirror",
-        "ada plays choose knock tap every 1 chance 0.7",
-        "ada plays tap lean euclid 3 8 rotate 1",
-        "ada plays shuffle knock (tap lean) tap every 1 times 9",
-    ],
+    few(
+        [
+            "ada plays knock lean tap every 1 every 3rd do mirror",
+            "ada plays choose knock tap every 1 chance 0.7",
+            "ada plays tap lean euclid 3 8 rotate 1",
+            "ada plays shuffle knock (tap lean) tap every 1 times 9",
+        ],
+        1,
+    ),
 )
 def test_more_transformations_change_neither_order_nor_chance(tmp_path, line):
     """`do` cuts a line in two; what follows goes on where the first part ended."""
@@ -265,6 +275,7 @@ def sessions(n: int):
     )
 
 
+@pytest.mark.slow
 @sessions(4)
 @given(acts=_ACTS)
 def test_a_random_session_is_its_journal(tmp_path_factory, acts):

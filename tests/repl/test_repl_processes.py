@@ -144,6 +144,7 @@ def test_kill_the_engine_and_resume(at_home: Stage):
             assert two.ends() == 0
 
 
+@pytest.mark.slow
 def test_why_an_engine_does_not_start(at_home: Stage):
     bad = at_home.folder / "bad.yaml"
     bad.write_text(SCORE.replace("M: 400g", "M: 400h"))

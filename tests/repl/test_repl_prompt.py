@@ -300,6 +300,7 @@ def garbage(seed: int, count: int) -> list[bytes]:
     return lines
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_lines", few([20, 200], [20]))
 def test_lines_of_garbage_and_a_paste_of_a_megabyte(at: Prompt, n_lines: int):
     for number, line in enumerate(garbage(1, n_lines)):

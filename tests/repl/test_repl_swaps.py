@@ -96,6 +96,7 @@ def clicks(count: int, folder: Path) -> list[tuple[str, float]]:
     return [(edit, worst(sound, at, stepped.rate)) for edit, at in swaps]
 
 
+@pytest.mark.slow
 def test_forty_edits_never_click(tmp_path: Path):
     loud = [found for found in clicks(40, tmp_path) if found[1] > 1.5]
     assert not loud

@@ -19,6 +19,7 @@ from commands import PATIENT
 from patience import until
 from sessions import Stepped
 from simulated_board import Simulated, simulated
+from sweep import few
 from terminals import CTRL_C, ENTER, F12, Terminal
 from tests.repl.test_repl_plain import calls, script
 from tests.repl.test_repl_session import SCORE
@@ -112,12 +113,9 @@ STOPS = {
     "F12": (LINE, say(F12)),
     "end": (LINE, lambda process: process.stdin.close()),
 }
-SLOW = ("INT", "HUP", "quit", "F12")  # as the others, by the same way
 
 
-@pytest.mark.parametrize(
-    "way", [pytest.param(way, marks=[pytest.mark.slow] * (way in SLOW)) for way in STOPS]
-)
+@pytest.mark.parametrize("way", few(STOPS, ["panic"]))
 def test_a_stop_waits_for_no_line(tmp_path: Path, way: str):
     line, stop = STOPS[way]
     with played(tmp_path) as board, piped(tmp_path, board, line) as process:

@@ -150,7 +150,8 @@ def test_a_device_that_is_full(here: Path, line: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["info score.yaml", "plan score.yaml", "compile score.yaml", "render score.yaml -o -"]
+    "line",
+    few(["info score.yaml", "plan score.yaml", "compile score.yaml", "render score.yaml -o -"], 1),
 )
 def test_a_full_standard_output(here: Path, line: str) -> None:
     with open("/dev/full", "wb") as full:
@@ -299,7 +300,7 @@ def test_few_descriptors(here: Path, line: str, most: int) -> None:
     assert not [name for name in files(here) if name.endswith(".part")]
 
 
-@pytest.mark.parametrize("most", [300, 600, 900])  # [MB]: numpy alone maps some hundred
+@pytest.mark.parametrize("most", few([300, 600, 900], 1))  # [MB]: numpy alone maps some hundred
 @pytest.mark.parametrize(
     "line", ["check score.yaml", "render long.yaml -o x.wav --normalise -1dB -n"]
 )
@@ -320,7 +321,7 @@ def test_little_memory(here: Path, line: str, most: int) -> None:
 # --- signals --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize("number", few([signal.SIGTERM, signal.SIGHUP, signal.SIGINT], 1))
 @pytest.mark.parametrize(
     ("line", "begun"),
     [
@@ -369,6 +370,7 @@ def test_who_reads_no_further_ends_a_render(here: Path) -> None:
 # --- two at once ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_renders_to_one_file(here: Path) -> None:
     line = [*ERGON, "render", "score.yaml", "-q", "-o"]
     subprocess.run([*line, "one.wav"], cwd=here, check=True)

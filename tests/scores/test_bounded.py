@@ -64,9 +64,7 @@ def _checked(text: str) -> tuple[int, float, str]:
     return found["code"], found["memory"] * 2**20, done.stderr
 
 
-@pytest.mark.parametrize(
-    "name", few(_SCORES, _SCORES.keys() - {"a long gesture", "throws of a day"})
-)
+@pytest.mark.parametrize("name", few(_SCORES, 3))
 def test_a_number_takes_no_memory(name):
     text, code, why = _SCORES[name]
     ended, peak, said = _checked(text)
@@ -92,7 +90,7 @@ def test_a_long_part_of_a_live_hand_is_refused():
     assert "with ticks of" in refused.value.diagnostics[0].message
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", few(range(12), 4))
 def test_any_numbers_are_answered(seed):
     texts = [*bases().values()]
     text = texts[seed % len(texts)]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sweep import few
 
 from ergon import _core, scores
 from ergon.api import score as api
@@ -56,7 +57,8 @@ def ergons_of(piece: Piece, built: BuiltNetwork) -> int:
 
 
 @pytest.mark.parametrize(
-    ("name", "modules", "within"), [("feathers", 245_000, 0.02), ("feathers-small", 20_000, 0.15)]
+    ("name", "modules", "within"),
+    few([("feathers", 245_000, 0.02), ("feathers-small", 20_000, 0.15)], 1),
 )
 def test_so_many_modules_move(name: str, modules: int, within: float) -> None:
     """Each ergon counts as two: the MAS that flies, and the BUT by which it strikes."""

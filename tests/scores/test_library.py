@@ -48,8 +48,8 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "feathers-small": 240.0,
 }
 LIVE = [SCORES / f"{name}.yaml" for name in ("duet", "fader", "feathers", "feathers-small")]
-# `make test-long` alone renders these.
-SLOW = {"night-piece", "feathers", "feathers-small", "rain", "tempo", "two-keys"}
+# `make test` renders these, `make test-long` all.
+SHORT = {"strokes", "bloom", "one-gesture"}
 HEARD = {  # how many seconds are rendered here; others wholly
     "duet": 0.5,
     "two-keys": 4.0,
@@ -167,7 +167,7 @@ def test_every_score_has_a_title_a_length_and_comments() -> None:
         assert max(map(len, text.splitlines())) <= 120
 
 
-@pytest.mark.parametrize("name", few(SECONDS, SECONDS.keys() - SLOW))
+@pytest.mark.parametrize("name", few(SECONDS, SHORT))
 def test_sounds(name: str) -> None:
     staged, x = heard(name)
     assert staged.n_frames / staged.rate == pytest.approx(SECONDS[name], abs=0.05)
@@ -200,6 +200,7 @@ def loneliest(x: Frames, rate: float) -> float:
     return float(np.max(treble[strong] / np.max(after[strong], axis=1))) if len(strong) else 0.0
 
 
+@pytest.mark.slow
 def test_no_stroke_clicks() -> None:
     """A click is a step: more treble in one sample than any sound around it has."""
     for name in ("one-gesture", "tempo", "hand"):
@@ -237,6 +238,7 @@ def test_the_duet_reaches_all_its_loudspeakers() -> None:
     assert (k2["M"], k2["K"], k2["Z"]) == (0.395, 58.0, 1.1)  # as measured
 
 
+@pytest.mark.slow
 def test_the_other_key_plays_where_keys_are_coupled() -> None:
     """From C on only ada plays for eight beats, and remi's sheet of steel sounds with hers."""
     text = (SCORES / "two-keys.yaml").read_text(encoding="utf-8")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from checked import check, found
+from sweep import few
 
 from ergon.scores.edits import parts
 from ergon.scores.edits.keeping import keep
@@ -71,8 +72,9 @@ strikes:
 
 @pytest.mark.parametrize(
     "written",
-    [
-        """\
+    few(
+        [
+            """\
 strikes:
   s: |
     # at      what              impulse
@@ -80,19 +82,19 @@ strikes:
     1|2.5     cell.E4 cell.Ab4
     B         string.F3.hammer  5mNs   # the hammer
 """,
-        """\
+            """\
 strikes:
   s:
     - {at: 1|1, what: cell.C4, impulse: 2mNs}
     - {at: 1|2.5, what: [cell.E4, cell.G#4]}
     - {at: B, what: string.F3.hammer, impulse: 5mNs}
 """,
-        """\
+            """\
 strikes:
   s: {to: cell, impulse: 2mNs, entries: [{at: 1|1, what: C4}, {at: 1|2.5, what: E4 G#4}]}
   t: {to: string.hammer, entries: "B F3 5mNs"}
 """,
-        """\
+            """\
 phrases:
   p: |
     0   C4        2mNs
@@ -102,7 +104,9 @@ strikes:
   s: {play: p, at: 1|1, to: cell}
   t: {play: q, at: B}
 """,
-    ],
+        ],
+        2,
+    ),
 )
 def test_a_melody_is_the_strikes_written_by_hand_to_the_byte(written):
     assert sound(written).tobytes() == sound(BY_HAND).tobytes()

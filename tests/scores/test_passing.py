@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from checked import check, found
 from sessions import Stepped
+from sweep import few
 
 from ergon.notation.text.errors import Collector
 from ergon.scores.reading.passing import SWEEPS
@@ -137,12 +138,15 @@ def searched(where: dict[int, tuple[float, float]], points, width: float, n: int
 
 @pytest.mark.parametrize(
     ("path", "points", "width"),
-    [
-        ("1 0deg -> 0.3 1080deg", [(1, 0), (0.3, 1080)], 0.1),
-        ("1 30deg -> 1 -330deg", [(1, 30), (1, -330)], 0.3),
-        ("1 90deg -> 1 90.001deg -> 0 90deg", [(1, 90), (1, 90.001), (0, 90)], 0.5),
-        ("0.9 0deg -> 0.4 200deg -> 0.9 -200deg", [(0.9, 0), (0.4, 200), (0.9, -200)], 0.08),
-    ],
+    few(
+        [
+            ("1 0deg -> 0.3 1080deg", [(1, 0), (0.3, 1080)], 0.1),
+            ("1 30deg -> 1 -330deg", [(1, 30), (1, -330)], 0.3),
+            ("1 90deg -> 1 90.001deg -> 0 90deg", [(1, 90), (1, 90.001), (0, 90)], 0.5),
+            ("0.9 0deg -> 0.4 200deg -> 0.9 -200deg", [(0.9, 0), (0.4, 200), (0.9, -200)], 0.08),
+        ],
+        3,
+    ),
 )
 @pytest.mark.parametrize("part", ["sky", "gong"])
 def test_a_head_strikes_what_it_passes_where_it_is_nearest(part, path, points, width):

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from domes import dome
+from sweep import few
 
 from ergon.space import head
 from ergon.space.directions import point, spread_directions, unit_vectors
@@ -52,7 +53,7 @@ def test_long_waves_pass_and_the_mean_is_flat():
         assert abs(mean) < 2.0, frequency
 
 
-@pytest.mark.parametrize("rate", [22_050.0, 48_000.0, 96_000.0])
+@pytest.mark.parametrize("rate", few([22_050.0, 48_000.0, 96_000.0], 1))
 def test_another_rate_is_the_same_filter(rate: float):
     own, other = (head.kemar().pairs(ARRAY, r) for r in (44_100.0, rate))
     for frequency in (200.0, 1_000.0, 5_000.0):

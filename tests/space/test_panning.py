@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from domes import Theirs, dome, nudged, spaudiopy, their_energy_vectors, their_harmonics
+from sweep import few
 
 from ergon.space import ambisonics, panning, quality
 from ergon.space.directions import spread_directions, unit_vectors
@@ -37,7 +38,7 @@ def test_vbap_is_theirs(theirs: Theirs):
     same_table(ours, gains)
 
 
-@pytest.mark.parametrize("order", [1, 3, 5])
+@pytest.mark.parametrize("order", few([1, 3, 5], 1))
 def test_allrad_is_theirs(theirs: Theirs, order: int):
     gains = theirs.allrad(order, SOURCES)
     decoder = ambisonics.allrad(order, ARRAY, theirs.virtual)

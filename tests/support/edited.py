@@ -16,7 +16,7 @@ TEMPLATES = sorted(ROOT.glob("cli/templates/*/score.yaml"))
 SCORES = [str(path) for path in BUNDLED + TEMPLATES]
 # Scores, and the beats from and to which a part of each is kept.
 _BARS = [(0.0, 16.0), (8.0, 16.0), (12.0, 44.0)]
-_FEW = [path for path in SCORES if Path(path).stem in ("bloom", "patterns", "workshop", "score")]
+_FEW = [path for path in SCORES if Path(path).stem in ("bloom", "patterns")]
 SPANS = few(
     product(SCORES, _BARS), [(path, _BARS[at % len(_BARS)]) for at, path in enumerate(_FEW)]
 )

@@ -7,12 +7,14 @@ from typing import Any
 import pytest
 
 
-def few(cases: Iterable[Any], shown: Collection[Any]) -> list[Any]:
-    """Cases as `parametrize` takes them: all are slow but those that are shown.
+def few(cases: Iterable[Any], shown: Collection[Any] | int) -> list[Any]:
+    """Cases as `parametrize` takes them: all are slow but those that are shown, or the first few.
 
     A case that is a tuple has a value for each of several arguments.
     """
     cases = list(cases)
+    if isinstance(shown, int):
+        shown = cases[:shown]
     assert shown, "a test that never runs"
     assert all(one in cases for one in shown), "a case that the sweep does not have"
     return [one if one in shown else _slow(one) for one in cases]
