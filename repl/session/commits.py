@@ -340,7 +340,8 @@ class Commits:
         while self.waiting and self.waiting[0].start <= self._soon():
             one = self.waiting[0]
             if one.start < self.first(0.0):
-                self.making_seconds = max(2.0 * self.making_seconds, 1.0 / self.rate)
+                if self.margin and not late:  # one delay, however many lines it made late
+                    self.making_seconds = max(2.0 * self.making_seconds, 1.0 / self.rate)
                 beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
                 one.beat, one.made = beat if one.goes is None else one.beat, None
                 self.waiting.sort(key=lambda other: other.start)

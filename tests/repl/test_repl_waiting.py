@@ -107,3 +107,20 @@ def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
     at.run(1.0)
     assert not at.session.messages()
     at.close()
+
+
+def test_lines_that_one_delay_makes_late_are_put_off_once(session: Stepped):
+    """The time that a version takes was doubled for each: the twelfth waited for hours."""
+    commits = session.session.commits
+    commits.margin = 64
+    session.ok("play")
+    session.run(0.1)
+    session.ok("gain bell -1dB")
+    commits.making_seconds = 0.01
+    for _ in range(12):
+        session.ok("gain bell -1dB")
+    session.engine.process(int(3 * session.rate) // 64 * 64)  # the session does not get to look
+    session.session.pump()
+    bars = {one.beat // 4 for one in commits.waiting if one.number}
+    assert len(bars) == 1
+    assert max(bars) * 4 < commits.now() + 40

@@ -22,7 +22,7 @@ from ergon.scores.staging.built_network import build_network
 
 EVERY = 64
 _BLOCK = 1 << 16  # frames
-_LOOK = 40  # ticks between two looks of the session at its engine
+_LOOK = 0.06  # seconds between two looks of the session at its engine
 
 
 class Stepped:
@@ -112,7 +112,7 @@ class Stepped:
     def run(self, seconds: float) -> None:
         left = int(seconds * self.rate)
         while left > 0:
-            n = min(left, _LOOK * EVERY)
+            n = min(left, int(_LOOK * self.rate) // EVERY * EVERY)
             self.session.pump()
             block = self.engine.process(n)
             self.hash.update(block)
