@@ -22,13 +22,15 @@ demo: $(VENV)/built
 	@mkdir -p out
 	$(BIN)/ergon demo -o out/demo.wav --force
 
-test: test-rust test-python
+# Side by side: one computes where the other waits.
+test:
+	$(MAKE) --jobs=2 test-rust test-python
 
 test-rust:
 	MAKEFLAGS= PROPTEST_RNG_SEED=1 cargo test --locked --quiet
 
 test-python: $(VENV)/dev
-	CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile --no-loadscope-reorder
+	MAKEFLAGS= CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 test-long: $(VENV)/dev
 	PROPTEST_CASES=4096 cargo test --locked --release
