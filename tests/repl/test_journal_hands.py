@@ -36,7 +36,6 @@ ERGON = [sys.executable, "-m", "ergon.cli"]
 GAIN = 200.0
 SCORE = """\
 ergon: 1
-rates: {audio: 8kHz}
 tempo: [{at: 1|1, bpm: 240}]
 keys:
   k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}

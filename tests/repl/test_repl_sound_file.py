@@ -39,10 +39,10 @@ def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, a
     with closing(session_on(tmp_path, output)) as session:
         for line in ("play", "ada plays knock every 1 now", "leo plays lean every 1 now"):
             assert session.submit(line).taken
-        _frames(session, 20_000)
+        _frames(session, 4_000)
         assert session.submit("record audio part").text.startswith("ok recording what is heard in")
         assert "still being recorded" in session.submit("record audio other").text
-        _frames(session, 60_000)
+        _frames(session, 11_000)
         assert session.submit("record audio off").taken
         said = _heard(session)
         assert "no sound is being recorded" in session.submit("record audio off").text
@@ -60,7 +60,7 @@ def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, a
     sound = next(row for row in rows if row["event"] == "sound")
     part, _ = soundfile.read(tmp_path / "part.wav", dtype="float32", always_2d=True)
     again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
-    assert len(part) == sound["frames"] >= 60_000
+    assert len(part) == sound["frames"] >= 11_000
     assert np.abs(part).max() > 0.01
     assert np.array_equal(part, again[sound["first"] :][: len(part)])
 
@@ -68,9 +68,9 @@ def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, a
 def test_a_session_that_ends_closes_its_file(tmp_path: Path):
     with closing(session_on(tmp_path, "null")) as session:
         assert session.submit("record audio all.wav").taken
-        _frames(session, 10_000)
+        _frames(session, 2_000)
     part, _ = soundfile.read(tmp_path / "all.wav", dtype="float32", always_2d=True)
-    assert len(part) >= 9_000
+    assert len(part) >= 1_800
 
 
 @pytest.mark.parametrize(
