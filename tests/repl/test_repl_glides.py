@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sessions
 from sessions import Stepped
 
 from ergon.scores.reading.load import load
@@ -81,6 +82,21 @@ def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path
     assert (pitch(early, rate), pitch(late, rate)) == pytest.approx((110.0, 220.0), rel=0.01)
     session.close()
     assert np.array_equal(session.again(), session.sound)
+
+
+def test_when_the_timeline_is_extended_changes_no_bit(tmp_path, monkeypatch):
+    """The session looks at its engine whenever it can, and extends its timeline when it looks."""
+    sounds = []
+    for look in (0.03, 0.06):
+        monkeypatch.setattr(sessions, "_LOOK", look)
+        folder = tmp_path / str(look)
+        folder.mkdir()
+        with closing(Stepped(SCORE, folder)) as stepped:
+            stepped.ok("play from 1|1")
+            stepped.ok("set bell.s.f A3 over 2bar")
+            stepped.run(8.0)
+            sounds.append(stepped.sound)
+    assert np.array_equal(*sounds)
 
 
 def test_a_string_whose_pitch_is_set_does_not_jump(session):

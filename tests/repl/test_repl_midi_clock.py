@@ -19,6 +19,7 @@ from ergon.live.midi_sender import ECHO, TimedSender
 from ergon.repl.session.midi_clock import ClockEvents, ClockIn
 
 STEP = 0.01  # [s] between two looks
+SCORE = SCORE.replace("rates: {audio: 8kHz}\n", "")  # ticks of 1.5 ms, as where one plays
 
 
 def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):

@@ -62,13 +62,15 @@ impl Mesh {
         matches!(self.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
     }
 
-    /// Whether it goes as another does: what strikes it may differ.
+    /// Whether it goes as another does: what strikes it and how the same links are led may differ, for both are due at
+    /// each step anew.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let how = |mesh: &Self| (mesh.rate.hertz(), mesh.way, mesh.substeps);
         let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
+        let led = |mesh: &Self| mesh.leads.iter().map(Lead::links).collect::<Vec<_>>();
         how(self) == how(other)
             && ports(self) == ports(other)
-            && self.leads == other.leads
+            && led(self) == led(other)
             && self.network.is_same(&other.network)
     }
 }
