@@ -281,7 +281,9 @@ mod tests {
         };
         assert!(is_same(&mut own, &bytes));
         assert_eq!(written(&mut own), bytes);
-        assert!(!is_same(&mut own, &bytes[1..]) && !is_same(&mut own, &[&bytes[..], &[0]].concat()));
+        assert!(
+            !is_same(&mut own, &bytes[1..]) && !is_same(&mut own, &[&bytes[..], &[0]].concat())
+        );
         own.x[0] = -0.0; // another bit
         assert!(!is_same(&mut own, &bytes));
     }

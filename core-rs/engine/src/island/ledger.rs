@@ -69,11 +69,7 @@ impl Sum {
     }
 }
 
-crate::archive::state!(Sum {
-    sum,
-    dropped,
-    flow
-});
+crate::archive::state!(Sum { sum, dropped, flow });
 
 #[derive(Clone, Debug)]
 pub(super) struct Ledger {

@@ -9,7 +9,7 @@ use super::{Fault, Island, gain, inside};
 use crate::archive::{Archive, State as _};
 use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::timeline::Source;
+use crate::timeline::{Drive, Source};
 
 /// Frames that have to leave the state the same: looks at gains, pulls of slow bodies and what bodies are followed ahead
 /// come round in as many.
@@ -110,8 +110,7 @@ impl Island {
     /// From here on steps are computed: something came from outside.
     pub(super) fn wake(&mut self) {
         if !matches!(self.rest.stage, Stage::Computed) {
-            self.rest.gap = LATEST;
-            self.go_on();
+            self.begin_again();
         }
     }
 
@@ -227,8 +226,10 @@ impl Island {
     /// The first step, `n` or later, in which anything may act but the state.
     fn due(&self, n: u64) -> u64 {
         let (script, state) = (&*self.script, &self.state);
-        let mut drives = script.drives.iter();
-        if !drives.all(|drive| matches!(drive.source, Source::Constant(_) | Source::Strikes(_))) {
+        // Where hands and takes go next is not asked.
+        let is_known =
+            |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes(_));
+        if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() {
             return n;
         }
         let bodies = state.bodies.iter().map(inside::RunningBody::every);

@@ -317,7 +317,14 @@ fn a_mat_goes_one_way() {
 #[test]
 fn what_is_due_is_when_it_changes() {
     let points = [(10, 1.0), (20, 1.0), (30, 2.0), (40, 2.0), (50, 1.0)];
-    for (n, next) in [(0, 20), (20, 20), (29, 29), (30, 40), (49, 49), (50, u64::MAX)] {
+    for (n, next) in [
+        (0, 20),
+        (20, 20),
+        (29, 29),
+        (30, 40),
+        (49, 49),
+        (50, u64::MAX),
+    ] {
         assert_eq!(next_change(&points, n), next, "{n}");
     }
     let last = 8_000;
@@ -340,10 +347,18 @@ fn what_is_due_is_when_it_changes() {
             let from = if continuation.is_some() { 6_000 } else { 0 };
             for n in (from..last).step_by(7) {
                 let due = gate.due(continuation, n);
-                let next = (n + 1..=last).find(|&m| open(m) != open(n)).unwrap_or(last + 1);
-                assert!(due >= n && (due < next || next > last), "{n}: due {due}, changes {next}");
+                let next = (n + 1..=last)
+                    .find(|&m| open(m) != open(n))
+                    .unwrap_or(last + 1);
+                assert!(
+                    due >= n && (due < next || next > last),
+                    "{n}: due {due}, changes {next}"
+                );
                 // And no sooner, but for a glide of what is shut.
-                assert!(ramp.is_some() || due > last || next - due <= 2, "{n}: due {due}");
+                assert!(
+                    ramp.is_some() || due > last || next - due <= 2,
+                    "{n}: due {due}"
+                );
             }
         }
     }
