@@ -50,6 +50,20 @@ def test_a_live_strike_is_a_written_one_to_the_bit_where_both_act_in_one_step():
     assert np.abs(heard).max() > 1e-6
 
 
+@pytest.mark.parametrize("frame", [49_920, 50_001])
+def test_a_bell_that_stood_still_sounds_to_the_bit_as_one_struck_at_once(frame):
+    network, a = _bell()
+    timeline = _core.Timeline(network, RATE)
+    timeline.strike_point(a, POINT)
+    late, early = (_simulation(network, timeline) for _ in range(2))
+    heard = _played(late, frame + 900, [(frame, 2e-3)])
+    assert np.array_equal(heard[frame:], _played(early, 910, [(10, 2e-3)])[10:])
+    assert np.abs(heard[:frame]).max() == 0.0 < np.abs(heard).max()
+    # All but a few frames of what it stood still; none of what it sounds.
+    assert frame - 500 < late.steps_at_rest() < frame
+    assert early.steps_at_rest() == 0
+
+
 def test_impulses_of_one_frame_add_up_and_a_block_border_changes_nothing():
     network, a = _bell()
     timeline = _core.Timeline(network, RATE)

@@ -245,6 +245,11 @@ impl Simulation {
         Ok(columns)
     }
 
+    /// Steps of islands so far that were not computed, for nothing moved.
+    fn steps_at_rest(&self) -> u64 {
+        self.0.steps_at_rest()
+    }
+
     /// Parts that were muted.
     fn muted(&self) -> Vec<MutedPart> {
         let muted = self.0.muted().into_iter();

@@ -13,6 +13,12 @@ pub struct Damaged;
 pub(crate) enum Archive<'a> {
     Write(&'a mut Vec<u8>),
     Read(&'a [u8]),
+    /// How many bytes it would be.
+    Count(&'a mut usize),
+    /// Written where there is room, and refused where there is none: nothing is allocated.
+    Note(&'a mut Vec<u8>),
+    /// Refused unless the state is this one.
+    Same(&'a [u8]),
 }
 
 /// What has a state.
@@ -35,6 +41,22 @@ impl Archive<'_> {
                 let (first, rest) = from.split_first_chunk().ok_or(Damaged)?;
                 *from = rest;
                 Ok(*first)
+            }
+            Self::Count(size) => {
+                **size += N;
+                Ok(own)
+            }
+            Self::Note(to) => {
+                if to.capacity() - to.len() < N {
+                    return Err(Damaged);
+                }
+                to.extend_from_slice(&own);
+                Ok(own)
+            }
+            Self::Same(known) => {
+                let (first, rest) = known.split_first_chunk().ok_or(Damaged)?;
+                *known = rest;
+                if *first == own { Ok(own) } else { Err(Damaged) }
             }
         }
     }
@@ -77,9 +99,9 @@ impl Archive<'_> {
         }
     }
 
-    /// Whether all of it was read.
+    /// Whether all of it was read, or was the same.
     pub(crate) fn is_empty(&self) -> bool {
-        matches!(self, Self::Read([]))
+        matches!(self, Self::Read([]) | Self::Same([]))
     }
 }
 
@@ -240,6 +262,42 @@ mod tests {
         let mut wrong = bytes;
         *wrong.last_mut().unwrap() = 2;
         assert_eq!(own.archive(&mut Archive::Read(&wrong)), Err(Damaged));
+    }
+
+    #[test]
+    fn a_state_is_compared_and_stays() {
+        let mut own = Own {
+            x: vec![0.0, f64::NAN],
+            n: 7,
+            is_on: true,
+        };
+        let bytes = written(&mut own);
+        let mut size = 0;
+        own.archive(&mut Archive::Count(&mut size)).unwrap();
+        assert_eq!(size, bytes.len());
+        let is_same = |own: &mut Own, bytes: &[u8]| {
+            let mut archive = Archive::Same(bytes);
+            own.archive(&mut archive).is_ok() && archive.is_empty()
+        };
+        assert!(is_same(&mut own, &bytes));
+        assert_eq!(written(&mut own), bytes);
+        assert!(
+            !is_same(&mut own, &bytes[1..]) && !is_same(&mut own, &[&bytes[..], &[0]].concat())
+        );
+        own.x[0] = -0.0; // another bit
+        assert!(!is_same(&mut own, &bytes));
+    }
+
+    #[test]
+    fn a_state_is_noted_where_there_is_room() {
+        let mut own = vec![1.0_f64; 8];
+        for (room, is_noted) in [(63, false), (64, true), (200, true)] {
+            let mut bytes = Vec::with_capacity(room);
+            let before = (bytes.as_ptr(), bytes.capacity());
+            let noted = own.archive(&mut Archive::Note(&mut bytes));
+            assert_eq!(noted.is_ok(), is_noted || before.1 >= 64);
+            assert_eq!((bytes.as_ptr(), bytes.capacity()), before);
+        }
     }
 
     #[test]

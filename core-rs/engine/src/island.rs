@@ -30,7 +30,6 @@ pub use ledger::Energy;
 pub use lone_key::LoneKey;
 pub use record::Record;
 pub(crate) use record::{FramedErgon, Stream};
-pub(crate) use rest::Rest;
 pub(crate) use takeover::ItemTakeover;
 pub(crate) use touched::Touch;
 
@@ -115,6 +114,7 @@ pub(crate) struct Island {
     state: State,
     /// Steps in a frame of the scene.
     oversampling: u32,
+    rest: rest::Rest,
 }
 
 impl Island {
@@ -187,6 +187,7 @@ impl Island {
     pub(crate) fn damp(&mut self, by: f64) {
         // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ are as long as the root of what its last step counts.
         self.state.damped = by * by;
+        self.wake();
         for body in &mut self.state.bodies {
             body.damp(by);
         }
@@ -209,6 +210,7 @@ impl Island {
     /// Note the strongest push of each contact from here on.
     pub(crate) fn watch_contacts(&mut self) {
         self.state.touches = touched::Touches::of(&self.network);
+        self.wake();
     }
 
     /// Tell of contacts (link, how) that pushed since the last call.
@@ -281,5 +283,6 @@ impl Island {
         if let Some(guard) = &mut self.state.guard {
             guard.reserve(most);
         }
+        self.reserve_rest();
     }
 }

@@ -456,6 +456,11 @@ impl Simulation {
         self.islands().flat_map(|(island, _)| of(island)).collect()
     }
 
+    /// Steps of islands so far that were not computed, for nothing moved; of a snapshot those up to it.
+    pub fn steps_at_rest(&self) -> u64 {
+        self.islands().map(|(island, _)| island.passed()).sum()
+    }
+
     /// Number of muted parts; does not allocate.
     pub fn n_muted(&self) -> usize {
         self.islands().map(|(island, _)| island.n_muted()).sum()

@@ -23,7 +23,7 @@ pub(crate) use glide::Glide;
 pub use glide::Ties;
 pub use hand::{Hand, HandWay};
 pub use lead::Factors;
-pub(crate) use lead::{Lead, first, greatest};
+pub(crate) use lead::{Lead, first, greatest, next_change};
 pub(crate) use push::{Push, pushes};
 
 /// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.

@@ -189,6 +189,54 @@ fn take_over(seeds: Range<u64>) {
     }
 }
 
+/// A gong and a key at rest: looked at, passed over, forked, struck live, and looked at again.
+#[test]
+fn what_comes_to_rest_and_wakes_does_not_allocate() {
+    let mut network = Network::new();
+    network.part("gong", None);
+    let topology = plate(Shape::Hex, 6, Rim::Fixed).unwrap();
+    let gong = network
+        .mesh("p", &topology, 0.3, 120.0, Some(1.0), 1e11)
+        .unwrap();
+    network.part("key", None);
+    let tie = Tie::Physical { k: 60.0, z: 1.2 };
+    let key = network.cel("m", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
+    let but = ergon_engine::network::But::plain(4e3, 0.1, 1e-3);
+    network.but("b", key, gong + 40, but).unwrap();
+    let (first, len, weight) = (gong + 3, 1, 1.0);
+    let term = Term::Position { first, len, weight };
+    network.listen("gong", vec![term]).unwrap();
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    timeline.open();
+    timeline.key("key", key);
+    timeline.strike_point(&network, gong + 30, 7).unwrap();
+    let network = Arc::new(network);
+    for budget in [Budget::default(), Budget::Method(Method::Ca)] {
+        let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
+        let options = Options {
+            ledger: false,
+            ..options(OnFault::Stop)
+        };
+        let mut simulation = Simulation::planned(Arc::new(plan), options).unwrap();
+        let mut out = vec![0.0; 10_000];
+        assert_eq!(allocations(&mut simulation, &mut out), 0);
+        let passed = simulation.steps_at_rest();
+        assert!(passed > 0, "it rests");
+        for mut going in [simulation.fork(), simulation] {
+            assert_eq!(allocations(&mut going, &mut out), 0);
+            assert!(going.steps_at_rest() > passed, "it goes on resting");
+            reset_violation_count();
+            assert_no_alloc(|| going.strike(7, 1e-3));
+            assert_eq!(violation_count(), 0);
+            let passed = going.steps_at_rest();
+            let mut out = vec![0.0; 100_000];
+            assert_eq!(allocations(&mut going, &mut out), 0);
+            assert_eq!(going.steps_at_rest(), passed, "it is awake");
+            assert!(out.iter().any(|x| *x != 0.0));
+        }
+    }
+}
+
 /// A gong struck so hard that frames are computed finer: on and on, forked, and taken over in the middle of it.
 #[test]
 fn finer_frames_do_not_allocate() {

@@ -24,6 +24,8 @@ mod live;
 mod looks;
 #[path = "scenes/plans.rs"]
 mod plans;
+#[path = "scenes/resting.rs"]
+mod resting;
 #[path = "scenes/scene.rs"]
 mod scene;
 #[path = "scenes/stiff.rs"]

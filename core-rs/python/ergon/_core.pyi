@@ -1265,6 +1265,8 @@ class Simulation:
     def ergons(self) -> dict[str, NDArray[np.float64]]:
         """Ergons since the last call, with record=True: columns `time` [s], `mat`, `mass` [kg],
         `speed` [m/s], `impulse` [N·s] and `source`, each (n_ergons,)."""
+    def steps_at_rest(self) -> int:
+        """Steps of islands so far that were not computed, for nothing moved."""
     def muted(self) -> list[MutedPart]:
         """The parts that were muted, with on_fault="mute"."""
     def gains(self) -> list[EnergyGain]:

@@ -9,6 +9,7 @@ use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::strike_points;
 use super::real_hands::{HandState, hand_bindings};
+use super::rest::Rest;
 use super::touched::Touches;
 use super::written_hand::framed::FramedGesture;
 use super::{Island, OnFault, Script, State, Stream};
@@ -182,11 +183,13 @@ impl Island {
         };
         let mut simulation = Self {
             network,
+            rest: Rest::new(script.scheme.n_out()),
             script: Arc::new(script),
             state,
             oversampling,
         };
         simulation.reserve();
+        simulation.begin_again();
         Ok(simulation)
     }
 }

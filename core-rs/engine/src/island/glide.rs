@@ -5,7 +5,7 @@ use crate::cell::Ratios;
 use crate::maths::{asin, log, sin, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
-use crate::timeline::{Lead, Ties, Timeline};
+use crate::timeline::{Lead, Ties, Timeline, next_change};
 
 /// sin²(θ/2) this near to the Nyquist frequency: no recurrence holds an amplitude there.
 const NYQUIST: f64 = 0.99;
@@ -51,6 +51,20 @@ impl Glide {
             zeta + (1.0 - zeta) * bend,
             ground,
         ]
+    }
+}
+
+impl Glide {
+    /// The first frame, `n` or later, at which the numbers may change.
+    pub(super) fn due(&self, n: u64) -> u64 {
+        next_change(&self.points, n)
+    }
+}
+
+impl Led {
+    /// The first frame, `n` or later, at which K and Z may change.
+    pub(super) fn due(&self, n: u64) -> u64 {
+        self.lead.due(n)
     }
 }
 

@@ -69,6 +69,8 @@ impl Sum {
     }
 }
 
+crate::archive::state!(Sum { sum, dropped, flow });
+
 #[derive(Clone, Debug)]
 pub(super) struct Ledger {
     start: f64,
@@ -82,6 +84,18 @@ pub(super) struct Ledger {
     /// ½(V(e⁺) + V(e)) of links that are not plain springs [J]     (n_lia)
     potential: Vec<f64>,
 }
+
+crate::archive::option!(Ledger, fixed);
+
+crate::archive::state!(Ledger {
+    start,
+    injected,
+    lost,
+    produced,
+    d,
+    hold,
+    potential
+});
 
 /// Elongation of the i-th link of a run: now, and one step ago.
 fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {

@@ -54,6 +54,9 @@ impl super::Island {
                 is_here = true;
             }
         }
+        if is_here {
+            self.wake();
+        }
         is_here
     }
 }

@@ -133,6 +133,13 @@ impl RunningMesh {
         }
     }
 
+    /// The first frame, `n` or later, in which anything strikes it or leads its links.
+    pub(crate) fn due(&self, n: u64) -> u64 {
+        let strike = self.plan.strikes.get(self.next).map(|strike| strike.0);
+        let leads = self.plan.leads.iter().map(|lead| lead.due(n));
+        leads.chain(strike).min().unwrap_or(u64::MAX)
+    }
+
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
         self.integrator.lead(n, &self.plan.leads);

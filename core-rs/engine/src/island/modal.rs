@@ -171,6 +171,17 @@ impl RunningModal {
         }
     }
 
+    /// The frame of the next strike that is known of it.
+    pub(crate) fn due(&self) -> u64 {
+        let next = self.script.blows.get(self.next);
+        next.map_or(u64::MAX, |blow| blow.0)
+    }
+
+    /// Where nothing moves it: as it is followed so many frames later, or earlier.
+    pub(crate) fn turn(&mut self, frames: i64) {
+        self.at = (self.at as i64 + frames).rem_euclid(self.until as i64) as usize;
+    }
+
     /// So many frames of those have passed.
     pub(crate) fn coast(&mut self, frames: usize) {
         if frames == 0 {

@@ -63,6 +63,11 @@ impl Stream {
         self.0.is_some()
     }
 
+    /// How many are kept.
+    pub(super) fn len(&self) -> usize {
+        self.0.as_ref().map_or(0, Vec::len)
+    }
+
     pub(crate) fn push(&mut self, frame: u64, record: Record) {
         if let Some(kept) = &mut self.0 {
             kept.push(FramedErgon { frame, record });

@@ -1,128 +1,255 @@
-//! The beginning of an island that nothing has moved yet: blocks that would leave it as it is are not computed.
+//! Islands that nothing moves: steps that would leave one as it is are not computed, until something is due or comes from
+//! outside.
 //!
-//! A step is a function of the state and of what is due at it. So where nothing is due, and blocks leave the state and
-//! what is heard the same to the last bit, all that follow do, up to the first event.
+//! A step is a function of the state and of what is due at it. So where nothing is due, and steps leave the state and
+//! what is heard the same to the last bit, all that follow do. What of the state only counts steps is turned on. So the
+//! state is at every frame what it would be, and an island wakes by computing its next step.
 
-use super::inside::BodyPlan;
-use super::{Fault, Island, gain};
+use super::{Fault, Island, gain, inside};
+use crate::archive::{Archive, State as _};
+use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::timeline::{Drive, Source, Timeline};
+use crate::timeline::{Drive, Source};
 
-/// Blocks that have to agree: looks at gains are between some of them.
-const ALIKE: u64 = 4;
-/// An island that has not come to rest by then is played.
-const TRIES: u64 = 16;
+/// Frames that have to leave the state the same: looks at gains, pulls of slow bodies and what bodies are followed ahead
+/// come round in as many.
+const ALIKE: u64 = 256;
+/// Frames from its beginning to the first look at an island; each look that finds it moving is followed by one after
+/// twice as long.
+const FIRST: u64 = 64;
+/// Frames between two looks at most: one costs about as much as two frames.
+const LATEST: u64 = 1 << 15;
 /// Bodies are followed ahead, and strikes fall between frames: events are met in steps that are computed [steps].
 const MARGIN: u64 = 4 * gain::BLOCK;
+/// A larger state is not compared [bytes].
+const LARGEST: usize = 1 << 26;
 
-/// What is known of an island at rest.
-pub(crate) struct Rest {
-    /// The step before which nothing is due.
-    until: u64,
-    /// Frames of a block.
-    block: usize,
-    /// What the last block left, and how many before it left the same.
+/// What is known of whether an island rests.
+#[derive(Clone, Debug)]
+pub(super) struct Rest {
+    stage: Stage,
+    /// The step at which it is looked at next, and the frames to the look after that.
+    next: u64,
+    gap: u64,
+    /// The state at the last look.
     left: Vec<u8>,
+    /// What was heard in the frame after it   (n_out), and the work of contacts.
     heard: Vec<f64>,
     work: [u64; 2],
-    alike: u64,
-    tries: u64,
+    /// Steps that were not computed.
+    passed: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    /// It moves, or may.
+    Computed,
+    /// So many frames since the last look left it the same.
+    Alike(u64),
+    /// It rests up to this step.
+    Resting(u64),
 }
 
 impl Rest {
-    /// Of an island at frame 0 that is played in blocks of so many frames.
-    pub(crate) fn new(
-        island: &Island,
-        timeline: &Timeline,
-        bodies: &[BodyPlan],
-        block: usize,
-    ) -> Self {
-        let is_constant = |drive: &Drive| matches!(drive.source, Source::Constant(_));
-        let is_still = timeline.leads.is_empty()
-            && timeline.glides.is_empty()
-            && timeline.gates.is_empty()
-            && timeline.drives.iter().all(is_constant)
-            && island.is_storable()
-            && (block as u64 * ALIKE).is_multiple_of(gain::BLOCK);
-        let script = &island.script;
-        let gestures = script.gestures.iter();
-        let gestures = gestures.map(|own| own.join_from.min(own.first));
-        let pushes = script.pushes.iter().map(|push| push.frame);
-        let ergons = script.ergons.iter().map(|(frame, _)| *frame);
-        let inside = bodies.iter().map(|body| body.first_strike() as u64);
-        let due = gestures.chain(pushes).chain(ergons).chain(inside).min();
+    pub(super) fn new(n_out: usize) -> Self {
         Self {
-            until: due
-                .filter(|_| is_still)
-                .map_or(0, |due| due.saturating_sub(MARGIN)),
-            block,
+            stage: Stage::Computed,
+            next: 0,
+            gap: FIRST,
             left: Vec::new(),
-            heard: Vec::new(),
+            heard: vec![0.0; n_out],
             work: [0; 2],
-            alike: 0,
-            tries: 0,
+            passed: 0,
         }
-    }
-
-    /// Play on as `island.process` does, to the last bit and with the same work counted.
-    pub(crate) fn process(
-        &mut self,
-        island: &mut Island,
-        out: &mut [f64],
-        n_frames: usize,
-    ) -> Result<(), Fault> {
-        let steps = n_frames as u64 * u64::from(island.oversampling);
-        if n_frames != self.block || island.state.frame + steps > self.until {
-            self.end();
-        }
-        if self.until == 0 {
-            return island.process(out, n_frames, &mut ThreadTeam::alone());
-        }
-        if self.alike == ALIKE {
-            out.copy_from_slice(&self.heard);
-            island.state.frame += steps;
-            island.add_fine_work(self.work);
-            return Ok(());
-        }
-        let before = island.fine_products();
-        let end = island.process(out, n_frames, &mut ThreadTeam::alone());
-        let after = island.fine_products();
-        let work = [after[0] - before[0], after[1] - before[1]];
-        let left = island.without_clocks();
-        let is_same = left == self.left && work == self.work && same_bits(out, &self.heard);
-        self.alike = if is_same { self.alike + 1 } else { 0 };
-        (self.left, self.work) = (left, work);
-        self.heard.clear();
-        self.heard.extend_from_slice(out);
-        self.tries += 1;
-        if end.is_err() || (self.tries == TRIES && self.alike < ALIKE) {
-            self.end();
-        }
-        end
-    }
-
-    /// Whether blocks are passed over now.
-    #[cfg(test)]
-    pub(crate) fn is_known(&self) -> bool {
-        self.until > 0 && self.alike == ALIKE
-    }
-
-    /// From here on every block is computed.
-    pub(crate) fn end(&mut self) {
-        self.until = 0;
     }
 }
 
 impl Island {
-    /// Its state but for the frame, and for the work that contacts took.
-    fn without_clocks(&mut self) -> Vec<u8> {
-        let frame = std::mem::take(&mut self.state.frame);
-        let work = self.fine_products();
-        self.set_fine_work([0; 2]);
-        let bytes = self.write_state();
-        self.state.frame = frame;
-        self.set_fine_work(work);
-        bytes
+    /// Play `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
+    ///
+    /// Fails with the first part that goes non-finite, unless faults are muted.
+    pub(crate) fn process(
+        &mut self,
+        out: &mut [f64],
+        n_frames: usize,
+        team: &mut ThreadTeam<'_>,
+    ) -> Result<(), Fault> {
+        let (n_out, often) = (self.n_out(), u64::from(self.oversampling));
+        let mut done = 0;
+        while done < n_frames {
+            let left = (n_frames - done) as u64;
+            let until = |step: u64| left.min(step.saturating_sub(self.state.frame) / often);
+            let n = match self.rest.stage {
+                Stage::Computed => until(self.rest.next),
+                Stage::Alike(_) => 1,
+                Stage::Resting(last) => until(last),
+            };
+            let out = &mut out[n_out * done..n_out * (done + n as usize)];
+            done += n as usize;
+            match self.rest.stage {
+                Stage::Computed if n == 0 => self.look_whether_it_rests(),
+                Stage::Computed => self.compute(out, n as usize, team)?,
+                Stage::Alike(frames) => {
+                    let before = self.fine_products();
+                    self.compute(out, 1, team)?;
+                    self.compare(out, frames, before);
+                }
+                Stage::Resting(_) if n == 0 => self.wake(),
+                Stage::Resting(_) => {
+                    for row in out.chunks_exact_mut(n_out.max(1)) {
+                        row.copy_from_slice(&self.rest.heard);
+                    }
+                    self.turn((n * often) as i64, n as i64);
+                    self.rest.passed += n * often;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// From here on steps are computed: something came from outside.
+    pub(super) fn wake(&mut self) {
+        if !matches!(self.rest.stage, Stage::Computed) {
+            self.begin_again();
+        }
+    }
+
+    /// The same where it stands elsewhere now: it is soon looked at.
+    pub(super) fn begin_again(&mut self) {
+        self.rest.gap = FIRST;
+        self.go_on();
+    }
+
+    /// Steps so far that were not computed, for it rested.
+    pub(crate) fn passed(&self) -> u64 {
+        self.rest.passed
+    }
+
+    /// Room for the state: looks at it do not allocate.
+    pub(super) fn reserve_rest(&mut self) {
+        let mut size = 0;
+        let _ = self.archive_all(&mut Archive::Count(&mut size));
+        // Some lists grow while it plays.
+        let reports = size_of_val(&*self.state.reports);
+        let room = size + size / 4 + reports + 4_096;
+        self.rest.left.clear();
+        if size <= LARGEST {
+            self.rest.left.reserve_exact(room);
+        }
+        if let Stage::Alike(_) = self.rest.stage {
+            self.go_on();
+        }
+    }
+
+    fn go_on(&mut self) {
+        let rest = &mut self.rest;
+        rest.stage = Stage::Computed;
+        rest.next = self.state.frame + rest.gap * u64::from(self.oversampling);
+        rest.gap = LATEST.min(2 * rest.gap);
+    }
+
+    #[cold]
+    fn look_whether_it_rests(&mut self) {
+        let n = self.state.frame;
+        let soon = n + MARGIN + 2 * ALIKE * u64::from(self.oversampling);
+        let mut left = std::mem::take(&mut self.rest.left);
+        left.clear();
+        let is_known = self.due(n) > soon
+            && !self.state.touches.are_pushed(&self.state.body.link)
+            && self.archive_all(&mut Archive::Note(&mut left)).is_ok();
+        self.rest.left = left;
+        if is_known {
+            self.rest.stage = Stage::Alike(0);
+        } else {
+            self.go_on();
+        }
+    }
+
+    /// Whether the frame that was computed left it as it was at the look, `frames` before; `work`: of contacts, before.
+    fn compare(&mut self, heard: &[f64], frames: u64, work: [u64; 2]) {
+        let after = self.fine_products();
+        let work = [after[0] - work[0], after[1] - work[1]];
+        if frames == 0 {
+            self.rest.heard.copy_from_slice(heard);
+            self.rest.work = work;
+        }
+        let is_same = work == self.rest.work && same_bits(heard, &self.rest.heard);
+        if !is_same || !self.is_as_it_was(frames + 1) {
+            self.go_on();
+            return;
+        }
+        self.rest.stage = Stage::Alike(frames + 1);
+        if frames + 1 == ALIKE {
+            let due = self.due(self.state.frame);
+            self.rest.stage = Stage::Resting(due.saturating_sub(MARGIN));
+        }
+    }
+
+    /// Whether its state is that of the look, turned on by so many frames.
+    fn is_as_it_was(&mut self, frames: u64) -> bool {
+        let (frames, often) = (frames as i64, i64::from(self.oversampling));
+        let left = std::mem::take(&mut self.rest.left);
+        let mut same = Archive::Same(&left);
+        self.turn(-frames * often, -frames);
+        let is_same = self.archive_all(&mut same).is_ok() && same.is_empty();
+        self.turn(frames * often, frames);
+        self.rest.left = left;
+        is_same
+    }
+
+    /// All that changes of it, also what no render recalls.
+    fn archive_all(&mut self, archive: &mut Archive<'_>) -> Result<(), crate::archive::Damaged> {
+        let state = &mut self.state;
+        state.archive(archive)?;
+        state.ledger.archive(archive)?;
+        state.stream.len().archive(archive)
+    }
+
+    /// Let all that counts steps count so many steps more, or less, and work of contacts that of so many frames.
+    fn turn(&mut self, steps: i64, frames: i64) {
+        let state = &mut self.state;
+        state.frame = state.frame.wrapping_add_signed(steps);
+        for body in &mut state.bodies {
+            body.turn(steps);
+        }
+        for voice in &mut state.voices {
+            voice.turn(steps);
+        }
+        if let Some(fine) = &mut state.fine {
+            let [instants, products] = self.rest.work.map(|work| work as i64 * frames);
+            let work = &mut fine.work;
+            work.instants = work.instants.wrapping_add_signed(instants);
+            work.products = work.products.wrapping_add_signed(products);
+        }
+    }
+
+    /// The first step, `n` or later, in which anything may act but the state.
+    fn due(&self, n: u64) -> u64 {
+        let (script, state) = (&*self.script, &self.state);
+        // Where hands and takes go next is not asked.
+        let is_known =
+            |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes(_));
+        if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() {
+            return n;
+        }
+        let bodies = state.bodies.iter().map(inside::RunningBody::every);
+        let mut every = bodies.chain(state.voices.iter().map(Voice::every));
+        if every.any(|every| u64::from(every) > ALIKE) {
+            return n;
+        }
+        let push = script.pushes.get(state.pushed).map(|push| push.frame);
+        let ergon = script.ergons.get(state.ergons).map(|ergon| ergon.0);
+        let voices = state.voices.iter().zip(&script.voices);
+        let voices = voices.map(|(voice, own)| voice.due(own, &script.gestures, n));
+        let bodies = state.bodies.iter().map(|body| body.due(n));
+        let continuations = state.gate_continuations.iter();
+        let gates = script.gates.iter().zip(continuations);
+        let gates = gates.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
+        let glides = script.glides.iter().map(|glide| glide.due(n));
+        let led = script.led.iter().map(|led| led.due(n));
+        let events = push.into_iter().chain(ergon).chain(voices).chain(bodies);
+        let events = events.chain(gates).chain(glides).chain(led);
+        events.min().unwrap_or(u64::MAX)
     }
 
     /// Work of contacts so far: instants, and products.
@@ -130,16 +257,34 @@ impl Island {
         let work = self.fine_work();
         [work.instants, work.products]
     }
+}
 
-    fn set_fine_work(&mut self, [instants, products]: [u64; 2]) {
-        if let Some(fine) = &mut self.state.fine {
-            (fine.work.instants, fine.work.products) = (instants, products);
+impl inside::RunningBody {
+    /// The first step, `n` or later, in which anything strikes it or leads its numbers.
+    fn due(&self, n: u64) -> u64 {
+        match self {
+            Self::Modal(modal) => modal.due(),
+            Self::Mesh(mesh) => mesh.due(n),
+            // What is struck of it is a port.
+            Self::Slow(_) => u64::MAX,
         }
     }
 
-    fn add_fine_work(&mut self, [instants, products]: [u64; 2]) {
-        let work = self.fine_products();
-        self.set_fine_work([work[0] + instants, work[1] + products]);
+    /// The most steps between two in which its springs act.
+    fn every(&self) -> u32 {
+        match self {
+            Self::Slow(slow) => slow.every(),
+            Self::Modal(_) | Self::Mesh(_) => 1,
+        }
+    }
+
+    /// Let what counts steps count so many more, or less.
+    fn turn(&mut self, steps: i64) {
+        match self {
+            Self::Modal(modal) => modal.turn(steps),
+            Self::Slow(slow) => slow.turn(steps),
+            Self::Mesh(_) => {}
+        }
     }
 }
 

@@ -219,6 +219,17 @@ impl RunningSlow {
         }
     }
 
+    /// How many frames lie between two kicks.
+    pub(crate) fn every(&self) -> u32 {
+        self.plan.flow.macrostep
+    }
+
+    /// Where nothing moves it: so many frames later, or earlier.
+    pub(crate) fn turn(&mut self, frames: i64) {
+        let since = i64::from(self.since) + frames;
+        self.since = since.rem_euclid(i64::from(self.every())) as u32;
+    }
+
     /// Let its motion fade by a factor more a frame.
     pub(crate) fn damp(&mut self, by: f64) {
         self.damped = (0..2 * self.plan.flow.macrostep).fold(1.0, |all, _| all * by);

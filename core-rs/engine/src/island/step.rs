@@ -36,10 +36,8 @@ impl StepOutputs<'_> {
 }
 
 impl Island {
-    /// Play `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
-    ///
-    /// Fails with the first part that goes non-finite, unless faults are muted.
-    pub(crate) fn process(
+    /// Compute `n_frames` frames, as [`Island::process`] plays them.
+    pub(crate) fn compute(
         &mut self,
         out: &mut [f64],
         n_frames: usize,

@@ -24,6 +24,7 @@ impl Island {
     pub(crate) fn read_state(&mut self, bytes: &[u8]) -> Result<(), Damaged> {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
+        self.begin_again();
         if archive.is_empty() {
             Ok(())
         } else {

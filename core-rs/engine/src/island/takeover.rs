@@ -64,10 +64,12 @@ impl Island {
             }
         }
         super::real_hands::seek(&script.hand_bindings, &mut state.hand_states, n);
+        self.begin_again();
     }
 
     /// Continue as an island of the same network and bodies, stepped as often, to the last bit.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
+        self.begin_again();
         if old.n_muted() > 0 {
             // Muted parts are out of its lists: of what moves on, only where it is is sure.
             self.state.body.x.copy_from_slice(&old.state.body.x);
@@ -101,6 +103,7 @@ impl Island {
 
     /// Take the state of one item over from an island of another version.
     pub(crate) fn take_over(&mut self, item: &ItemTakeover, old: &mut Self) {
+        self.begin_again();
         let is_whole = old.n_muted() == 0;
         match *item {
             ItemTakeover::Voice(ref takeover) if is_whole => {
@@ -176,6 +179,7 @@ impl Island {
 
     /// Put a MAT where it is, as it came there; one that cannot move stays.
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
+        self.begin_again();
         if kernel::sound(x) && step.is_finite() {
             self.state.body.x[mat] = x;
             self.state.body.d[mat] = step / f64::from(self.oversampling);
@@ -187,6 +191,7 @@ impl Island {
 
     /// One of its bodies, as long as none of its parts is mute.
     pub(crate) fn body(&mut self, body: usize) -> Option<&mut super::inside::RunningBody> {
+        self.begin_again();
         if self.n_muted() > 0 {
             return None;
         }
@@ -195,6 +200,7 @@ impl Island {
 
     /// Ports where their bodies have them.
     pub(crate) fn place(&mut self) {
+        self.begin_again();
         for body in &self.state.bodies {
             body.place(&mut self.state.body);
         }

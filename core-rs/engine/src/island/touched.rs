@@ -48,6 +48,11 @@ impl Touches {
         }
     }
 
+    /// Whether any of them pushes by these forces (n_lia).
+    pub(super) fn are_pushed(&self, forces: &[f64]) -> bool {
+        self.links.iter().any(|&link| forces[link as usize] != 0.0)
+    }
+
     /// Tell of those that pushed (link, how), and begin anew.
     pub(super) fn take(&mut self, mut tell: impl FnMut(usize, Touch)) {
         for (&link, most) in self.links.iter().zip(&mut self.most) {

@@ -97,6 +97,16 @@ impl Gate {
         self.ramp.map_or(open, |ramp| open * ramp.at(n))
     }
 
+    /// The first frame, `n` or later, at which the factor may change; where it comes from another version's, too.
+    pub(crate) fn due(&self, continuation: Option<&GateContinuation>, n: u64) -> u64 {
+        let since = continuation.map(|continuation| continuation.since);
+        let fades = [self.start, self.stop, since].into_iter().flatten();
+        let fades = fades.map(|start| (start, start + self.fade));
+        let ways = fades.chain(self.ramp.map(|ramp| (ramp.start, ramp.stop)));
+        let due = ways.filter(|way| way.1 > n).map(|way| way.0.max(n));
+        due.min().unwrap_or(u64::MAX)
+    }
+
     fn ramp(&self, n: u64, start: u64) -> f64 {
         let u = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
         u * u * (3.0 - 2.0 * u)

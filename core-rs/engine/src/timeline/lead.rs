@@ -34,6 +34,11 @@ impl Lead {
         std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share)
     }
 
+    /// The first frame, `n` or later, at which the factors may change.
+    pub(crate) fn due(&self, n: u64) -> u64 {
+        next_change(&self.points, n)
+    }
+
     /// The greatest factor of K and the greatest of Z.
     fn greatest(&self) -> Factors {
         let all = self.points.iter().map(|&(_, factors)| factors);
@@ -90,6 +95,13 @@ pub(crate) fn first(network: &Network, leads: &[Lead]) -> Result<Network, Error>
         begun.scale(lead.links(), lead.at(0, 0.0))?;
     }
     Ok(begun)
+}
+
+/// The first frame, `n` or later, at which what goes evenly through points (frames, rising) may change.
+pub(crate) fn next_change<T: PartialEq>(points: &[(u64, T)], n: u64) -> u64 {
+    let ways = points.windows(2);
+    let mut left = ways.filter(|way| way[1].0 > n && way[0].1 != way[1].1);
+    left.next().map_or(u64::MAX, |way| way[0].0.max(n))
 }
 
 impl Timeline {

@@ -312,3 +312,54 @@ fn a_mat_goes_one_way() {
     assert_eq!(drive(DriveKind::Force, 1.0), Ok(()));
     assert_eq!(drive(DriveKind::Force, 1.0), Ok(()));
 }
+
+/// All that glides or fades stays up to the frame at which it is due, and is due where it changes.
+#[test]
+fn what_is_due_is_when_it_changes() {
+    let points = [(10, 1.0), (20, 1.0), (30, 2.0), (40, 2.0), (50, 1.0)];
+    for (n, next) in [
+        (0, 20),
+        (20, 20),
+        (29, 29),
+        (30, 40),
+        (49, 49),
+        (50, u64::MAX),
+    ] {
+        assert_eq!(next_change(&points, n), next, "{n}");
+    }
+    let last = 8_000;
+    for (start, stop, ramp) in [
+        (0.0, None, None),
+        (0.1, Some(0.3), None),
+        (0.1, Some(0.105), None),
+        (0.0, Some(0.5), Some((0.2, 0.4))),
+        (0.3, None, Some((0.1, 0.6))),
+    ] {
+        let mut timeline = timeline(8_000.0);
+        timeline.couple(&network(), 0, start, stop).unwrap();
+        if let Some(span) = ramp {
+            timeline.fade(&network(), (0, 1), (0.5, 2.0), span).unwrap();
+        }
+        let gate = timeline.gates[0];
+        let continuations = [None, GateContinuation::new(&gate, 0.3, 6_000)];
+        for continuation in continuations.iter().map(Option::as_ref) {
+            let open = |n| GateContinuation::open(continuation, &gate, n);
+            let from = if continuation.is_some() { 6_000 } else { 0 };
+            for n in (from..last).step_by(7) {
+                let due = gate.due(continuation, n);
+                let next = (n + 1..=last)
+                    .find(|&m| open(m) != open(n))
+                    .unwrap_or(last + 1);
+                assert!(
+                    due >= n && (due < next || next > last),
+                    "{n}: due {due}, changes {next}"
+                );
+                // And no sooner, but for a glide of what is shut.
+                assert!(
+                    ramp.is_some() || due > last || next - due <= 2,
+                    "{n}: due {due}"
+                );
+            }
+        }
+    }
+}

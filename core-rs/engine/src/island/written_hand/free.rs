@@ -115,6 +115,17 @@ impl Motion {
         self.slow.iter_mut().for_each(|slow| slow.seek(n));
     }
 
+    /// Where nothing moves it: so many frames later, or earlier.
+    pub(crate) fn turn(&mut self, frames: i64) {
+        self.slow.iter_mut().for_each(|slow| slow.turn(frames));
+    }
+
+    /// The most frames between two kicks of a slow part.
+    pub(crate) fn every(&self) -> u32 {
+        let each = self.slow.iter().map(slow::RunningSlow::every);
+        each.max().unwrap_or(1)
+    }
+
     /// Its MATs were set going: what of it is slow goes with them.
     pub(crate) fn settle(&mut self) {
         for slow in &mut self.slow {

@@ -153,6 +153,27 @@ impl Voice {
         !script.layer || moves || script.gestures.iter().any(own)
     }
 
+    /// The first frame, `n` or later, at which a gesture plays.
+    pub(crate) fn due(&self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) -> u64 {
+        if self.now.is_some() {
+            return n;
+        }
+        let own = script.gestures.iter().map(|&own| &gestures[own]);
+        let left = own.filter(|gesture| gesture.last() >= n);
+        let due = left.map(|gesture| gesture.join_from.min(gesture.first).max(n));
+        due.min().unwrap_or(u64::MAX)
+    }
+
+    /// Where nothing moves its free key: so many frames later, or earlier.
+    pub(crate) fn turn(&mut self, frames: i64) {
+        self.free.turn(frames);
+    }
+
+    /// The longest that a slow part of its free key waits for its springs [frames].
+    pub(crate) fn every(&self) -> u32 {
+        self.free.every()
+    }
+
     /// How far a layer takes its key now [m].
     pub(crate) fn deviation(&self, script: &VoiceScript) -> f64 {
         self.free.body.x[script.free.struck]

@@ -1,7 +1,8 @@
 //! Playing the beginning of an island, and for how long that is worth it.
 
 use crate::derivative::Derivatives;
-use crate::island::{Island, OnFault, Options, Rest};
+use crate::island::{Island, OnFault, Options};
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::plan::cost::Costs;
 use crate::plan::trial::allowance::{Allowance, TrialError};
@@ -69,13 +70,12 @@ fn length_within(
     let after = (AFTER * rate) as usize;
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
-        let mut rest = rest(&island, island_plan);
         let mut meter = Meter::new(island_plan, allowance);
         let mut sound = vec![0.0; LOOK * island.n_out()];
         for at in (0..most).step_by(LOOK) {
             meter.draw(&island, LOOK)?;
             // Faults are muted: a pilot says nothing of them.
-            let _ = rest.process(&mut island, &mut sound, LOOK);
+            let _ = island.process(&mut sound, LOOK, &mut ThreadTeam::alone());
             if island.has_touched() {
                 return Ok((at + after).min(most));
             }
@@ -155,11 +155,6 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
     )
 }
 
-/// What is known of an island before anything is due.
-fn rest(island: &Island, island_plan: &IslandPlan) -> Rest {
-    Rest::new(island, &island_plan.timeline, &island_plan.bodies, LOOK)
-}
-
 /// The beginning of an island: so many frames of it.
 ///
 /// # Errors
@@ -197,7 +192,6 @@ pub(in crate::plan) fn nudged(
         .allowance
         .affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
-    let mut rest = rest(&island, island_plan);
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
@@ -209,14 +203,13 @@ pub(in crate::plan) fn nudged(
         .collect();
     for (at, sound) in sound.chunks_mut((LOOK * n_out).max(1)).enumerate() {
         if at * LOOK == block {
-            rest.end();
             island.damp(by);
         } else if at * LOOK == block + LOOK {
             island.damp(1.0);
         }
         let frames = sound.len() / n_out.max(1);
         meter.draw(&island, frames)?;
-        let _ = rest.process(&mut island, sound, frames);
+        let _ = island.process(sound, frames, &mut ThreadTeam::alone());
         derivatives.process(sound, n_out);
         island.squares(&mut squares);
     }
@@ -236,7 +229,6 @@ mod tests {
     use crate::gesture::profile::Curve;
     use crate::gesture::script::{Gesture, Manner};
     use crate::gesture::written::{Approach, Written};
-    use crate::kernel::thread_team::ThreadTeam;
     use crate::network::{But, Network, Term, Tie};
     use crate::plan::{Budget, Method, Plan, Unit};
     use crate::timeline::Timeline;
@@ -283,25 +275,24 @@ mod tests {
         Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
     }
 
-    /// Sound, state and work of an island, and how many blocks were passed over.
-    fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], usize) {
+    /// Sound, state and work of an island, and how many of its frames were passed over.
+    fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
         let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
-        let mut rest = rest(&island, island_plan);
-        let (mut heard, mut passed) = (Vec::new(), 0);
+        let mut heard = Vec::new();
         let mut sound = vec![0.0; LOOK * island.n_out()];
         for _ in 0..(0.6 * 44_100.0) as usize / LOOK {
             sound.fill(0.0);
+            let team = &mut ThreadTeam::alone();
             if may_rest {
-                rest.process(&mut island, &mut sound, LOOK).unwrap();
-                passed += usize::from(rest.is_known());
-            } else {
-                let team = &mut ThreadTeam::alone();
                 island.process(&mut sound, LOOK, team).unwrap();
+            } else {
+                island.compute(&mut sound, LOOK, team).unwrap();
             }
             heard.extend(sound.iter().map(|x| x.to_bits()));
         }
         let work = island.fine_work();
         let work = [work.instants, work.products, island.guard_steps()];
+        let passed = island.passed() / u64::from(island.oversampling());
         (heard, island.write_state(), work, passed)
     }
 
@@ -319,9 +310,9 @@ mod tests {
                     let (sound, state, work, _) = played(island_plan, false);
                     let (rested, left, counted, passed) = played(island_plan, true);
                     assert!(sound == rested && state == left && work == counted);
-                    // All but its first blocks and a few before the gesture; none where a spring moves it.
-                    let blocks = (BEGINS * 44_100.0) as usize / LOOK;
-                    let expected = if rests { blocks - 40..blocks } else { 0..1 };
+                    // All but its first frames and a few before the gesture; none where a spring moves it.
+                    let frames = (BEGINS * 44_100.0) as u64;
+                    let expected = if rests { frames - 2_560..frames } else { 0..1 };
                     assert!(expected.contains(&passed), "{budget:?} {passed}");
                 }
                 assert_eq!(n_islands, 1);
