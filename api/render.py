@@ -141,7 +141,7 @@ def _is_silent(bits: Bits, peak: float) -> bool:
 
     from ergon import _core
 
-    if bits in ("float", "double"):
+    if not isinstance(bits, int):
         return peak == 0.0
     return not _core.pcm(np.array([[peak], [-peak]]), 1.0, bits).any()
 
