@@ -125,7 +125,7 @@ def faint(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]:
     from ergon.notation.text.errors import Diagnostic
 
     place = piece.mix.place or piece.place
-    if peak == 0.0:
+    if _is_silent(bits, peak):
         help = "`ergon check --simulate` says what moves and what touches"
         return [Diagnostic("W324", "the file is silent", place, None, help)]
     if peak >= _FAINT or (bits == "float" and piece.mix.master is None):
@@ -133,6 +133,17 @@ def faint(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]:
     message = f"the highest peak of the file is {20.0 * math.log10(peak):.1f} dBFS, below -40 dBFS"
     help = "raise the gain of its routes, or let the master normalise: `master: {normalise: -1dB}`"
     return [Diagnostic("W325", message, place, None, help)]
+
+
+def _is_silent(bits: Bits, peak: float) -> bool:
+    """Whether every sample is 0: of whole numbers where the highest peak is rounded to 0."""
+    import numpy as np
+
+    from ergon import _core
+
+    if not isinstance(bits, int):
+        return peak == 0.0
+    return not _core.pcm(np.array([[peak], [-peak]]), 1.0, bits).any()
 
 
 def render(

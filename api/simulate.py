@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from ergon.rendering.slides import Sliding
     from ergon.rendering.swings import Closing, Swing
     from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.probes import Contact
 
 
@@ -24,6 +26,7 @@ class Simulated:
     """How closely keys followed gestures, how far masses swung, and which contacts closed.
 
     Frames are at `rate` [Hz]; so many contacts and points as `left_out` were not measured.
+    `gestures` are what was written for keys.
     """
 
     followed: list[GestureFidelity]
@@ -32,6 +35,7 @@ class Simulated:
     rate: float
     left_out: int
     bows: list[Sliding]
+    gestures: list[StagedGesture]
 
 
 def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated:
@@ -45,7 +49,8 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     stage = stage_as_checked(points.piece, report)
     with report.progress(task, stage.n_looked_at, stage.rate) as progress:
         moved, closed, bows = swings(stage, points, progress.at)
-    return Simulated(followed(stage), moved, closed, stage.rate, points.left_out, bows)
+    heard = followed(stage)
+    return Simulated(heard, moved, closed, stage.rate, points.left_out, bows, stage.gestures)
 
 
 def never_stuck(done: Simulated) -> list[Diagnostic]:
@@ -66,17 +71,23 @@ def never_stuck(done: Simulated) -> list[Diagnostic]:
     return found
 
 
-def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
-    """W320 for each contact that did not close, nor did it at another note of its instrument.
-
-    A contact over a range closes where one of its points does, and misses by the nearest of them.
-    """
+def _called(piece: Piece) -> Callable[[Contact], str]:
+    """The name of a contact that all notes of its instrument have."""
     members = {name: family for family, own in piece.families.items() for name in own}
 
     def called(contact: Contact) -> str:
         part, _, name = contact.whole.rpartition(".")
         return f"{members.get(part, part)}.{name}"
 
+    return called
+
+
+def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
+    """W320 for each contact that did not close, nor did it at another note of its instrument.
+
+    A contact over a range closes where one of its points does, and misses by the nearest of them.
+    """
+    called = _called(piece)
     closed = {called(one.contact) for one in done.contacts if one.times}
     nearest_of: dict[str, Closing] = {}
     for one in done.contacts:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ergon.api import score
 from ergon.api.simulate import never_closed, never_stuck, simulate
+from ergon.api.strokes import closed_once
 
 from .console import Console, plural
 from .units import metres
@@ -27,7 +28,8 @@ def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None
     _contacts(console, piece, done.rate, done.contacts)
     if done.left_out:
         console.say(f"{plural(done.left_out, 'more point and contact')} not measured")
-    score.show(console, loaded, [*never_closed(piece, done), *never_stuck(done)])
+    found = [*never_closed(piece, done), *closed_once(piece, done), *never_stuck(done)]
+    score.show(console, loaded, found)
 
 
 def _swings(console: Console, moved: Sequence[Swing]) -> None:

@@ -86,7 +86,8 @@ class FlacWriter:
             subtype=_SUBTYPES[format.bits],
             format="FLAC",
         )
-        self._sound.title = stamp.title
+        if stamp.title:  # libsndfile refuses an empty one
+            self._sound.title = stamp.title
         self._sound.comment = f"{_MADE_BY} {stamp.description().decode()}"
 
     @property

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,6 +27,8 @@ class Assembly:
     links: dict[tuple[str, str], range] = field(default_factory=dict)
     bodies: dict[tuple[str, str], range] = field(default_factory=dict)
     seed: int = 0
+    # Why modules are left out. None: the first that the engine refuses is raised.
+    refused: list[_core.EngineError] | None = None
 
     def part(
         self,
@@ -36,7 +39,7 @@ class Assembly:
         reach: float = 1.0,
         every: int = 1,
     ) -> None:
-        """Add a part's <M> points. Raises EngineError.
+        """Add a part's <M> points. Raises EngineError unless what is refused is gathered.
 
         Its own springs pull once `every` so many frames, where a plan finds that they may.
 
@@ -48,12 +51,13 @@ class Assembly:
             if module.kind in HOLDERS:
                 fields = _seen(module.fields, reach)
                 n_links = self.network.n_lia
-                first = _MATS[module.kind](self, module.name, fields)
-                self.mats[name, module.name] = first
-                if module.kind in GENERATORS:
-                    self.bodies[name, module.name] = range(n_links, self.network.n_lia)
-                if "X0" in fields and module.kind in GENERATORS:
-                    self._starts(first, fields)
+                with self._gathering():
+                    first = _MATS[module.kind](self, module.name, fields)
+                    self.mats[name, module.name] = first
+                    if module.kind in GENERATORS:
+                        self.bodies[name, module.name] = range(n_links, self.network.n_lia)
+                    if "X0" in fields and module.kind in GENERATORS:
+                        self._starts(first, fields)
 
     def joins(
         self,
@@ -63,14 +67,22 @@ class Assembly:
         ca_rate: float | None = None,
         reach: float = 1.0,
     ) -> None:
-        """Add a part's links, once the <M> points of all parts are there. Raises EngineError."""
+        """Add a part's links, once the <M> points of all parts are there.
+
+        Raises EngineError unless what is refused is gathered; then links that end on what is left
+        out are left out too.
+        """
         self.network.part(name, ca_rate=ca_rate)
         for module in modules:
             if module.kind not in LINKS:
                 continue
+            ends = module.fields["between"]
+            if self.refused and any((end.part, end.module) not in self.mats for end in ends):
+                continue
             first = self.network.n_lia
-            for one in singles(module):
-                self.link(name, one, *one.fields["between"], reach=reach)
+            with self._gathering():
+                for one in singles(module):
+                    self.link(name, one, *one.fields["between"], reach=reach)
             self.links[name, module.name] = range(first, self.network.n_lia)
 
     def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
@@ -80,6 +92,16 @@ class Assembly:
         index = make(self, module.name, *ends, _seen(module.fields, reach), reach)
         self.links[part, module.name] = range(index, index + 1)
         return index
+
+    @contextmanager
+    def _gathering(self) -> Iterator[None]:
+        """What the engine refuses here is kept with what else it refuses, if that is wanted."""
+        try:
+            yield
+        except _core.EngineError as error:
+            if self.refused is None:
+                raise
+            self.refused.append(error)
 
     def links_of(self, where: tuple[str, str]) -> range:
         """The LIAs of a link or of a generator; none where a module has none."""

@@ -31,7 +31,7 @@ class Swing:
 
 @dataclass(slots=True)
 class Closing:
-    """How often a contact closed, first at frame `first`, and its deepest penetration [m].
+    """How often a contact closed, from frame `first` to `last`, and its deepest penetration [m].
 
     Where it never closed the penetration is negative: by so much it missed, at frame `deepest_at`.
     """
@@ -39,6 +39,7 @@ class Closing:
     contact: Contact
     times: int = 0
     first: int | None = None
+    last: int | None = None
     deepest: float = -inf
     deepest_at: int = 0
     is_closed: bool = False
@@ -57,6 +58,8 @@ class Closing:
         if begins.size and self.first is None:
             self.first = at + int(begins[0])
         self.times += len(begins)
+        if closed.any():
+            self.last = at + int(np.flatnonzero(closed)[-1])
         self.is_closed = bool(closed[-1])
         deepest = int(np.argmax(depth))
         if depth[deepest] > self.deepest:

@@ -10,6 +10,7 @@ import numpy as np
 from docs.generators.spectra import spectrogram
 from numpy.typing import NDArray
 
+from ergon.api.score import level_of
 from ergon.cli.demo import bundled
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -28,7 +29,8 @@ def drawn(path: Path) -> tuple[str, str]:
     if loaded.piece is None:
         raise ValueError(str(loaded.diagnostics))
     staged = stage(loaded.piece)
-    mixer = staged.mixer(highpass=8.0)
+    level = level_of(loaded.piece, 24)
+    mixer = staged.mixer(highpass=level.highpass, reference=level.reference)
     heard = []
     for first in range(0, staged.n_frames, _BLOCK):
         n_frames = min(_BLOCK, staged.n_frames - first)

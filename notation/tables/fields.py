@@ -116,6 +116,7 @@ class Record(Shape):
     free: Shape | None = None
     refused: Mapping[str, str] = field(default_factory=dict)  # planned fields: name → sentence
     foreign: Mapping[str, str] = field(default_factory=dict)  # fields of other files: name → help
+    meant: Mapping[str, str] = field(default_factory=dict)  # what others call a field: name → field
     by_name: dict[str, Field] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -184,6 +185,10 @@ class Record(Shape):
                 if not values.is_foreign:  # one file in the place of another is one mistake
                     context.error("E101", message, key.place, help=self.foreign[word])
                 values.is_foreign = True
+                return
+            if word in self.meant:
+                values.misspelt.add(self.meant[word])
+                context.error("E101", message, key.place, suggestion=self.meant[word])
                 return
             if near := nearest(word, names):
                 values.misspelt.add(near)

@@ -111,6 +111,7 @@ AUTOMATION = Record(
         Field("at", k.WHEN, "where it begins", required=True),
         Field("until", k.WHEN, "where the parameter has its own value again"),
     ),
+    meant={"glide": "set", "ramp": "set"},
 )
 _OF_PATTERN = ("every", "times", *(field.name for field in OF_PATTERN))
 _OF_SET = ("to", "over", "curve", *_OF_PATTERN)

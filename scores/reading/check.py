@@ -264,11 +264,12 @@ class Checker:
         if known is None:
             words = ", ".join(leads.ALL)
             message = f"automation: {quote(name)} is not a parameter that changes ({words})"
-            self.collector.error("E301", message, name.place)
+            self.collector.error("E301", message, name.place, help=_of_level(name))
             return None
         part, module, is_ca = known
         if why := leads.refusal(module, parameter, is_ca=is_ca):
-            self.collector.error("E304", f"automation: {quote(head)} {why}", name.place)
+            message = f"automation: {quote(head)} {why}"
+            self.collector.error("E304", message, name.place, help=_of_level(name))
             return None
         target = Target(part, module.name, 0, 1, head, name.place)
         return automation.made(values, target, module, parameter)
@@ -298,3 +299,10 @@ class Checker:
             gap = spread.gaps(link, 1, who, self.collector)
             link = replace(link, fields={**link.fields, "gap": gap})
         return replace(made, link=link, a=a, b=b)
+
+
+def _of_level(name: str) -> str | None:
+    """Where a level is moved that automation was asked to move."""
+    if "gain" not in str(name).replace(".", " ").split():
+        return None
+    return "a level moves by the `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"

@@ -32,6 +32,7 @@ INCLUDE = Record(
         Field("as", Reference("a prefix for its names, such as v2"), "prefix of its names"),
         Field("transpose", INTERVAL, "how much higher its instruments sound; needs `as`"),
     ),
+    meant={"score": "file"},
 )
 
 

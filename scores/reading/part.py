@@ -125,6 +125,7 @@ PLAY = Record(
         Field("do", DO, "transformations, left to right"),
     ),
     _play,
+    meant={"repeat": "times"},
 )
 # How the value of each word is read, here and at the prompt.
 SHAPES = {f.name: f.shape for f in (_AT, *_OPTIONS)}

@@ -178,6 +178,7 @@ STRIKES = Record(
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
     ),
+    meant={"repeat": "times"},
 )
 PHRASE = Record(
     "phrase",

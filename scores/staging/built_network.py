@@ -42,9 +42,20 @@ class BuiltNetwork:
 
 
 def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
-    """The network of a piece; the `silent` instruments are not listened to."""
-    assembly = Assembly(seed=piece.seed)
+    """The network of a piece; the `silent` instruments are not listened to.
+
+    Raises EngineError, with each module that is refused as one of its `refusals` if they are
+    several.
+    """
+    refused: list[_core.EngineError] = []
+    assembly = Assembly(seed=piece.seed, refused=refused)
     couplings = add_parts(piece, assembly)
+    if len(refused) == 1:
+        raise refused[0]
+    if refused:
+        error = _core.EngineError("\n".join(map(str, refused)))
+        error.module, error.refusals = None, refused
+        raise error
     return BuiltNetwork(piece, assembly, couplings, listen(piece, assembly, silent))
 
 
@@ -59,6 +70,8 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
         assembly.joins(name, key.modules, reach=key.reach)
     for name, made in piece.instruments.items():
         assembly.joins(name, made.modules, ca_rate=made.ca_rate)
+    if assembly.refused:
+        return []  # the ends of a coupling may be left out
     if piece.duet:
         assembly.network.part("duet")
     return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]

@@ -251,7 +251,10 @@ def prepare(
             paths = led_on(like.paths, paths, piece, start / piece.rate)
         for where, points in paths.items():
             if led := Led.of(piece, where):
-                led.put(timeline, assembly, where, points)
+                try:
+                    led.put(timeline, assembly, where, points)
+                except _core.EngineError as error:
+                    _refuse(piece, collector, error)
     except _core.EngineError as error:
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
@@ -400,8 +403,14 @@ def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
         collector.error("N403", message, part.place)
 
 
+def _refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None:
+    """Report each module that the engine refuses (E309)."""
+    for one in getattr(error, "refusals", ()) or (error,):
+        collector.error("E309", str(one.args[0]), _place(piece, getattr(one, "module", None)))
+
+
 def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
-    collector.error("E309", str(error.args[0]), _place(piece, getattr(error, "module", None)))
+    _refuse(piece, collector, error)
     return StageError(collector.finish())
 
 

@@ -183,6 +183,23 @@ def test_a_silent_file_ends_with_1_where_it_shall(folder: Path, capsys: Capture)
     assert app.run(["render", "bell.yaml", "--strict"]) == 0
 
 
+def test_a_file_of_which_every_sample_is_rounded_to_0_is_silent(
+    folder: Path, capsys: Capture
+) -> None:
+    score = "ergon: 1\ninstruments: {m: {CEL: {M: 1g, f: A4, t60: 1s}, out: {SOX: m}}}\n"
+    score += "strikes: {s: {to: m, at: 0, impulse: IMPULSE}}\nrender: {tail: 100ms, bits: BITS}\n"
+    for impulse, bits, code, told in (
+        ("0.0001uNs", 24, 1, "W324"),  # -149 dBFS
+        ("0.001uNs", 24, 0, "W325"),  # -129 dBFS
+        ("0.001uNs", 16, 1, "W324"),
+        ("0.0001uNs", "float", 0, "W325"),
+    ):
+        text = score.replace("IMPULSE", impulse).replace("BITS", str(bits))
+        Path("soft.yaml").write_text(text + "mix: {master: {reference: -20dB}}\n")
+        assert app.run(["render", "soft.yaml", "--strict", "--force"]) == code
+        assert f"warning[{told}]" in capsys.readouterr().err
+
+
 def test_the_summary_tells_the_level_of_each_instrument(folder: Path, capsys: Capture) -> None:
     part = "{{modules: {{m: {{CEL: {{M: 2g, f: {f}, t60: 2s, X0: {x}}}}}}}, out: {{SOX: m}}}}"
     low, high = part.format(f="A3", x="1mm"), part.format(f="A4", x="0.1mm")

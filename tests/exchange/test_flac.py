@@ -51,6 +51,19 @@ def test_the_samples_are_those_of_a_wav_file(tmp_path: Path, bits, n_channels):
     assert np.array_equal(*blocks)
 
 
+def test_a_score_without_a_title_is_written(tmp_path: Path):
+    format = WaveFormat(48_000, 1, 24)
+    samples = _samples(10, format)
+    for end in sound.SUFFIXES:
+        with (tmp_path / f"x{end}").open("w+b") as file:
+            writer = sound.writer(f"x{end}", file, format, 10, Stamp("", "a" * 64, "b" * 64))
+            writer.write(samples)
+            writer.close()
+    flac, wav = (sound.read_info(tmp_path / f"x{end}") for end in (".flac", ".wav"))
+    assert (flac.title, flac.score) == (wav.title, wav.score)
+    assert is_ours(tmp_path / "x.flac")
+
+
 def test_a_render_is_known_again(tmp_path: Path):
     format = WaveFormat(48_000, 2, 24)
     _write(tmp_path / "ours.flac", format, _samples(10, format))

@@ -45,6 +45,9 @@ def test_the_score_itself_is_right():
         ("1.2Ns/m", "1,2Ns/m", 6, 34, "1.2Ns/m"),
         ("-15mm", "\u221215mm", 6, 51, "-15mm"),
         ("{at: 1|1, play", "{at: '5:1', play", 10, 15, "5|1"),
+        ("play: knock", "play: knock, repeat: 3", 10, 32, "times"),
+        ("times: 2", "repeat: 2", 11, 50, "times"),
+        ("mix:", "include: [{score: other.yaml}]\nmix:", 12, 12, "file"),
     ],
 )
 def test_one_message_with_a_suggestion(old, new, line, column, suggestion):
@@ -159,3 +162,11 @@ def test_a_file_that_is_not_there_is_looked_for_where_it_was_named(line, suggest
     found = load("s.yaml", text=f"ergon: 1\n{line}\n").diagnostics
     (missing,) = [one for one in found if one.code in ("E107", "E112") and "no file" in one.message]
     assert (missing.suggestion, missing.help) == (suggestion, help)
+
+
+@pytest.mark.parametrize("name", ["gain bell", "bell.gain", "bell.hum.gain"])
+def test_a_level_that_automation_is_to_move_is_sent_to_its_route(name):
+    found = read("mix:", f"automation: [{{at: 1|1, set: {name}, to: -6dB, over: 2}}]\nmix:")
+    (error,) = found.diagnostics
+    assert error.place.line == 12
+    assert "`fade` of its route" in (error.help or "")

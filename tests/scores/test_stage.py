@@ -164,5 +164,84 @@ def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_pa
     assert piece is not None
     with pytest.raises(StageError) as refused:
         stage(piece)
-    (found,) = (one for one in refused.value.diagnostics if one.severity == "error")
-    assert (found.code, found.place.file, found.place.line) == ("E309", str(score), 3)
+    found = [one for one in refused.value.diagnostics if one.severity == "error"]
+    assert {(one.code, one.place.file, one.place.line) for one in found} == {
+        ("E309", str(score), 3)
+    }
+    high = ("nominal", "nominal-2", "tenth", "twelfth", "octave")
+    assert [one.message.split(":")[0] for one in found] == [f"small.{name}" for name in high]
+
+
+HIGH = """\
+ergon: 1
+rates: {audio: 16kHz}
+instruments:
+  cell: {CEL: {M: 1g, f: A4, t60: 2s}, notes: [A4, C9, D9], out: {SOX: cell}}
+  sky: {BANK: {count: 40, M: 1g, f: 9kHz..15kHz, t60: 1s}, out: {SOX: sky.all}}
+  bell:
+    modules:
+      prime: {CEL: {M: 1g, f: 25kHz, t60: 1s}}
+      hum: {CEL: {M: 1g, f: 440Hz, t60: 1s}}
+    out: {SOX: [prime, hum]}
+strikes: {s: {to: bell.hum, at: 0, impulse: 1mNs}, t: {to: cell, at: 0, impulse: 1mNs}}
+"""
+UNSTABLE = """\
+ergon: 1
+instruments:
+  first: {units: ca, at: 44100Hz, modules: {m: {CEL: {M: 1, K: 5, X0: 1mm}}}, out: {SOX: m}}
+  good: {units: ca, at: 44100Hz, modules: {m: {CEL: {M: 1, K: 0.5, X0: 1mm}}}, out: {SOX: m}}
+  second: {units: ca, at: 44100Hz, modules: {m: {CEL: {M: 1, K: 6, X0: 1mm}}}, out: {SOX: m}}
+"""
+DECAYS = """\
+ergon: 1
+instruments:
+  one: {STRING: {masses: 40, M: 1g, f: 100Hz, t60: {100Hz: 1s, 400Hz: 100s}}, out: {SOX: one.4}}
+  two: {STRING: {masses: 40, M: 1g, f: 100Hz, t60: 1s}, out: {SOX: two.4}}
+  three:
+    PLATE: {radius: 3, M: 1g, f: 100Hz, t60: {100Hz: 1s, 200Hz: 100s}}
+    notes: [A2, B2]
+    out: {SOX: three.1}
+  tie: {modules: {r: {REF: {between: [one.3, two.3], K: 2N/m}}}}
+strikes: {s: {to: [one.5, two.5], at: 0, impulse: 1mNs}}
+"""
+GLIDES = """\
+ergon: 1
+instruments:
+  a: {CEL: {M: 1g, f: A4, t60: 2s}, out: {SOX: a}}
+  b: {CEL: {M: 1g, f: A4, t60: 2s}, out: {SOX: b}}
+automation:
+  - {at: 0, set: a.f, to: 30kHz, over: 1}
+  - {at: 0, set: b.f, to: 40kHz, over: 1}
+strikes: {s: {to: [a, b], at: 0, impulse: 1mNs}}
+"""
+
+
+@pytest.mark.parametrize("planned", [False, True])
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        (HIGH, [(4, "cell.C9"), (4, "cell.D9"), (5, "sky.0"), (8, "bell.prime")]),
+        (DECAYS, [(3, "one"), (5, "three.A2"), (5, "three.B2")]),
+        (GLIDES, [(3, "a"), (4, "b")]),
+    ],
+    ids=["pitches", "decays", "glides"],
+)
+def test_all_that_the_engine_refuses_is_told_at_once(
+    text: str, refused: list[tuple[int, str]], planned: bool
+) -> None:
+    assert told_at_once(text, planned=planned) == refused
+
+
+def test_each_part_that_would_diverge_is_told() -> None:
+    assert told_at_once(UNSTABLE, planned=True) == [(3, "first.m"), (5, "second.m")]
+
+
+def told_at_once(text: str, *, planned: bool) -> list[tuple[int, str]]:
+    """Lines and modules of the errors of a stage, all of them E309."""
+    piece = load("s.yaml", text=text).piece
+    assert piece is not None
+    with pytest.raises(StageError) as raised:
+        stage(piece, planned=planned)
+    found = [one for one in raised.value.diagnostics if one.severity == "error"]
+    assert {one.code for one in found} == {"E309"}
+    return [(one.place.line, one.message.split(":")[0]) for one in found]

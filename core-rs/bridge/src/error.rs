@@ -39,6 +39,7 @@ pub(crate) fn with(
     let set = Python::attach(|py| {
         let value = error.value(py).as_any();
         value.setattr("module", module)?;
+        value.setattr("refusals", Vec::<PyErr>::new())?;
         attributes(value)
     });
     // An attribute that cannot be set (no memory left) is itself what to report.
@@ -77,7 +78,7 @@ pub(crate) fn refused(module: &str, message: impl Display) -> PyErr {
     )
 }
 
-/// EngineError or UnstableError, naming the module.
+/// EngineError or UnstableError, naming the module; of several faults an EngineError with each as one of its `refusals`.
 pub(crate) fn from_engine(error: network::Error) -> PyErr {
     let message = error.to_string();
     match error {
@@ -86,6 +87,12 @@ pub(crate) fn from_engine(error: network::Error) -> PyErr {
         }
         network::Error::Unstable { module, .. } => {
             with(UnstableError::new_err(message), Some(&module), |_| Ok(()))
+        }
+        network::Error::Several(each) => {
+            let refusals: Vec<PyErr> = each.into_iter().map(from_engine).collect();
+            with(EngineError::new_err(message), None, |raised| {
+                raised.setattr("refusals", refusals)
+            })
         }
     }
 }

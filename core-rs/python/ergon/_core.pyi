@@ -36,6 +36,7 @@ class EngineError(ValueError):
     """An argument, network, law or timeline that the core refuses."""
 
     module: str | None  # as the composer wrote it, e.g. `bell.m`; or an argument, e.g. `trim`
+    refusals: list[EngineError]  # each by itself, where several modules are refused; else none
 
 class UnstableError(EngineError):
     """The scheme would diverge at this rate; `module` moves most in the unstable mode."""

@@ -94,6 +94,7 @@ pub(super) fn glides(
         });
         ties.push(own);
     }
+    let mut refused = Vec::new();
     // One scheme tells one number of every MAT.
     for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
         let here = || found_at(&ties, round);
@@ -103,7 +104,13 @@ pub(super) fn glides(
                 other.retie(found[at].mat, own);
             }
         }
-        let other = Scheme::new(&other, timeline.rate)?;
+        let other = match Scheme::new(&other, timeline.rate) {
+            Ok(other) => other,
+            Err(error) => {
+                refused.push(error);
+                continue;
+            }
+        };
         for (at, own) in here() {
             let scheme = if own.is_some() { &other } else { scheme };
             let glide = &mut found[at];
@@ -124,6 +131,9 @@ pub(super) fn glides(
                 .numbers
                 .push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
         }
+    }
+    if let Some(refused) = Error::of(refused) {
+        return Err(refused);
     }
     Ok(found)
 }

@@ -1,5 +1,7 @@
 //! Why a network is refused.
 
+use std::collections::HashSet;
+
 /// Why a network is refused; `module` is named as the composer wrote it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -24,4 +26,47 @@ pub enum Error {
         /// Factor of the rate that would make it stable.
         oversampling: u32,
     },
+    /// Several modules are at fault, each by itself.
+    #[error("{}", lines(.0))]
+    Several(Vec<Error>),
+}
+
+impl Error {
+    /// One error that holds the first of each module; `None` of none. Members of a module that are numbered are one.
+    pub(crate) fn of(found: impl IntoIterator<Item = Error>) -> Option<Self> {
+        let mut known = HashSet::new();
+        let mut each: Vec<Error> = found.into_iter().flat_map(Error::each).collect();
+        each.retain(|error| known.insert(error.whole()));
+        match each.len() {
+            0 | 1 => each.pop(),
+            _ => Some(Self::Several(each)),
+        }
+    }
+
+    /// The module at fault, without the number of a member.
+    fn whole(&self) -> String {
+        let name = match self {
+            Self::Refused { module, .. } | Self::Unstable { module, .. } => module,
+            Self::Several(_) => return String::new(),
+        };
+        match name.rsplit_once('.') {
+            Some((whole, member)) if member.bytes().all(|byte| byte.is_ascii_digit()) => {
+                whole.to_owned()
+            }
+            _ => name.clone(),
+        }
+    }
+
+    /// Each fault by itself.
+    pub fn each(self) -> Vec<Self> {
+        match self {
+            Self::Several(each) => each,
+            one => vec![one],
+        }
+    }
+}
+
+fn lines(each: &[Error]) -> String {
+    let each: Vec<String> = each.iter().map(Error::to_string).collect();
+    each.join("\n")
 }

@@ -79,6 +79,7 @@ pub(super) fn make(
         seen: known.seen,
         shown: Vec::new(),
     };
+    let mut refused = Vec::new();
     let mut unheard = Vec::new();
     let (mut loose, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
     let glides: BTreeSet<u32> = timeline
@@ -100,7 +101,7 @@ pub(super) fn make(
                 }
             }
             (true, false) => {
-                maker.rest(&island)?;
+                refused.extend(maker.rest(&island).err());
                 maker.drop(&island, Reason::Still);
             }
             (true, true) if is_loose() => loose.extend(island.mats),
@@ -121,11 +122,19 @@ pub(super) fn make(
         island_plans.push(network.subset(&loose, &[], &[]));
     }
     for (at, (subset, own)) in split(island_plans, timeline).into_iter().enumerate() {
-        if at < n_islands {
-            maker.island(subset, own)?;
+        let made = if at < n_islands {
+            maker.island(subset, own)
         } else {
-            maker.cells(&subset, &own)?;
+            maker.cells(&subset, &own)
+        };
+        if let Err(error) = made {
+            // No trial: there is no plan any more, and what else is refused is told too.
+            maker.allowance = Allowance::new(network.n_mat() + network.n_lia(), 0.0);
+            refused.push(error);
         }
+    }
+    if let Some(refused) = Error::of(refused) {
+        return Err(refused);
     }
     maker.pins.end()?;
     maker.plan.solved = maker.memo.found();

@@ -40,6 +40,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         linear: true,
     };
     let cancels = cancelling(network);
+    let mut too_high = Vec::new();
     for i in (0..n).filter(|&i| mats.kind[i].moves()) {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let ratios;
@@ -54,7 +55,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             }
             None => {
                 let own = Cell::new(m, k, z);
-                below_nyquist(network, i, own.frequency(), rate)?;
+                too_high.extend(above_nyquist(network, i, own.frequency(), rate));
                 (rate.step() * rate.step() / m, own.ratios(rate))
             }
             Some(at) => {
@@ -65,13 +66,16 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                     zeta: z / m,
                 };
                 let f = own.pitch(at).map_or(0.0, |(f, _)| f);
-                below_nyquist(network, i, f, rate)?;
+                too_high.extend(above_nyquist(network, i, f, rate));
                 (step * step / m, moved(own, at, rate))
             }
         };
         if mats.kind[i] == MatKind::Cel {
             (scheme.kappa[i], scheme.zeta[i]) = (ratios.kappa, ratios.zeta);
         }
+    }
+    if let Some(refused) = Error::of(too_high) {
+        return Err(refused);
     }
     let mut rooms: Vec<Arc<Law>> = Vec::new();
     let mut dry_runs = Vec::new();
@@ -190,11 +194,8 @@ fn ca_rate(network: &Network, part: usize) -> Option<Rate> {
 }
 
 /// Above half the rate a cell's exact poles are those of its alias: stable, and out of tune.
-fn below_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Result<(), Error> {
-    if f <= 0.5 * rate.hertz() {
-        return Ok(());
-    }
-    Err(Error::Refused {
+fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Error> {
+    (f > 0.5 * rate.hertz()).then(|| Error::Refused {
         module: network.mat_name(mat),
         message: format!(
             "its frequency is {f:.0} Hz, above half the rate of {:.0} Hz: take a higher rate, or a lower f or K",

@@ -326,3 +326,28 @@ fn the_rate_that_a_refusal_names_is_the_lowest_that_helps() {
         );
     }
 }
+
+#[test]
+fn every_module_above_half_the_rate_is_told_and_each_once() {
+    let mut network = Network::new();
+    for (name, f) in [("a", 30_000.0), ("b", 440.0), ("c", 40_000.0)] {
+        let tie = Tie::Tuned { f, t60: Some(1.0) };
+        network.cel(name, 1e-3, tie, 0.0, 0.0, 0.0).unwrap();
+    }
+    for member in 0..3 {
+        let tie = Tie::Tuned {
+            f: 50_000.0,
+            t60: Some(1.0),
+        };
+        network
+            .cel(&format!("sky.{member}"), 1e-3, tie, 0.0, 0.0, 0.0)
+            .unwrap();
+    }
+    let refused = Scheme::new(&network, rate()).unwrap_err();
+    let lines: Vec<String> = refused.to_string().lines().map(str::to_owned).collect();
+    assert_eq!(lines.len(), 3, "{lines:?}");
+    for (line, module) in lines.iter().zip(["a: ", "c: ", "sky.0: "]) {
+        assert!(line.starts_with(module), "{line}");
+    }
+    assert_eq!(refused.each().len(), 3);
+}

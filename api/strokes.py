@@ -1,0 +1,114 @@
+"""Contacts that the first stroke of a key reaches, and none of those as far after it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from typing import TYPE_CHECKING, NamedTuple
+
+from ergon.notation.text.errors import Diagnostic, quote
+
+from . import score as scores
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Module, Target
+    from ergon.rendering.swings import Closing
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.hands import StagedGesture
+
+    from .simulate import Simulated
+
+_SAME = 1e-9  # [m]
+
+
+class _Stroke(NamedTuple):
+    """A way of a key towards a contact: when it sets out [s], and how far it comes [m]."""
+
+    begins: float
+    reach: float
+
+
+def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
+    """W334 for each contact that strokes of a key should close again, for they go as far.
+
+    The key is an end of the contact, or throws what is one. A contact that closes again at another
+    note of its instrument is none of them, nor one that is closed at the end.
+    """
+    parts = {name: family for family, own in piece.families.items() for name in own}
+    found: dict[str, list[Diagnostic | None]] = {}
+    for whole, points in groupby(done.contacts, lambda one: one.contact.whole):
+        part, _, name = whole.rpartition(".")
+        own = list(points)
+        if any(one.first is not None for one in own):
+            told = _told(piece, done, own)
+            found.setdefault(f"{parts.get(part, part)}.{name}", []).append(told)
+    return [told[0] for told in found.values() if told[0] is not None and None not in told]
+
+
+def _told(piece: Piece, done: Simulated, points: list[Closing]) -> Diagnostic | None:
+    """What is said of a contact that closed, of one point or of several."""
+    contact = points[0].contact
+    first = min(one.first for one in points if one.first is not None)
+    last = max(one.last for one in points if one.last is not None)
+    if any(one.is_closed for one in points):
+        return None
+    for key, way in _keys(piece, contact.module):
+        strokes = sorted(s for g in done.gestures if g.key == key for s in _strokes(g, way))
+        # What is closed from the beginning was closed by no stroke.
+        before = [one for one in strokes if one.begins <= (first or last) / done.rate]
+        later = [one for one in strokes[len(before) :] if one.begins > last / done.rate]
+        if (first and not before) or len(before) + len(later) < len(strokes):
+            continue  # something else closed it, or several strokes did
+        least = before[-1].reach if first else 0.0
+        n_as_far = sum(one.reach >= least - _SAME and one.reach > _SAME for one in later)
+        if n_as_far:
+            when = scores.where(piece, first / done.rate)
+            count = f"{n_as_far} later stroke" + ("s" if n_as_far > 1 else "")
+            go = "go" if n_as_far > 1 else "goes"
+            message = f"contact {quote(contact.whole)} closes at {when} and never again, "
+            message += f"though {count} of {key} {go} as far"
+            help = "see where its masses swing: what is struck may not come back in time"
+            return Diagnostic("W334", message, contact.module.place, None, help)
+    return None
+
+
+def _keys(piece: Piece, contact: Module) -> Iterator[tuple[str, float]]:
+    """Keys that close a contact, directly or by a mass that they push; the way they go, 1 or -1."""
+    struck = {(name, key.struck): name for name, key in piece.keys.items()}
+    for end in contact.fields["between"]:
+        if key := struck.get((end.part, end.module)):
+            yield key, _way(contact, end)
+    kinds = {(part, module.name): module.kind for part, module in piece.modules()}
+    thrown = {(e.part, e.module) for e in contact.fields["between"]} - struck.keys()
+    for _, module in piece.modules():
+        if module.kind != "BUT" or module is contact:
+            continue
+        ends = {(end.part, end.module): end for end in module.fields["between"]}
+        between = thrown & ends.keys()
+        if any(kinds[end] in ("MAS", "CEL") for end in between):
+            yield from ((struck[w], _way(module, e)) for w, e in ends.items() if w in struck)
+
+
+def _way(contact: Module, end: Target) -> float:
+    """Where one of the ends of a contact goes to close it: upwards 1, downwards -1."""
+    upwards = contact.fields["side"] == "below"
+    return 1.0 if upwards == (end == contact.fields["between"][0]) else -1.0
+
+
+def _strokes(gesture: StagedGesture, way: float) -> Iterator[_Stroke]:
+    """The strokes of a written gesture, from where it turns to where it turns back."""
+    if gesture.layer:
+        return  # what it adds to is not known
+    begins, lowest, highest = gesture.start, float("inf"), -float("inf")
+    for at, x in zip(gesture.t, gesture.x, strict=True):
+        reach = way * x
+        if reach < highest - _SAME:
+            if highest > lowest + _SAME:
+                yield _Stroke(begins, highest)
+            begins, lowest, highest = at, reach, reach
+            continue
+        if reach <= lowest + _SAME and highest <= lowest + _SAME:
+            begins, lowest = at, min(lowest, reach)
+        highest = max(highest, reach)
+    if highest > lowest + _SAME:
+        yield _Stroke(begins, highest)
