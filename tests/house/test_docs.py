@@ -95,6 +95,11 @@ def test_every_page_is_reached_from_the_first() -> None:
     assert {page.resolve() for page in PAGES} <= reached
 
 
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
+def test_no_page_holds_a_merge_that_was_not_finished(page: Path) -> None:
+    assert not re.search(r"^(<<<<<<<|>>>>>>>) ", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+
 def test_a_replaced_section_leaves_the_others() -> None:
     text = "ergon: 1\nkeys:\n  k: {M: 1g}\ngestures:\n  a: 0@0 1@1\n"
     changed = merged(text, "keys:\n  j: {M: 2g}\nmarks: {A: 1|1}\n")
