@@ -119,6 +119,16 @@ _LAW_UNITS = (
 )
 CONSTANT = _dimension("constant of a law", _LAW_UNITS, "900N/m")
 
+_PREFIXES = "GMkcmuµμnp"
+# Units as one speaks of them; an s behind them is taken off before.
+_SPOKEN = {
+    "sec": "s", "second": "s", "msec": "ms", "millisecond": "ms", "usec": "us", "microsecond": "us",
+    "hertz": "Hz", "kilohertz": "kHz", "decibel": "dB", "db": "dB", "degree": "deg", "°": "deg",
+    "gram": "g", "kilogram": "kg", "kilo": "kg", "milligram": "mg",
+    "metre": "m", "meter": "m", "millimetre": "mm", "millimeter": "mm", "centimetre": "cm",
+    "centimeter": "cm", "newton": "N", "pascal": "Pa", "percent": "%",
+}  # fmt: skip
+
 _ALL_UNITS = tuple(
     (unit, d.name)
     for d in (
@@ -185,11 +195,20 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
         raise TextError(message, offset=offset, length=length, code="E203")
     measures = next((name for of_dimension, name in _ALL_UNITS if of_dimension == unit), None)
     if measures is None:
-        near = nearest(unit, dimension.units)
+        near = _likely(unit, dimension)
         message = f"unknown unit {quote(unit)} ({with_article(dimension.name)} has {units})"
         raise TextError(message, offset=offset, length=length, suggestion=near, code="E203")
     message = f"unit {quote(unit)} does not measure {dimension.name} (use {units})"
     raise TextError(message, offset=offset, length=length, code="E203")
+
+
+def _likely(unit: str, dimension: Dimension) -> str | None:
+    """The unit that was meant. One that is another multiple of what is written is none."""
+    spoken = _SPOKEN.get(unit.lower()) or _SPOKEN.get(unit.lower().removesuffix("s"))
+    if spoken in dimension.units:
+        return spoken
+    is_multiple = unit[0] in _PREFIXES and unit[1:] in dimension.units
+    return None if is_multiple else nearest(unit, dimension.units)
 
 
 def _trimmed(text: str) -> str:

@@ -51,6 +51,33 @@ def test_every_unit_is_correctly_rounded(number, unit):
 
 
 @pytest.mark.parametrize(
+    ("text", "dimension", "meant"),
+    [
+        ("4.5sec", q.DURATION, "s"),
+        ("2 seconds", q.DURATION, "s"),
+        ("300msec", q.DURATION, "ms"),
+        ("220hertz", q.FREQUENCY, "Hz"),
+        ("2KHZ", q.FREQUENCY, "kHz"),
+        ("3grams", q.MASS, "g"),
+        ("1kilogram", q.MASS, "kg"),
+        ("-6db", q.LEVEL, "dB"),
+        ("30degrees", q.AZIMUTH, "deg"),
+        # The nearest word is a thousand times as much, or a thousand million times less.
+        ("3ng", q.MASS, None),
+        ("1MHz", q.FREQUENCY, None),
+        ("20ug", q.MASS, None),
+        ("5MN/m", q.STIFFNESS, None),
+        ("5Ms", q.DURATION, None),
+    ],
+)
+def test_a_unit_that_is_unknown_is_answered_with_the_one_that_was_meant(text, dimension, meant):
+    with pytest.raises(TextError) as error:
+        q.quantity(text, dimension)
+    assert error.value.code == "E203"
+    assert error.value.suggestion == meant
+
+
+@pytest.mark.parametrize(
     ("text", "dimension", "code", "part"),
     [
         ("400N", q.MASS, "E203", "unit 'N' does not measure mass (use kg, g, mg)"),

@@ -62,8 +62,8 @@ impl Mesh {
         matches!(self.way, MeshMethod::Ieq | MeshMethod::Trapezoid)
     }
 
-    /// Whether it goes as another does: what strikes it and how the same links are led may differ, for both are due at
-    /// each step anew.
+    /// Whether it goes as another does. What strikes it may differ, and how the same links are led: each step reads both
+    /// anew.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let how = |mesh: &Self| (mesh.rate.hertz(), mesh.way, mesh.substeps);
         let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
