@@ -336,7 +336,7 @@ class Commits:
         Returns the lines that were not ready in time and wait again. Nothing is extended in or
         after the frame `before`: a line takes over there, which extends the timeline itself.
         """
-        late = []
+        late: list[Waiting] = []
         while self.waiting and self.waiting[0].start <= self._soon():
             one = self.waiting[0]
             if one.start < self.first(0.0):
