@@ -10,6 +10,7 @@ import jsonschema
 import pytest
 import yaml
 from patience import until
+from sweep import few
 
 from ergon.cli import app, demo
 from ergon.cli.new import TEMPLATES, contents
@@ -23,7 +24,7 @@ Capture = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("own_folder")
 
 
-@pytest.mark.parametrize("template", TEMPLATES)
+@pytest.mark.parametrize("template", few(TEMPLATES, 1))
 def test_new_check_render(template: str, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     assert app.run(["new", "my-piece", "--template", template]) == 0
     assert "cd my-piece && ergon render score.yaml" in capsys.readouterr().err

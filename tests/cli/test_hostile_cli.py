@@ -163,7 +163,9 @@ def refused(folder: Path, scores: Mapping[str, Content]) -> None:
 
 
 @pytest.mark.parametrize(
-    "scores", [YAML, NUMBERS, SIZES, TEXTS], ids=["yaml", "numbers", "sizes", "texts"]
+    "scores",
+    few([YAML, NUMBERS, SIZES, TEXTS], [NUMBERS, SIZES, TEXTS]),
+    ids=["yaml", "numbers", "sizes", "texts"],
 )
 def test_scores_are_refused(tmp_path: Path, scores: Mapping[str, Content]) -> None:
     refused(tmp_path, scores)

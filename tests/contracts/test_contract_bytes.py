@@ -105,5 +105,6 @@ def test_a_comment_and_other_words_for_the_same_values_change_no_byte(
     assert rendered(tmp_path, same) == reference
 
 
+@pytest.mark.slow
 def test_another_seed_changes_them(tmp_path: Path, reference: str):
     assert rendered(tmp_path, SCORE.replace("seed: 3\n", "seed: 4\n")) != reference

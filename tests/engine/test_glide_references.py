@@ -217,6 +217,7 @@ def test_a_bank_glides_member_by_member():
     assert error_db(heard(module, "m.all", GLIDE), truth) <= -60.0
 
 
+@pytest.mark.slow
 def test_a_hardening_plate_keeps_what_hardens():
     """Where it glides to is the plate that is written so; its q·d³ has not gone with it."""
     across, up, f, q = 4, 3, 60.0, 3e7
@@ -247,6 +248,7 @@ def test_a_hardening_plate_keeps_what_hardens():
     assert error_db(heard(module, "m.6", GLIDE, "{method: bm4}")[:half], truth[:half]) <= -60.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gap", "z"), few([(-2e-3, 0.0), (3e-4, 0.0), (3e-4, 0.02)], [(3e-4, 0.02)])
 )

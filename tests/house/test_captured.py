@@ -39,6 +39,7 @@ def test_silence_that_is_fallen_into_and_risen_from_is_a_gap(sound):
     assert gap == Gap(1000, 88 + 256 + 87, 87)
 
 
+@pytest.mark.slow
 def test_what_goes_on_otherwise_behind_silence_is_wrong(sound):
     other = np.concatenate([sound[:1000], np.zeros((256, 3), np.float32), sound[1000:] * 0.5])
     result = compare(other, sound)

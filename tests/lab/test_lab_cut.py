@@ -77,6 +77,7 @@ def test_a_factor_that_no_certificate_sees_changes_no_bit():
         assert frames(replace(plain, hidden=64.0)).tobytes() == frames(plain).tobytes()
 
 
+@pytest.mark.slow
 def test_the_table_says_what_counts_as_right():
     one = replace(atlas.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
     assert [one.right_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [-75.0, -75.0, -70.0, -70.0]

@@ -81,6 +81,7 @@ def test_a_free_plate_goes_by_its_modes(body: str) -> None:
     assert error_db(sound, fine) <= -80.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("masses", "in_session"), few([(37, True), (310, False)], [(37, True)]))
 def test_a_plate_that_is_hung_goes_by_its_modes(masses: int, in_session: bool) -> None:
     """The nail loses otherwise than the metal, and no complex modes are at hand.

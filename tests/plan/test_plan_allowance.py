@@ -61,6 +61,7 @@ def test_a_plan_cut_short_is_the_same_with_any_threads() -> None:
     assert [row.error_db for row in one.rows()] == [row.error_db for row in four.rows()]
 
 
+@pytest.mark.slow
 def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:

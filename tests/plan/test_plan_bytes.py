@@ -105,6 +105,7 @@ def test_a_fresh_interpreter_makes_the_same(reference: str):
     assert digest(SCRIPT, "997", "2") == reference
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="GLIBC_TUNABLES is glibc's")
 def test_without_vector_instructions_in_the_c_library(reference: str):
     assert digest(SCRIPT, "997", "1", GLIBC_TUNABLES=PLAIN_GLIBC) == reference

@@ -130,6 +130,7 @@ def test_so_is_a_bow_that_pulls_its_string_out_of_phase():
     assert all(row.spectral_db is None for row in rows)
 
 
+@pytest.mark.slow
 def test_so_is_a_gong_that_is_struck_softly():
     row = error_of(scene(impulse=1.6), error_db=ASKED_DB)
     assert row.spectral_db is None

@@ -135,6 +135,7 @@ def test_a_plan_of_what_is_known_is_that_from_scratch() -> None:
     assert (told(again), again.is_kept, store.new) == (first, True, [])
 
 
+@pytest.mark.slow
 def test_an_entry_after_the_trials_needs_none() -> None:
     text = SCORE.replace("accuracy: {error: -50dB}", "accuracy: {error: -20dB}")
     store = Records()

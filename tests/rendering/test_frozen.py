@@ -295,6 +295,7 @@ def test_refusals_by_the_commands(folder: Path, capsys: Capture):
 # --- another piece, another file ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_what_is_not_of_this_piece_is_refused(folder: Path, capsys: Capture):
     def refused(*more: str) -> str:
         asked = ["play", "s.yaml", "--audio", "null", "--frozen", "s.frozen", "-q", *more]

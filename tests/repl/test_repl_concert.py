@@ -8,6 +8,7 @@ import re
 import sys
 from pathlib import Path
 
+import pytest
 import soundfile
 from commands import ERGON
 from terminals import ENTER, Terminal
@@ -37,6 +38,7 @@ def shown(answer: str) -> re.Pattern[str]:
     return re.compile(".*".join(map(re.escape, answer.split("…"))))
 
 
+@pytest.mark.slow
 def test_the_concert_of_the_page(tmp_path: Path):
     page = PAGE.read_text(encoding="utf-8")
     score = re.search(r"<!-- file: concert.yaml -->\n```yaml\n(.*?)```", page, re.DOTALL)

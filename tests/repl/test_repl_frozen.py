@@ -76,6 +76,7 @@ def frozen_now(stepped: Stepped) -> list[str]:
 # --- where it stands ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_frozen_part_stands_where_the_score_stands(folder: Path):
     """After `play`, a stop, a jump forward and one back, to the last bit; and in the journal."""
     with closing(opened(folder)) as stepped:

@@ -145,6 +145,7 @@ def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
     assert np.isfinite(out).all()
 
 
+@pytest.mark.slow
 def test_who_rests_leads_nobody(tmp_path: Path):
     with led(tmp_path, hand=4e-3) as own:
         own.ok("play")

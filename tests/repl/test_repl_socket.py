@@ -9,6 +9,7 @@ import threading
 import time
 from pathlib import Path
 
+import pytest
 from patience import PATIENCE, until
 from sockets import raw, remote, serving
 
@@ -98,6 +99,7 @@ def test_hostile_bytes_harm_nobody(short_folder: Path):
             assert third.submit("ada plays") == Reply(True, "ok ada plays")
 
 
+@pytest.mark.slow
 def test_who_does_not_read_holds_up_nobody(short_folder: Path):
     with serving(short_folder / "s") as face, raw(short_folder / "s") as stalled:
         stalled.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)

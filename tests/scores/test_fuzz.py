@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sweep import few
 
 from ergon.notation.text.errors import full
 from ergon.scores.reading.load import load
@@ -14,7 +15,7 @@ DUET = (DATA / "duet-2.2.yaml").read_text(encoding="utf-8")
 MELODIES = (DATA / "melodies.yaml").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("own", [DUET, MELODIES], ids=["duet", "melodies"])
+@pytest.mark.parametrize("own", few([DUET, MELODIES], 1), ids=["duet", "melodies"])
 @settings(max_examples=200)
 @given(st.data())
 def test_no_damage_raises(own, data):

@@ -80,6 +80,7 @@ def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) ->
     assert 0 < refused < STEPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", few(["drum-machine.yaml", "workshop.yaml", "patterns.yaml"], 1))
 def test_a_loose_memory_keeps_all_but_the_places_of_what_is_right(name: str) -> None:
     path = _LIBRARY / name
