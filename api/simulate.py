@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ergon.rendering.swings import Closing, Swing
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.hands import StagedGesture
-    from ergon.scores.staging.probes import Contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +70,10 @@ def never_stuck(done: Simulated) -> list[Diagnostic]:
     return found
 
 
-def _called(piece: Piece) -> Callable[[Contact], str]:
-    """The name of a contact that all notes of its instrument have."""
-    members = {name: family for family, own in piece.families.items() for name in own}
-
-    def called(contact: Contact) -> str:
-        part, _, name = contact.whole.rpartition(".")
-        return f"{members.get(part, part)}.{name}"
-
-    return called
+def shared_name(whole: str, families: Mapping[str, str]) -> str:
+    """The name of a contact for all notes of its instrument; families: `Piece.note_families`."""
+    part, _, name = whole.rpartition(".")
+    return f"{families.get(part, part)}.{name}"
 
 
 def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
@@ -87,8 +81,8 @@ def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
 
     A contact over a range closes where one of its points does, and misses by the nearest of them.
     """
-    called = _called(piece)
-    closed = {called(one.contact) for one in done.contacts if one.times}
+    families = piece.note_families()
+    closed = {shared_name(one.contact.whole, families) for one in done.contacts if one.times}
     nearest_of: dict[str, Closing] = {}
     for one in done.contacts:
         known = nearest_of.get(one.contact.whole)
@@ -96,7 +90,7 @@ def never_closed(piece: Piece, done: Simulated) -> list[Diagnostic]:
             nearest_of[one.contact.whole] = one
     found = []
     for one in nearest_of.values():
-        if called(one.contact) in closed:
+        if shared_name(one.contact.whole, families) in closed:
             continue
         contact, nearest = one.contact, scores.where(piece, one.deepest_at / done.rate)
         message = (

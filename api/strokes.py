@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ergon.notation.text.errors import Diagnostic, quote
 
 from . import score as scores
+from .simulate import shared_name
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module, Target
@@ -34,14 +35,13 @@ def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
     The key is an end of the contact, or throws what is one. A contact that closes again at another
     note of its instrument is none of them, nor one that is closed at the end.
     """
-    parts = {name: family for family, own in piece.families.items() for name in own}
+    families = piece.note_families()
     found: dict[str, list[Diagnostic | None]] = {}
     for whole, points in groupby(done.contacts, lambda one: one.contact.whole):
-        part, _, name = whole.rpartition(".")
         own = list(points)
         if any(one.first is not None for one in own):
             told = _told(piece, done, own)
-            found.setdefault(f"{parts.get(part, part)}.{name}", []).append(told)
+            found.setdefault(shared_name(whole, families), []).append(told)
     return [told[0] for told in found.values() if told[0] is not None and None not in told]
 
 

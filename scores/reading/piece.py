@@ -414,6 +414,10 @@ class Piece:
         for instrument in self.instruments.values():
             yield from ((instrument.name, module) for module in instrument.modules)
 
+    def note_families(self) -> dict[str, str]:
+        """The instrument that each note belongs to, by the name of the note's part."""
+        return {part: name for name, parts in self.families.items() for part in parts}
+
     def digest(self) -> str:
         """SHA-256 of the values: not of text, comments, order of names, places or paths.
 

@@ -152,7 +152,7 @@ def _unsaid(piece: Piece) -> Iterator[Route]:
 
     The notes of an instrument are heard from the same ones.
     """
-    family = {part: name for name, parts in piece.families.items() for part in parts}
+    family = piece.note_families()
     channels: dict[tuple[str, str], int] = {}
     for instrument in piece.instruments.values():
         for output in instrument.outputs:

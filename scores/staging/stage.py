@@ -126,7 +126,7 @@ class Stage:
         self, *, highpass: float | None = None, reference: float | None = None
     ) -> list[tuple[str, _core.Mixer]]:
         """A fresh mixer for every instrument that is heard, with all of its notes."""
-        family = {part: name for name, parts in self.piece.families.items() for part in parts}
+        family = self.piece.note_families()
         heard: dict[str, list[str]] = {}
         for part in self.listening.parts():
             heard.setdefault(family.get(part, part), []).append(part)

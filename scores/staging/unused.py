@@ -44,9 +44,8 @@ def unused(piece: Piece) -> list[Diagnostic]:
             groups.join(*ends)
     for coupling in piece.duet:
         groups.join(coupling.a.part, coupling.b.part)
-    called = {}
-    for family, members in piece.families.items():  # one instrument: not all notes need be played
-        called.update(dict.fromkeys(members, family))
+    called = piece.note_families()
+    for members in piece.families.values():  # one instrument: not all notes need be played
         for member in members[1:]:
             groups.join(member, members[0])
     listened = {groups.of(part) for part in _listened(piece, links)}

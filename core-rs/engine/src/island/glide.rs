@@ -52,9 +52,7 @@ impl Glide {
             ground,
         ]
     }
-}
 
-impl Glide {
     /// The first frame, `n` or later, at which the numbers may change.
     pub(super) fn due(&self, n: u64) -> u64 {
         next_change(&self.points, n)
