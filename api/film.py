@@ -135,13 +135,14 @@ def _part(stage: Stage, name: str, run: LookRun) -> dict[str, Any]:
     modes = None
     if run.modes is not None:
         modes = dict(zip(("first", "count", "of"), run.modes, strict=True))
+    is_frozen = run.why == "unheard" and name in stage.listening.silent
     return {
         "name": name,
         "first": run.first,
         "count": run.count,
         "kind": run.kind,
         "layout": _layout(stage, name),
-        "why": run.why,
+        "why": "frozen" if is_frozen else run.why,
         "modes": modes,
         "exaggeration": None,
     }

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ergon.rendering.swings import Closing, Swing
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.hands import StagedGesture
+    from ergon.scores.staging.stage import Stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,7 @@ class Simulated:
     """How closely keys followed gestures, how far masses swung, and which contacts closed.
 
     Frames are at `rate` [Hz]; so many contacts and points as `left_out` were not measured.
-    `gestures` are what was written for keys.
+    `stage` is what was played.
     """
 
     followed: list[GestureFidelity]
@@ -34,7 +35,12 @@ class Simulated:
     rate: float
     left_out: int
     bows: list[Sliding]
-    gestures: list[StagedGesture]
+    stage: Stage
+
+    @property
+    def gestures(self) -> list[StagedGesture]:
+        """What was written for keys."""
+        return self.stage.gestures
 
 
 def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated:
@@ -49,7 +55,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     with report.progress(task, stage.n_looked_at, stage.rate) as progress:
         moved, closed, bows = swings(stage, points, progress.at)
     heard = followed(stage)
-    return Simulated(heard, moved, closed, stage.rate, points.left_out, bows, stage.gestures)
+    return Simulated(heard, moved, closed, stage.rate, points.left_out, bows, stage)
 
 
 def never_stuck(done: Simulated) -> list[Diagnostic]:

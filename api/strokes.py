@@ -1,8 +1,8 @@
-"""Contacts that the first stroke of a key reaches, and none of those as far after it."""
+"""Contacts that the first stroke closes, of a key or of a strike, and none as strong after it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,21 +19,31 @@ if TYPE_CHECKING:
 
     from .simulate import Simulated
 
-_SAME = 1e-9  # [m]
+_SAME = 1e-9  # [m], and as a part of a stroke
+_THROWN = ("MAS", "CEL")  # what a stroke throws at a contact
 
 
 class _Stroke(NamedTuple):
-    """A way of a key towards a contact: when it sets out [s], and how far it comes [m]."""
+    """When it begins [s]; how far it takes a key towards a contact [m], or its impulse [N·s]."""
 
     begins: float
     reach: float
 
 
-def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
-    """W334 for each contact that strokes of a key should close again, for they go as far.
+class _Player(NamedTuple):
+    """What may close a contact: what is said of one or more of its strokes, and the strokes."""
 
-    The key is an end of the contact, or throws what is one. A contact that closes again at another
-    note of its instrument is none of them, nor one that is closed at the end.
+    one: str
+    more: str
+    strokes: Iterable[_Stroke]
+
+
+def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
+    """W334 for each contact that strokes should close again, for they go as far or are as strong.
+
+    What is stroked is an end of the contact, or a key that throws what is one. A contact that
+    closes again at another note of its instrument is none of them, nor one that is closed at the
+    end.
     """
     families = piece.note_families()
     found: dict[str, list[Diagnostic | None]] = {}
@@ -52,24 +62,37 @@ def _told(piece: Piece, done: Simulated, points: list[Closing]) -> Diagnostic | 
     last = max(one.last for one in points if one.last is not None)
     if any(one.is_closed for one in points):
         return None
-    for key, way in _keys(piece, contact.module):
-        strokes = sorted(s for g in done.gestures if g.key == key for s in _strokes(g, way))
+    for player in _players(piece, done, contact.module):
+        strokes = sorted(player.strokes)
         # What is closed from the beginning was closed by no stroke.
         before = [one for one in strokes if one.begins <= (first or last) / done.rate]
         later = [one for one in strokes[len(before) :] if one.begins > last / done.rate]
         if (first and not before) or len(before) + len(later) < len(strokes):
             continue  # something else closed it, or several strokes did
-        least = before[-1].reach if first else 0.0
-        n_as_far = sum(one.reach >= least - _SAME and one.reach > _SAME for one in later)
+        least = before[-1].reach * (1 - _SAME) if first else 0.0
+        n_as_far = sum(one.reach >= least and one.reach > 0.0 for one in later)
         if n_as_far:
             when = scores.where(piece, first / done.rate)
-            count = f"{n_as_far} later stroke" + ("s" if n_as_far > 1 else "")
-            go = "go" if n_as_far > 1 else "goes"
             message = f"contact {quote(contact.whole)} closes at {when} and never again, "
-            message += f"though {count} of {key} {go} as far"
+            message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.one}"
             help = "see where its masses swing: what is struck may not come back in time"
             return Diagnostic("W334", message, contact.module.place, None, help)
     return None
+
+
+def _players(piece: Piece, done: Simulated, contact: Module) -> Iterator[_Player]:
+    """Keys that close a contact, and strikes on one of its ends."""
+    for key, way in _keys(piece, contact):
+        strokes = (s for g in done.gestures if g.key == key for s in _strokes(g, way))
+        yield _Player(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
+    kinds, mats = _kinds(piece), done.stage.built.assembly.mats
+    for end in contact.fields["between"]:
+        if kinds[end.part, end.module] not in _THROWN or done.stage.timeline is None:
+            continue
+        name, way = f"{end.part}.{end.module}", _way(contact, end)
+        struck = done.stage.timeline.strikes_on(mats[end.part, end.module])
+        strokes = (_Stroke(at, way * impulse) for at, impulse in struck)
+        yield _Player(f"strike on {name} is as strong", f"strikes on {name} are as strong", strokes)
 
 
 def _keys(piece: Piece, contact: Module) -> Iterator[tuple[str, float]]:
@@ -78,15 +101,20 @@ def _keys(piece: Piece, contact: Module) -> Iterator[tuple[str, float]]:
     for end in contact.fields["between"]:
         if key := struck.get((end.part, end.module)):
             yield key, _way(contact, end)
-    kinds = {(part, module.name): module.kind for part, module in piece.modules()}
+    kinds = _kinds(piece)
     thrown = {(e.part, e.module) for e in contact.fields["between"]} - struck.keys()
     for _, module in piece.modules():
         if module.kind != "BUT" or module is contact:
             continue
         ends = {(end.part, end.module): end for end in module.fields["between"]}
         between = thrown & ends.keys()
-        if any(kinds[end] in ("MAS", "CEL") for end in between):
+        if any(kinds[end] in _THROWN for end in between):
             yield from ((struck[w], _way(module, e)) for w, e in ends.items() if w in struck)
+
+
+def _kinds(piece: Piece) -> dict[tuple[str, str], str]:
+    """The kind of each module."""
+    return {(part, module.name): module.kind for part, module in piece.modules()}
 
 
 def _way(contact: Module, end: Target) -> float:

@@ -100,14 +100,16 @@ class Collector:
         if self.lacks_names and code == "E301":
             return
         message = printable(message)  # a name of a file may hold what moves a terminal
-        if (code, message, place) in self._found:  # an alias is read at each of its places
+        # A place is read for each alias, note and copy; up to its colon a message says of which.
+        key = (code, message.partition(": ")[2] or message, place)
+        if key in self._found:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
         self._counts[diagnostic.severity] += 1
         if len(self._found) < MAX_KEPT:
             # The search waits for `finish`: of 10,000 mistakes only 20 are shown.
             candidates = (word, *names) if word is not None else ()
-            self._found[code, message, place] = (diagnostic, candidates)
+            self._found[key] = (diagnostic, candidates)
 
     def file(self, name: str) -> None:
         """Files are reported in the order in which they were opened."""

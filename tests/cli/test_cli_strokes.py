@@ -17,7 +17,7 @@ instruments:
       ball: {{CEL: {{M: 2g, f: {f}, t60: {t60}{start}}}}}
       body: {{CEL: {{M: 2kg, f: 330Hz, t60: 1s}}}}
       b: {{BUT: {{K: 900N/m, gap: {gap}, between: [k, ball]}}}}
-      felt: {{BUT: {{K: 2kN/m, Z: 4Ns/m, gap: 7mm, between: [ball, body]}}}}
+      felt: {{BUT: {{K: 2kN/m, Z: {soft}, gap: 7mm, between: [ball, body]}}}}
     out: {{SOX: body}}
 gestures:
   knock: 0mm@0 smooth 6mm@1/8 0mm@1/4
@@ -28,7 +28,8 @@ parts: {{ada: [{part}]}}
 {more}
 render: {{tail: 100ms}}
 """
-SLOW = {"f": "0.3Hz", "t60": "9s", "start": "", "gap": "4mm", "more": ""}  # it stays away
+# The ball stays away.
+SLOW = {"f": "0.3Hz", "t60": "9s", "start": "", "gap": "4mm", "soft": "4Ns/m", "more": ""}
 QUICK = SLOW | {"f": "20Hz", "t60": "200ms"}
 FOUR = "{at: 0, play: knock, every: 1/4, times: 4}"
 
@@ -80,3 +81,26 @@ def test_what_something_else_closes_is_not(tmp_path: Path, capsys: Capture) -> N
     part = "{at: 2, play: knock, every: 1/4, times: 4}"
     struck = "strikes: {s: {to: bell.ball, at: 0, impulse: -10mNs}}"
     assert named(tmp_path, capsys, **SLOW | {"gap": "4mm", "part": part, "more": struck}) == []
+
+
+def struck(second: str) -> dict[str, str]:
+    """Two strikes on the ball, the second against its way; the key reaches it at neither."""
+    strikes = (
+        "strikes: {s: {to: bell.ball, at: 0, impulse: 5mNs}, "
+        f"t: {{to: bell.ball, at: 1/4, impulse: {second}}}}}"
+    )
+    ringing = SLOW | {"f": "20Hz", "gap": "2m", "soft": "0Ns/m"}
+    return ringing | {"part": "{at: 2, play: knock}", "more": strikes}
+
+
+def test_strikes_that_are_as_strong_and_close_nothing_are_told(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    (felt,) = named(tmp_path, capsys, **struck("5mNs"))
+    assert felt.startswith("bell.felt' closes at 1|1.")
+    assert felt.endswith("and never again, though 1 later strike on bell.ball is as strong")
+
+
+@pytest.mark.parametrize("second", ["4.9mNs", "-5mNs"], ids=["softer", "the other way"])
+def test_strikes_that_are_softer_are_not(tmp_path: Path, capsys: Capture, second: str) -> None:
+    assert named(tmp_path, capsys, **struck(second)) == []

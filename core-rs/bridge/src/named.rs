@@ -118,6 +118,8 @@ results! {
     Place { x: f64, y: f64 }
     /// The lowest and the highest of some positions.
     Range { low: f64, high: f64 }
+    /// What a strike brings to a MAT [N·s], and when [s].
+    Impulse { at: f64, impulse: f64 }
     /// What trials of an island took and found, as numbers that can be written and read.
     TrialRecord { numbers: Vec<Option<f64>>, counts: Vec<Vec<u32>>, reason: Option<String> }
     /// How many modes of a body are computed.

@@ -11,7 +11,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, hertz, refused, word};
-use crate::named::Range;
+use crate::named::{Impulse, Range};
 use crate::network::Network;
 use crate::take::Take;
 use crate::words;
@@ -84,6 +84,14 @@ impl Timeline {
     fn ranges(&self) -> Vec<Range> {
         let ranges = self.inner.ranges().into_iter();
         ranges.map(|(low, high)| Range { low, high }).collect()
+    }
+
+    /// The strikes on a MAT in order of their instants; an ergon brings its mass times its speed.
+    fn strikes_on(&self, mat: usize) -> Vec<Impulse> {
+        let strikes = self.inner.strikes_on(mat).into_iter();
+        strikes
+            .map(|(at, impulse)| Impulse { at, impulse })
+            .collect()
     }
 
     /// A take played as a gesture from `at`: x·scale at t·stretch.

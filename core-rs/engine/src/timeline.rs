@@ -200,6 +200,19 @@ impl Timeline {
             .collect()
     }
 
+    /// Instants [s] of the strikes on a MAT, in order, and what each brings to it [N·s]: an impulse, or an ergon's mass
+    /// times its speed.
+    pub fn strikes_on(&self, mat: usize) -> Vec<(f64, f64)> {
+        let strikes = self.strikes.iter();
+        let strikes = strikes.map(|strike| (strike.mat, strike.at, strike.impulse));
+        let ergons = self.ergons.iter();
+        let ergons = ergons.map(|ergon| (ergon.mat, ergon.at, ergon.mass * ergon.speed));
+        let on_mat = strikes.chain(ergons).filter(|one| one.0 as usize == mat);
+        let mut found: Vec<_> = on_mat.map(|(_, at, impulse)| (at, impulse)).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found
+    }
+
     /// Strike a MAT by `impulse` [N·s] at the instant `at` [s]; `source`: place in the score.
     ///
     /// ```

@@ -32,6 +32,12 @@ class Range(NamedTuple):
     low: float
     high: float
 
+class Impulse(NamedTuple):
+    """What a strike brings to a MAT [N·s], and when [s]."""
+
+    at: float
+    impulse: float
+
 class EngineError(ValueError):
     """An argument, network, law or timeline that the core refuses."""
 
@@ -799,6 +805,8 @@ class Timeline:
         """
     def ranges(self) -> list[Range]:
         """Lowest and highest position [m] of each gesture's written points and paths, by index."""
+    def strikes_on(self, mat: int) -> list[Impulse]:
+        """The strikes on a MAT in order of their instants; an ergon brings mass times speed."""
     def take(
         self,
         key: int,

@@ -79,7 +79,11 @@ function below(taken, at, words) {
   taken.push({ x: at[0], y: at[1], half });
 }
 
-const WHY = { unheard: "nobody hears it, so it is not computed", unmoved: "nothing moves it" };
+const WHY = {
+  unheard: "nobody hears it, so it is not computed",
+  unmoved: "nothing moves it",
+  frozen: "its sound is read from a frozen part",
+};
 
 /** `×2,600`. */
 export function times(factor) {

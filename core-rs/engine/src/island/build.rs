@@ -109,14 +109,15 @@ impl Island {
             Guard::new(&most, &stiffest, Limit::CA, &ports)?.map(Box::new)
         };
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
-        // K that changes in time gives and takes energy, as a hand does. Where a real hand is, the stages before its
-        // key bound what it gets, and a part that falls silent would let the key jump.
-        let has_hand = timeline.drives.iter().any(|drive| drive.hand().is_some());
-        let is_accounted = timeline.leads.is_empty() && !has_hand && !options.unchecked;
-        let gains = is_accounted.then(|| Gains::new(&scheme)).flatten();
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts, timeline);
         }
+        // K that changes in time gives and takes energy, as a hand does. Where a real hand is, the stages before its
+        // key bound what it gets, and a part that falls silent would let the key jump. Forces of springs in one pass are
+        // not told one by one; the guard bounds how stiff they become.
+        let has_hand = timeline.drives.iter().any(|drive| drive.hand().is_some());
+        let is_accounted = timeline.leads.is_empty() && !has_hand && !options.unchecked;
+        let gains = is_accounted.then(|| Gains::new(&scheme)).flatten();
         let led = super::glide::led(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         let mut laws = Laws::new(&scheme);

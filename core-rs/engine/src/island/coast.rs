@@ -8,18 +8,28 @@ use super::step::StepOutputs;
 use super::{Island, inside};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
+use crate::scheme::Scheme;
+use crate::state::Body;
+use crate::timeline::{Drive, Source};
 
 /// Fewer steps are not worth the look.
 const LEAST: usize = 2;
+/// Steps for which one look at how far masses swing is enough: rounding adds less than [`SLACK`] and a hair to it.
+const FAR: usize = 1024;
+/// A part of a swing that is given to rounding.
+const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by contacts alone, its bodies go by modes, and nobody plays or watches.
+    /// Whether it may coast: its masses are joined by contacts alone, its bodies go by modes, and nobody holds a key or
+    /// watches.
     pub(super) fn may_coast(&self) -> bool {
         let (script, state) = (&self.script, &self.state);
         let scheme = &script.scheme;
         let is_bare = scheme.runs.is_empty() && scheme.fused.is_empty() && scheme.exact.is_empty();
-        let is_left =
-            script.voices.is_empty() && script.hand_bindings.is_empty() && script.drives.is_empty();
+        let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes(_));
+        let is_left = script.hand_bindings.is_empty()
+            && script.drives.iter().all(is_struck)
+            && !script.voices.iter().any(|own| own.layer);
         let is_plain = script.gates.is_empty() && state.scheme.is_none() && state.damped >= 1.0;
         let is_whole = state.ledger.is_none() && state.mutes.list().next().is_none();
         let by_modes = |body: &inside::RunningBody| body.modal().is_some();
@@ -44,7 +54,12 @@ impl Island {
         let push = script.pushes.get(state.pushed).map(|push| push.frame);
         let ergon = script.ergons.get(state.ergons);
         let ergon = ergon.map(|(frame, _)| *frame);
-        let events = push.into_iter().chain(ergon);
+        let voices = state.voices.iter().zip(&script.voices);
+        let voices =
+            voices.map(|(voice, own)| voice.left_until(own, &script.gestures).unwrap_or(n));
+        let pending = state.impulses.iter().any(|&impulse| impulse != 0.0);
+        let events = push.into_iter().chain(ergon).chain(voices);
+        let events = events.chain(pending.then_some(n));
         let quiet = events.map(|at| at.saturating_sub(n) as usize);
         let modals = state.bodies.iter().filter_map(inside::RunningBody::modal);
         let ahead = modals.map(super::modal::RunningModal::ahead);
@@ -54,8 +69,16 @@ impl Island {
         }
         // Where its points go by themselves is asked, not by what pushed them in the step before.
         state.body.force.fill(0.0);
-        let (mut done, mut sound) = (0, true);
-        while done < most && sound && fine.stays_open(scheme, &state.body) {
+        let (mut done, mut sound, mut open_until) = (0, true, 0);
+        while done < most && sound {
+            if done >= open_until
+                && fine.cannot_close(scheme, |mat| swing(scheme, &state.body, mat), SLACK)
+            {
+                open_until = done + FAR;
+            }
+            if done >= open_until && !fine.stays_open(scheme, &state.body) {
+                break;
+            }
             if done == 0 {
                 fine.rest(&mut state.body);
             }
@@ -64,7 +87,11 @@ impl Island {
             for modal in state.bodies.iter().filter_map(inside::RunningBody::modal) {
                 modal.tap_ahead(done, out);
             }
-            state.mutes.fade(n + done as u64, scheme, out);
+            let at = n + done as u64;
+            state.mutes.fade(at, scheme, out);
+            for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
+                voice.drift(own, &mut state.reports, at);
+            }
             sound = kernel::advance(
                 scheme,
                 &mut [],
@@ -87,4 +114,41 @@ impl Island {
         }
         Ok(done)
     }
+}
+
+/// How far a MAT that swings by itself goes from where its tie rests, and how far in one step [m]; infinite where that is
+/// not told by its poles.
+fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
+    let (kappa, b) = (scheme.kappa[mat], 1.0 - scheme.zeta[mat]);
+    let x = body.x[mat] - scheme.rest[mat];
+    let before = x - body.d[mat];
+    let inner = body.inner.get(mat).copied().unwrap_or(0.0);
+    if body.d[mat] == 0.0 && kappa * x == 0.0 && inner == 0.0 {
+        return [x.abs(), 0.0];
+    }
+    if inner != 0.0 || b <= 0.0 || b > 1.0 || kappa < 0.0 {
+        return [f64::INFINITY; 2];
+    }
+    // x[n+1] = 2h·x[n] − b·x[n−1]: poles h ± √(h² − b).
+    let h = 0.5 * (1.0 + b - kappa);
+    let room = b - h * h;
+    if room > 0.0 {
+        // Poles of size √b: the frame before is as if it had not faded since. A pole is √κ away from 1.
+        let past = before * b.sqrt();
+        let square = (x * x + past * past - 2.0 * x * before * h) * b / room;
+        let most = square.max(0.0).sqrt();
+        return [most, most * kappa.sqrt()];
+    }
+    let root = (-room).sqrt();
+    let [fast, slow] = [h - root, h + root];
+    if fast < 0.0 || slow > 1.0 || root == 0.0 {
+        return [f64::INFINITY; 2];
+    }
+    // x[n] = u·slowⁿ + v·fastⁿ.
+    let u = slow * (x - before * fast) / (2.0 * root);
+    let v = x - u;
+    [
+        u.abs() + v.abs(),
+        u.abs() * (1.0 - slow) + v.abs() * (1.0 - fast),
+    ]
 }

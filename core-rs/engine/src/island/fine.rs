@@ -254,6 +254,30 @@ impl Fine {
         self.laws.is_empty() && self.script.links.iter().all(is_open)
     }
 
+    /// Whether no contact closes for as long as nothing moves its points but themselves: each goes at most so far from
+    /// where its tie rests, and in one step [m].
+    pub(super) fn cannot_close(
+        &self,
+        scheme: &Scheme,
+        swing: impl Fn(usize) -> [f64; 2],
+        slack: f64,
+    ) -> bool {
+        let is_open = |run: &Run| {
+            let Kind::But(but) = &run.kind else {
+                return false;
+            };
+            let [most_a, step_a] = swing(run.a);
+            let [most_b, step_b] = swing(run.b);
+            let middle = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
+            let reach = (most_a + most_b + step_a + step_b) * (1.0 + slack);
+            kernel::side(but) * middle + reach < -2.0 * HAIR
+        };
+        let joints = &self.script.joints;
+        self.laws.is_empty()
+            && joints.iter().all(|joint| joint.port.is_none())
+            && self.script.links.iter().all(is_open)
+    }
+
     /// As frames in which every contact is open leave it.
     pub(super) fn rest(&mut self, body: &mut Body) {
         self.near.fill(false);

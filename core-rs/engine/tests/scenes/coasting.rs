@@ -3,6 +3,9 @@
 use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
@@ -85,5 +88,81 @@ fn frames_that_are_passed_over_are_those_one_by_one() {
         assert!(closed > 20 && open > 10_000, "{closed} {open}");
         assert!(sound(&[N]) == one_by_one);
         assert!(sound(&[2, 63, 7, 64, 300]) == one_by_one);
+    }
+}
+
+/// A key that throws a hammer at two reeds, `gap` away from it where all rest: knocks of both touches, by events and
+/// particles, and strikes besides.
+fn keyed(gap: f64) -> Arc<Plan> {
+    let mut network = Network::new();
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    let spring = Tie::Physical { k: 60.0, z: 1.2 };
+    network.part("k", None);
+    let key = network.cel("key", 0.4, spring, 0.0, 0.0, 0.0).unwrap();
+    network.part("harp", None);
+    let mut cel = |name, mass, f, t60| {
+        let tie = Tie::Tuned { f, t60: Some(t60) };
+        network.cel(name, mass, tie, 0.0, 0.0, 0.0).unwrap()
+    };
+    let hammer = cel("hammer", 4e-3, 1.0, 0.6);
+    let reeds = [cel("low", 0.08, 160.0, 0.3), cel("high", 0.06, 320.0, 0.2)];
+    let below = |gap| But {
+        side: Side::Below,
+        ..But::plain(4e3, 2.0, gap)
+    };
+    for (name, reed) in ["a", "b"].into_iter().zip(reeds) {
+        network.but(name, hammer, reed, below(gap)).unwrap();
+    }
+    network.but("push", key, hammer, below(5e-4)).unwrap();
+    let terms = [key, hammer, reeds[0], reeds[1]].map(|first| Term::Position {
+        first,
+        len: 1,
+        weight: 1.0,
+    });
+    network.listen("harp", terms.to_vec()).unwrap();
+    let own = timeline.key("k", key);
+    for (at, touch, ergons) in [
+        (0.05, Touch::Open, Ergons::Event),
+        (0.2, Touch::Tracked, Ergons::Event),
+        (0.35, Touch::Open, Ergons::Particle),
+        (0.431, Touch::Open, Ergons::Event),
+    ] {
+        let written = Written {
+            t: &[at, at + 0.04, at + 0.08],
+            x: &[0.0, 6e-3, 0.0],
+            approaches: &[Approach::Path(Curve::Smooth); 3],
+            sources: &[],
+        };
+        let manner = Manner {
+            touch,
+            ergons,
+            ..Manner::OPEN
+        };
+        let gesture = Gesture::written(own, &written, manner).unwrap();
+        timeline.gesture(gesture).unwrap();
+    }
+    for (mat, at, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {
+        timeline.strike(&network, mat, at, impulse, 0).unwrap();
+    }
+    Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap())
+}
+
+#[test]
+fn frames_between_the_gestures_of_a_key_are_passed_over_too() {
+    for gap in [7e-3, 1e-4] {
+        let plan = keyed(gap);
+        let played = |blocks: &[usize]| {
+            let options = Options {
+                ledger: false,
+                ..options(OnFault::Stop)
+            };
+            let mut simulation = Simulation::planned(plan.clone(), options).unwrap();
+            let sound = play(&mut simulation, N, blocks);
+            let reports = format!("{:?} {:?}", simulation.reports(), simulation.positions());
+            (sound, reports)
+        };
+        let one_by_one = played(&[1]);
+        assert!(played(&[N]) == one_by_one);
+        assert!(played(&[2, 63, 7, 44, 300]) == one_by_one);
     }
 }

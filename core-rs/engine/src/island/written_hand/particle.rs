@@ -53,6 +53,11 @@ impl Flight {
         }
     }
 
+    /// Whether no particle is near.
+    pub(crate) fn is_over(&self) -> bool {
+        self.0.iter().all(|particle| particle.k == 0.0)
+    }
+
     /// Launch a particle whose contact gives impulse `force`·T now: it flew in freely and touched one
     /// step ago. Returns its mass [kg] and velocity [m/s]; `None` where no particle of that speed
     /// can carry so much.

@@ -164,6 +164,31 @@ impl Voice {
         due.min().unwrap_or(u64::MAX)
     }
 
+    /// Where it does nothing to the key: the frame at which it looks at its next gesture; `None` where it may do something
+    /// now.
+    pub(crate) fn left_until(
+        &self,
+        script: &VoiceScript,
+        gestures: &[FramedGesture],
+    ) -> Option<u64> {
+        let is_left = self.now.is_none()
+            && self.held.is_none()
+            && !self.is_led
+            && self.asked.is_nan()
+            && self.flight.is_over();
+        let next = script.gestures.get(self.begun).map(|&own| &gestures[own]);
+        let next = next.map_or(u64::MAX, |gesture| gesture.join_from.min(gesture.first));
+        is_left.then_some(next)
+    }
+
+    /// A frame in which it does nothing to the key: [`Self::step`] where it is left.
+    pub(crate) fn drift(&mut self, script: &VoiceScript, reports: &mut [Report], n: u64) {
+        self.tell_way(script, reports);
+        let free = &script.free;
+        free.forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
+        free.strike_and_move(&mut self.free, n, 0.0, &mut self.targets);
+    }
+
     /// Where nothing moves its free key: so many frames later, or earlier.
     pub(crate) fn turn(&mut self, frames: i64) {
         self.free.turn(frames);
@@ -244,16 +269,9 @@ impl Voice {
 
     /// Hold what was asked against what was done.
     fn compare(&self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
-        let latest = self
-            .now
-            .as_ref()
-            .map(|now| now.gesture)
-            .or_else(|| self.begun.checked_sub(1).map(|last| script.gestures[last]));
-        let Some(gesture) = latest else { return };
-        let report = &mut scene.reports[gesture];
-        let free = self.free.body.x[script.free.struck];
-        report.low = report.low.min(free);
-        report.high = report.high.max(free);
+        let Some(report) = self.tell_way(script, scene.reports) else {
+            return;
+        };
         if !self.asked.is_nan() && !script.layer {
             let wanted = self.asked + scene.layers[script.key];
             let off = (scene.body.x[script.struck] - wanted).abs();
@@ -265,6 +283,21 @@ impl Voice {
                 report.pushed_by = script.pushed_by(scene.body);
             }
         }
+    }
+
+    /// Tell where the free key is; the report of the gesture that runs or ran last, if any did.
+    fn tell_way<'a>(
+        &self,
+        script: &VoiceScript,
+        reports: &'a mut [Report],
+    ) -> Option<&'a mut Report> {
+        let running = self.now.as_ref().map(|now| now.gesture);
+        let last = || self.begun.checked_sub(1).map(|last| script.gestures[last]);
+        let report = &mut reports[running.or_else(last)?];
+        let free = self.free.body.x[script.free.struck];
+        report.low = report.low.min(free);
+        report.high = report.high.max(free);
+        Some(report)
     }
 
     /// Position, velocity and acceleration of the key that the gesture is written for.
