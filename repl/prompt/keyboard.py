@@ -131,8 +131,7 @@ if sys.platform != "win32":
             data = super().read(count)
             if not self._open and _BEGIN not in data:
                 self.comes(data)
-            if self._open and (data == _CTRL_C or data.startswith(F12)):
-                data = _END + data
+            data = self._with_end(data)
             seen, in_two = self._tail + data, "\x1b" in self._tail
             self._tail = seen[1 - len(_BEGIN) :]
             begun, ended = seen.rfind(_BEGIN), seen.rfind(_END)
@@ -141,6 +140,18 @@ if sys.platform != "win32":
             if self._open or begun != ended:
                 return self._without_answers(data)
             return data if in_two else _KEY_OR_RUN.sub(_marked, data)
+
+        def _with_end(self, data: str) -> str:
+            """The end of an open paste before Ctrl-C that comes alone, and before F12 anywhere.
+
+            A program that is busy reads what was pasted and the key after it at once.
+            """
+            if self._open and data == _CTRL_C:
+                return _END + data
+            last = max(data.rfind(_BEGIN), data.rfind(_END))
+            key = data.rfind(F12)
+            is_open = data.startswith(_BEGIN, last) if last >= 0 else self._open
+            return data[:key] + _END + data[key:] if is_open and key > last else data
 
         def _without_answers(self, data: str) -> str:
             """Within a paste, what the terminal answers comes in between; it is kept to the end."""

@@ -178,10 +178,11 @@ def test_f12_is_heard_while_a_line_is_at_work(at: Prompt):
     assert at.count("panic") == 1
 
 
-def test_f12_is_heard_within_a_paste_that_never_ends(at: Prompt):
-    at.type("\x1b[200~all this")
-    at.look()
-    at.type(F12)
+@pytest.mark.parametrize("reads", [("\x1b[200~all this", F12), ("\x1b[200~all this" + F12,)])
+def test_f12_is_heard_within_a_paste_that_never_ends(at: Prompt, reads: tuple[str, ...]):
+    for typed in reads:
+        at.look()
+        at.type(typed)
     at.sees("PANIC")
     at.typing("> all this")
     assert at.count("panic") == 1
