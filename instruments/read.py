@@ -9,7 +9,7 @@ from typing import Any
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Instrument, Module, Output, Places, Placing
-from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
+from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
@@ -236,7 +236,11 @@ INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))
 
 def whole(kind: str, values: Values) -> bool:
     """Whether all fields that a module needs are there, once `like:` is followed; reports."""
-    required = [field for field in KINDS[kind].table.fields if field.required]
+    own = KINDS[kind]
+    # Under `units: ca` some kinds have other fields, of which others are needed.
+    is_ca = values.record.by_name.keys() == own.ca_table.by_name.keys()
+    table = own.ca_table if is_ca else own.table
+    required = [field for field in table.fields if field.required]
     for field in required:
         if field.name not in values.nodes:
             message = f"{values.context.of('')} has no '{field.name}': {field.shape.words()}"
@@ -283,6 +287,9 @@ def module(name: str, kind: str, values: Values) -> Module:
     fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
     if kind in ("BANK", "MODES"):
         fields.pop("modes")
+    if kind in GENERATORS and fields.get("K") is None:
+        fields.pop("K", None)  # a body that has a pitch
+        fields.pop("Z", None)
     if kind == "LNL":
         fields["constants"] = dict(values.free)
         if "interval" in values.given:
@@ -364,6 +371,19 @@ def _dry(kind: str, values: Values) -> None:
         values.error("E111", message, "speed")
 
 
+def _links(kind: str, values: Values) -> None:
+    """K and Z of the links of a discrete body stand for its pitch and decay."""
+    if "K" not in values.record.by_name:
+        return
+    tuned, plain = values.written("f", "t60", "inharmonicity", "bending"), values.written("K", "Z")
+    if tuned and plain:
+        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
+        message += f"a {kind} has K and Z of its links, or f and t60"
+        values.error("E111", message, tuned[0])
+    elif not values.written("f", "K"):
+        values.error("E103", f"{values.context.of('')}: a {kind} needs f (and t60), or K (and Z)")
+
+
 def _string(kind: str, values: Values) -> None:
     if values.written("inharmonicity") and values.written("stiffness"):
         message = (
@@ -394,8 +414,8 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "LNL": (_lnl,),
     "BRISTLE": (_bristle,),
     "DRY": (_dry,),
-    "STRING": (_string,),
-    "PLATE": (_plate,),
+    "STRING": (_links, _string),
+    "PLATE": (_links, _plate),
 }
 
 
