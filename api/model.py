@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from ergon.common.errors import ErgonError
 from ergon.models.errors import DialectError, ModelError
 from ergon.models.grammar import FORMS, NAMES, Dialect
 from ergon.models.laws import Laws
@@ -24,9 +23,9 @@ from .errors import OptionError
 class ModelOptions:
     """How a model is read.
 
-    `dialect`: "v1" (MIMS) or "v2" (mi-gen); without it the one that reads the model. `laws`: "head",
-    as mi-gen has them today, or "2019". `values` of parameters, `inputs` as WAV files of 44,100 Hz,
-    both by name.
+    `dialect`: "v1" (MIMS) or "v2" (mi-gen); without it the one that reads the model. `laws`:
+    "head", as mi-gen has them today, or "2019". `values` of parameters, `inputs` as WAV files of
+    44,100 Hz, both by name.
     """
 
     dialect: Dialect | None = None

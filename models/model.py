@@ -1,4 +1,4 @@
-"""A model as it was written: statements with their lines, macros as macros, values as expressions."""
+"""A model as it was written: statements with their lines, macros kept, values as expressions."""
 
 from __future__ import annotations
 

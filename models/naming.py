@@ -52,4 +52,8 @@ def metres(expression: str) -> str:
 
 def times(count: int, expression: str) -> str:
     """So many times the value of an expression."""
-    return f"{count}*{expression}" if re.fullmatch(r"[\w.]+", expression) else f"{count}*({expression})"
+    return (
+        f"{count}*{expression}"
+        if re.fullmatch(r"[\w.]+", expression)
+        else f"{count}*({expression})"
+    )

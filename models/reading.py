@@ -31,7 +31,9 @@ def text_of(path: Path) -> str:
     if len(data) > MOST_BYTES:
         raise ModelError(f"it is larger than {MOST_BYTES >> 20} MB")
     if b"\0" in data:
-        raise ModelError("it is no text: it has null bytes", data[: data.index(b"\0")].count(10) + 1)
+        raise ModelError(
+            "it is no text: it has null bytes", data[: data.index(b"\0")].count(10) + 1
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -160,7 +162,9 @@ def _v1_points(
 def _values(form: Form, words: list[str], keyword: str, line: int) -> dict[str, str]:
     least = len(form.values) + len(form.after)
     if not least <= len(words) <= least + len(form.optional) or not all(words):
-        raise ModelError(f"{keyword} is written {form.words}; here it has {len(words)} values", line)
+        raise ModelError(
+            f"{keyword} is written {form.words}; here it has {len(words)} values", line
+        )
     names = (*form.values, *form.optional[: len(words) - least], *form.after)
     return dict(zip(names, words, strict=True))
 

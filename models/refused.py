@@ -1,7 +1,9 @@
 """What a model can say and no score does yet: a sentence for each, told with its line."""
 
 REFUSED = {
-    "between": "a point between two masses of a macro is not built yet; {near} are points of masses",
+    "between": (
+        "a point between two masses of a macro is not built yet; {near} are points of masses"
+    ),
     "late point": (
         "in the first step a point on a macro begins at 0, wherever the macro is: with viscosity "
         "and an x0 other than 0 this gives a push that no score says"

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from ergon.common.terminal import printable
 from ergon.models import places
 from ergon.models.errors import ModelError
 from ergon.models.grammar import MESHES, NAMES, STRINGS
@@ -68,6 +69,8 @@ def written(
     try:
         for one in model.of("mass", "macro", "input"):
             _MAKERS[one.keyword](own, one)
+        for one in model.of("input"):
+            _push(own, one)
         heard = _heard_ends(own)
         for one in model.of("link"):
             _link(own, one, heard)
@@ -177,13 +180,9 @@ def _macro(own: _Writing, one: Statement) -> None:
 
 
 def _input(own: _Writing, one: Statement) -> None:
-    fed = own.inputs.get(one.name)
     if one.keyword == "frcInput":
-        if fed is not None:
-            target = _target(own, one, one.points[0])
-            name = own.names.new(f"{one.name}_push")
-            own.add(name, f"ENF: {{to: {target}, from: {one.name}, at: 0s}}")
         return
+    fed = own.inputs.get(one.name)
     name = own.targets[one.name] = own.names.new(one.name)
     own.moved[one.name] = (0.0 if fed is None else fed.first) - own.value(one, "x0")
     if fed is None:
@@ -193,6 +192,15 @@ def _input(own: _Writing, one: Statement) -> None:
     own.add(name, f"MAS: {{M: 1{x0}}}", "its mass says nothing, for its path is imposed")
     path = own.names.new(f"{name}_path")
     own.add(path, f"ENX: {{to: {name}, from: {one.name}, at: 0s}}")
+
+
+def _push(own: _Writing, one: Statement) -> None:
+    if one.keyword != "frcInput":
+        return
+    target = _target(own, one, one.points[0])
+    if one.name in own.inputs:
+        name = own.names.new(f"{one.name}_push")
+        own.add(name, f"ENF: {{to: {target}, from: {one.name}, at: 0s}}")
 
 
 def _signal(model: Model, one: Statement) -> None:
@@ -271,9 +279,7 @@ def _first_step(own: _Writing, one: Statement) -> None:
 
 
 def _ending(own: _Writing, name: str) -> Iterator[Statement]:
-    return (
-        one for one in own.model.of("link") if any(point.name == name for point in one.points)
-    )
+    return (one for one in own.model.of("link") if any(point.name == name for point in one.points))
 
 
 def _heard_ends(own: _Writing) -> dict[int, str]:
@@ -317,7 +323,8 @@ def _output(own: _Writing, one: Statement) -> None:
 def _lines(own: _Writing, title: str) -> Iterator[str]:
     model = own.model
     of = "2019" if own.laws == "2019" else "today"
-    yield f"# From {title or 'a model'} in the language of {NAMES[model.dialect]}, laws of {of}."
+    name = printable(title) or "a model"
+    yield f"# From {name}, in the language of {NAMES[model.dialect]}, laws of {of}."
     yield f"# One sample is 1/{RATE} s; the numbers are those of the discrete network."
     yield "ergon: 1"
     yield f"rates: {{audio: {RATE}Hz}}"
@@ -329,7 +336,8 @@ def _lines(own: _Writing, title: str) -> Iterator[str]:
     if fed:
         yield "takes:"
         for one in fed:
-            yield f"  {one.name}: {{file: {json.dumps(own.inputs[one.name].file, ensure_ascii=False)}}}"
+            file = json.dumps(own.inputs[one.name].file, ensure_ascii=False)
+            yield f"  {one.name}: {{file: {file}}}"
     yield "instruments:"
     yield "  model:"
     yield "    units: ca"

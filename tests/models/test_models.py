@@ -1,13 +1,11 @@
 """Models of both dialects as scores, beside an interpreter of their language: sample for sample."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
+from imported import rendered
 from oracle import mims
-from planned_sound import off_db, ready
+from planned_sound import off_db
 
-from ergon import _core
 from ergon.models.errors import ModelError
 from ergon.models.grammar import FORMS
 from ergon.models.reading import parse
@@ -98,7 +96,11 @@ A model of a mass; this is no statement.
 @l spring @g [@c 0] 0.01
 @out1 posOutput [@c 1]""",
     "chain of one": "@c chain 1 2 0.05 0 0.001 0.2 -10\n@out1 posOutput [@c 0]",
-    "chain of two": "@c chain 2 2 0.05 0 0.001 0.2 -10\n@g ground 0\n@l spring @g [@c 0] 0.01\n@out1 posOutput [@c 1]",
+    "chain of two": """
+@c chain 2 2 0.05 0 0.001 0.2 -10
+@g ground 0
+@l spring @g [@c 0] 0.01
+@out1 posOutput [@c 1]""",
     "stiffString": """
 @s stiffString 12 1 0.05 0.01 0.0005 0 0
 @m mass 1 0.1 0
@@ -220,8 +222,16 @@ V2_TOUCHING = {
 @a mass 1 -0.1 400
 @c nlContact @a @g 0.1 10 0.03 0.01
 @out1 posOutput @a""",
-    "nlSpring2": "@g ground 0\n@a mass 1 0.3 0\n@c nlSpring2 @a @g 0.01 0.1 0.001\n@out1 posOutput @a",
-    "nlSpring3": "@g ground 0\n@a mass 1 0.3 0\n@c nlSpring3 @a @g 0.01 0.5 0.001\n@out1 posOutput @a",
+    "nlSpring2": """
+@g ground 0
+@a mass 1 0.3 0
+@c nlSpring2 @a @g 0.01 0.1 0.001
+@out1 posOutput @a""",
+    "nlSpring3": """
+@g ground 0
+@a mass 1 0.3 0
+@c nlSpring3 @a @g 0.01 0.5 0.001
+@out1 posOutput @a""",
     "nlSpringDamper": """
 @g ground 0
 @a mass 1 0.3 0
@@ -265,13 +275,25 @@ V2_TOUCHING = {
 @out1 posOutput [@s 0.27272727272727271]""",
 }
 V1 = {
-    "mass at rest": "@g ground 0\n@m mass 10 1. 1.  # at rest\n@s spring @g @m 0.1\n@out1 posOutput @m",
+    "mass at rest": """
+@g ground 0
+@m mass 10 1. 1.  # at rest
+@s spring @g @m 0.1
+@out1 posOutput @m""",
     "mass that moves": "@g ground 0\n@m mass 10 1. 0.99\n@s spring @g @m 0.1\n@out1 posOutput @m",
-    "mass shown": "@g ground 0 all 1 2\n@m mass 10 1. 0.99 all 3 4\n@s spring @g @m 0.1\n@out1 posOutput @m",
+    "mass shown": """
+@g ground 0 all 1 2
+@m mass 10 1. 0.99 all 3 4
+@s spring @g @m 0.1
+@out1 posOutput @m""",
     "massG": "@g ground 0\n@m massG 10 0.0001 1. 1.\n@s spring @g @m 0.1\n@out1 posOutput @m",
     "osc": "@m osc 10 0.1 0.001 1. 0.99\n@out1 posOutput @m",
     "position of a parameter": "@p param 0.5\n@m osc 10 0.1 0.001 p p\n@out1 posOutput @m",
-    "spring with viscosity": "@g ground 0\n@m mass 10 1 1\n@s spring @g @m 0.1 0.01\n@out1 posOutput @m",
+    "spring with viscosity": """
+@g ground 0
+@m mass 10 1 1
+@s spring @g @m 0.1 0.01
+@out1 posOutput @m""",
     "links of one name": """
 @g ground 0
 @m mass 10 1 1
@@ -322,8 +344,16 @@ V1_TOUCHING = {
 @c contact @g @a 0.1 0.01 0.
 @s spring @a @g 0.001
 @out1 posOutput @a""",
-    "nlSpring": "@g ground 0\n@a mass 1 0.3 0.3\n@c nlSpring @a @g 0.01 0.1 0.001\n@out1 posOutput @a",
-    "nlSpring2": "@g ground 0\n@a mass 1 0.3 0.3\n@c nlSpring2 @a @g 0.01 0.1 0.001\n@out1 posOutput @a",
+    "nlSpring": """
+@g ground 0
+@a mass 1 0.3 0.3
+@c nlSpring @a @g 0.01 0.1 0.001
+@out1 posOutput @a""",
+    "nlSpring2": """
+@g ground 0
+@a mass 1 0.3 0.3
+@c nlSpring2 @a @g 0.01 0.1 0.001
+@out1 posOutput @a""",
     "nlSpring3 twice": """
 @g ground 0
 @k param 0.01
@@ -357,28 +387,6 @@ CASES = [
 OLD = ("nlPluck", "nlBow", "contact", "contact with a threshold", "string", "stiffString")
 
 
-def rendered(text: str, seconds: float = SECONDS) -> np.ndarray:
-    """Every channel of a score (n_frames, n_channels)."""
-    stage = ready(text)
-    plan = _core.Plan(stage.network, stage.timeline, method="ca")
-    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
-    sound = np.empty((round(seconds * mims.RATE), simulation.n_out))
-    simulation.process(sound)
-    names = [line.split(":")[0].strip() for line in _outs(text)]
-    channels = np.zeros((len(sound), max(_channel(name) for name in names)))
-    for name, column in zip(names, sound.T, strict=True):
-        channels[:, _channel(name) - 1] += column
-    return channels
-
-
-def _outs(text: str) -> Sequence[str]:
-    return text.split("    out:\n")[1].split("mix:\n")[0].splitlines()
-
-
-def _channel(name: str) -> int:
-    return int(name.removeprefix("out").split("_")[0])
-
-
 def test_there_are_sixty_models():
     assert len(CASES) >= 60
 
@@ -407,18 +415,22 @@ def test_a_score_sounds_as_its_model_for_a_second(dialect: str, text: str, bound
 def test_laws_of_2019_are_others(name: str):
     text = {**V1, **V1_TOUCHING}[name]
     if name in ("string", "stiffString"):  # points lie at a·N
-        text = text.replace(" 0.3\n", " 0.2727272727272727\n").replace("@s 0.5", "@s 0.54545454545454541")
+        text = text.replace(" 0.3\n", " 0.2727272727272727\n").replace(
+            "@s 0.5", "@s 0.54545454545454541"
+        )
         text = text.replace(" 0.9", " 0.81818181818181823")
     then = mims.played(text, "v1", SECONDS, laws="2019")
     now = mims.played(text, "v1", SECONDS)
     if name != "contact":
         assert np.abs(then - now).max() > 1e-6 * np.abs(now).max(), "both laws are the same here"
-    sound = rendered(written(parse(text, "v1"), "2019"))
+    sound = rendered(written(parse(text, "v1"), "2019"), SECONDS)
     assert off_db(sound, then) < -100.0
 
 
 def test_every_word_is_tried():
-    tried = {dialect: "\n".join((*a.values(), *b.values())).split() for dialect, (a, b) in OF.items()}
+    tried = {
+        dialect: "\n".join((*a.values(), *b.values())).split() for dialect, (a, b) in OF.items()
+    }
     others = {"param", "audioParam", "posInput", "frcInput"}  # tests/models/test_refused.py, inputs
     for dialect, forms in FORMS.items():
         assert set(forms) - others <= set(tried[dialect])
@@ -426,8 +438,8 @@ def test_every_word_is_tried():
 
 def test_a_parameter_may_have_another_value():
     text = V2["parameters"]
-    sound = rendered(written(parse(text, "v2", given={"kScale": "0.03"})))
+    sound = rendered(written(parse(text, "v2", given={"kScale": "0.03"})), SECONDS)
     heard = mims.played(text, "v2", SECONDS, given={"kScale": 0.03})
     assert np.abs(sound - heard).max() < LINEAR
-    with pytest.raises(ModelError, match="'kscale' is no parameter.*kScale"):
+    with pytest.raises(ModelError, match=r"'kscale' is no parameter.*kScale"):
         parse(text, "v2", given={"kscale": "1"})

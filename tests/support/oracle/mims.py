@@ -252,7 +252,7 @@ def _ends(own: Played, rest: Sequence[str], count: int) -> tuple[list[Mass], lis
     return found, words
 
 
-# --- laws: force over d = x1 - x2 and v, subtracted from m1 ----------------------------------------
+# --- laws: force over d = x1 - x2 and v, subtracted from m1 --------------------------------------
 
 
 def _contact(d: float, v: float, k: float, z: float, thresh: float = 0.0) -> float:
