@@ -12,6 +12,7 @@ from ergon.models.grammar import STRINGS
 from ergon.models.model import Model, Point, Statement, number
 from ergon.models.naming import times
 from ergon.models.refused import REFUSED
+from ergon.notation.text.errors import quote
 
 MOST_MASSES = 2_000_000
 MOST_ROWS = 2_000
@@ -84,24 +85,37 @@ class Macro:
         self.is_joined = True
         return self.edge
 
-    def target(self, point: Point, model: Model, *, is_2019: bool, line: int) -> str:
-        """The module of a place on it. Raises ModelError."""
+    def points(
+        self, point: Point, model: Model, *, is_2019: bool, line: int
+    ) -> list[tuple[float, str]]:
+        """The members that a place lies between, with the share of each. Raises ModelError.
+
+        Linear along each side, so that at most four members of a mesh have a share.
+        """
         is_string = self.of.keyword in STRINGS
         sides = (self.columns,) if is_string else (self.rows, self.columns)
-        found = []
+        along = []
         for text, count in zip(point.along, sides, strict=True):
             share = number(text, model.params, "the place", line)
             if is_2019:
                 at = min(share * count, count - 1.0)
             else:
                 at = min(max(share, 0.0), 1.0) * (count - 1)
-            if abs(at - round(at)) > _NEAR or at < 0.0:
-                low = max(0, int(at))
-                steps = count if is_2019 else count - 1
-                near = f"{low / steps:.6g} and {(low + 1) / steps:.6g}"
-                raise ModelError(REFUSED["between"].format(near=near), line)
-            found.append(round(at))
-        return self.at(*found) if len(found) == 2 else self.at(0, found[0])
+            if at < 0.0:
+                raise ModelError(f"a place on {quote(point.name)} is {share:g}, below 0", line)
+            low, part = int(at), at - int(at)
+            if min(part, 1.0 - part) < _NEAR:
+                along.append([(round(at), 1.0)])
+            else:
+                along.append([(low, 1.0 - part), (low + 1, part)])
+        if is_string:
+            along.insert(0, [(0, 1.0)])
+        shares: dict[str, float] = {}
+        for row, a in along[0]:
+            for column, b in along[1]:
+                name = self.at(row, column)
+                shares[name] = shares.get(name, 0.0) + a * b
+        return [(share, name) for name, share in shares.items()]
 
 
 def size(one: Statement) -> tuple[int, int]:

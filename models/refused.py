@@ -2,7 +2,8 @@
 
 REFUSED = {
     "between": (
-        "a point between two masses of a macro is not built yet; {near} are points of masses"
+        "{keyword} at a point between masses of a macro is not built yet: there a score has "
+        "springs and dampers alone"
     ),
     "late point": (
         "in the first step a point on a macro begins at 0, wherever the macro is: with viscosity "

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 
 from ergon.common.terminal import printable
 from ergon.models import places
 from ergon.models.errors import ModelError
 from ergon.models.grammar import MESHES, NAMES, STRINGS
-from ergon.models.laws import LINKS, Laws, which
+from ergon.models.laws import LINKS, Laws, Link, which
 from ergon.models.model import Model, Point, Statement, number
 from ergon.models.naming import Names, Params, metres
 from ergon.models.refused import REFUSED
@@ -19,6 +20,7 @@ from ergon.notation.text.errors import quote
 RATE = 44_100  # [Hz] at which the numbers of both dialects are what they are
 _FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
 _TAIL = "10s"
+_HELD = "1e9"  # mass of what is moved whatever pushes it: no link is too stiff for it
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,8 @@ class _Writing:
     targets: dict[str, str] = field(default_factory=dict)  # of masses
     macros: dict[str, places.Macro] = field(default_factory=dict)
     links: list[tuple[Statement, str]] = field(default_factory=list)  # with the module's name
-    outs: list[tuple[str, str, str]] = field(default_factory=list)  # name, what, channel
+    # Name, what is heard, channel, factor.
+    outs: list[tuple[str, str, str, float]] = field(default_factory=list)
     moved: dict[str, float] = field(default_factory=dict)  # of inputs: the first step
 
     def add(self, name: str, text: str, comment: str = "") -> None:
@@ -189,7 +192,7 @@ def _input(own: _Writing, one: Statement) -> None:
         own.add(name, "SOL: {}", "an input that nothing is connected to is 0")
         return
     x0 = "" if fed.first == 0.0 else f", X0: {fed.first!r}m"
-    own.add(name, f"MAS: {{M: 1{x0}}}", "its mass says nothing, for its path is imposed")
+    own.add(name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed")
     path = own.names.new(f"{name}_path")
     own.add(path, f"ENX: {{to: {name}, from: {one.name}, at: 0s}}")
 
@@ -197,10 +200,11 @@ def _input(own: _Writing, one: Statement) -> None:
 def _push(own: _Writing, one: Statement) -> None:
     if one.keyword != "frcInput":
         return
-    target = _target(own, one, one.points[0])
-    if one.name in own.inputs:
-        name = own.names.new(f"{one.name}_push")
-        own.add(name, f"ENF: {{to: {target}, from: {one.name}, at: 0s}}")
+    for share, target in _points(own, one, one.points[0]):
+        if one.name in own.inputs:
+            name = own.names.new(f"{one.name}_push")
+            scale = "" if share == 1.0 else f", scale: {share!r}"
+            own.add(name, f"ENF: {{to: {target}, from: {one.name}, at: 0s{scale}}}")
 
 
 def _signal(model: Model, one: Statement) -> None:
@@ -218,17 +222,18 @@ _MAKERS = {
 # --- links --------------------------------------------------------------------------------------
 
 
-def _target(own: _Writing, one: Statement, point: Point) -> str:
+def _points(own: _Writing, one: Statement, point: Point) -> list[tuple[float, str]]:
+    """What a point is: a module, or members of a macro with the share of each."""
     macro = own.macros.get(point.name)
     if macro is None:
-        return own.targets[point.name]
-    return macro.target(point, own.model, is_2019=own.laws == "2019", line=one.line)
+        return [(1.0, own.targets[point.name])]
+    return macro.points(point, own.model, is_2019=own.laws == "2019", line=one.line)
 
 
 def _link(own: _Writing, one: Statement, heard: Mapping[int, str]) -> None:
     values = {name: own.value(one, name) for name in one.values}
     law = LINKS[own.laws][which(one.keyword, values)]
-    ends = [_target(own, one, point) for point in one.points]
+    points = [_points(own, one, point) for point in one.points]
     signed = ("K", "Z") if law.kind != "LNL" else ("Q",) if "sqrt" in law.law else ()
     for name in signed:
         _not_negative(own, one, name)
@@ -242,6 +247,10 @@ def _link(own: _Writing, one: Statement, heard: Mapping[int, str]) -> None:
     for letter, name in law.fields.items():
         text = own.text(one, name)
         fields[letter] = f"{share}({text})" if twice else text
+    if max(map(len, points)) > 1:
+        _between(own, one, law, points, heard.get(id(one), ""))
+        return
+    ends = [targets[0][1] for targets in points]
     side = ""
     if heard.get(id(one)) == one.points[0].name:  # its force on the first end is heard
         ends.reverse()
@@ -261,6 +270,39 @@ def _link(own: _Writing, one: Statement, heard: Mapping[int, str]) -> None:
     own.links.append((one, name))
     comment = "MIMS adds the force of its nlSpring3 twice" if twice else ""
     own.add(name, f"{law.kind}: {{{', '.join(said)}{side}}}", comment)
+
+
+def _between(
+    own: _Writing, one: Statement, law: Link, points: list[list[tuple[float, str]]], heard: str
+) -> None:
+    """A spring between points between masses, as springs between any two of these masses.
+
+    Its force K·Σcx, with c the share of a mass in the first point less that in the second, is
+    divided by the same shares: -c_i·K·Σcx is the sum of springs -c_i·c_j·K, for the c add up to 0.
+    """
+    if law.kind == "LNL" or law.kind == "BUT":
+        raise ModelError(REFUSED["between"].format(keyword=one.keyword), one.line)
+    shares: dict[str, float] = {}
+    for sign, targets in zip((1.0, -1.0), points, strict=True):
+        for share, target in targets:
+            shares[target] = shares.get(target, 0.0) + sign * share
+    whose = own.targets.get(heard)
+    comment = f"{one.keyword} of {quote(one.name)}, between masses"
+    for (p, a), (q, b) in combinations(shares.items(), 2):
+        ends = [q, p] if p == whose else [p, q]  # a force is heard at the second end
+        name = own.names.new(one.name)
+        if not heard or whose in (p, q):
+            own.links.append((one, name))
+        fields = {tie: f"{-a * b!r}*({own.text(one, tie)})" for tie in law.fields}
+        said = ", ".join(f"{tie}: {text}" for tie, text in fields.items())
+        kind = law.kind
+        if a * b > 0.0:  # below 0, as no spring is by itself; all of them together are none
+            kind = "LNL"
+            law_of = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
+            laws = [law_of[tie] for tie in fields]
+            said = ", ".join([*laws, *(f"{tie.lower()}: {text}" for tie, text in fields.items())])
+        own.add(name, f"{kind}: {{between: [{', '.join(ends)}], {said}}}", comment)
+        comment = ""
 
 
 def _first_step(own: _Writing, one: Statement) -> None:
@@ -307,14 +349,17 @@ def _heard_ends(own: _Writing) -> dict[int, str]:
 def _output(own: _Writing, one: Statement) -> None:
     channel = one.name.removeprefix("out")
     if one.keyword == "posOutput":
-        own.outs.append((one.name, f"SOX: {_target(own, one, one.points[0])}", channel))
+        points = _points(own, one, one.points[0])
+        for nth, (share, target) in enumerate(points, 1):
+            name = one.name if len(points) == 1 else f"{one.name}_{nth}"
+            own.outs.append((name, f"SOX: {target}", channel, share))
         return
     mass = one.points[0].name
     of = [name for link, name in own.links if any(p.name == mass for p in link.points)]
     kinds = {name: text.partition(":")[0] for name, text, _ in own.modules}
     for nth, name in enumerate(of, 1):
         out = one.name if len(of) == 1 else f"{one.name}_{nth}"
-        own.outs.append((out, f"SOF: {{{kinds[name]}: {name}}}", channel))
+        own.outs.append((out, f"SOF: {{{kinds[name]}: {name}}}", channel, 1.0))
 
 
 # --- text ---------------------------------------------------------------------------------------
@@ -348,13 +393,14 @@ def _lines(own: _Writing, title: str) -> Iterator[str]:
     if not own.outs:
         return
     yield "    out:"
-    for name, what, _ in own.outs:
+    for name, what, *_ in own.outs:
         yield f"      {name}: {{{what}}}"
     yield "mix:"
-    yield f"  channels: {max(int(channel) for *_, channel in own.outs)}"
+    yield f"  channels: {max(int(channel) for _, _, channel, _ in own.outs)}"
     yield "  route:"
-    for name, _, channel in own.outs:
-        yield f"    - {{from: model.{name}, to: {channel}}}"
+    for name, _, channel, share in own.outs:
+        gain = "" if share == 1.0 else f", gain: x{share!r}"
+        yield f"    - {{from: model.{name}, to: {channel}{gain}}}"
     yield "accuracy: {method: ca}"
     yield f"render: {{bits: float, tail: {_TAIL}}}"
 

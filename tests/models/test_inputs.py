@@ -54,6 +54,17 @@ def test_inputs_move_and_push_as_they_do_in_the_model():
     assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
 
 
+def test_a_force_between_masses_is_shared():
+    _, push = path_and_push()
+    wave("push.wav", push)
+    text = "@in1 frcInput [@s 0.3]\n@s string 6 1 0.05 0.001 0 0\n@out1 posOutput [@s 0.7]\n"
+    Path("m.mdl").write_text(text)
+    heard = mims.played(text, "v2", FRAMES / mims.RATE, inputs={"in1": push})
+    made = import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": "push.wav"}))
+    sound = rendered(made.text, FRAMES / mims.RATE)
+    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+
+
 def test_files_that_feed_nothing():
     path, _ = path_and_push()
     wave("slow.wav", path, 48_000)

@@ -180,6 +180,42 @@ A model of a mass; this is no statement.
 @s1 spring @a @g 0.1
 @out1 frcOutput @a""",
 }
+V2 |= {
+    "between masses of a string": """
+@k param 0.02
+@s string 6 1 0.05 0.0005 0 0
+@a mass 1 0.1 0
+@b mass 3 0.05 0
+@l springDamper @a [@s 0.33] k 0.001
+@l2 spring [@s 0.9] @b k
+@d damper @b [@s 0.5] 0.002
+@out1 posOutput [@s 0.25]
+@out2 posOutput @b""",
+    "between points of one string": """
+@s chain 6 1 0.05 0.0005 0.1 4
+@g ground 0
+@h spring @g [@s 0.1] 0.01
+@l spring [@s 0.3] [@s 0.35] 0.01
+@out1 posOutput [@s 0.77]""",
+    "between masses of meshes": """
+@p mesh 3 4 1 0.05 0.0005 0 0
+@q closedMesh 4 4 1 0.05 0.0005 0 3
+@l springDamper [@p 0.3 0.8] [@q 0.1 0.45] 0.03 0.002
+@out1 posOutput [@p 0.1 0.6]
+@out2 posOutput [@q 0.9 0.5]""",
+    "force of a link that ends between masses": """
+@s string 6 1 0.05 0.0005 0 0
+@a mass 1 0.1 0
+@l springDamper @a [@s 0.33] 0.02 0.001
+@out1 frcOutput @a
+@out2 posOutput [@s 0.6]""",
+    "clamped places": """
+@s chain 6 1 0.05 0.0005 0.1 4
+@g ground 0
+@h spring @g [@s 1.7] 0.01
+@out1 posOutput [@s 0-0.3]
+@out2 posOutput [@s 1.2]""",
+}
 V2_TOUCHING = {
     "contact": """
 @g ground 0

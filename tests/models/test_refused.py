@@ -58,7 +58,12 @@ READING = {
     "a signal of no input": (1, "v2", "@p audioParam @left", "needs an input"),
 }
 WRITING = {
-    "between": (2, "v2", f"{S}@out1 posOutput [@s 0.3]", "0.25 and 0.5 are points of masses"),
+    "between": (
+        3,
+        "v2",
+        f"{S}@m mass 1 0 0\n@l nlPluck @m [@s 0.3] 1 1",
+        "nlPluck at a point between masses",
+    ),
     "late point": (
         3,
         "v2",

@@ -1,6 +1,6 @@
 """Scores that `ergon import` wrote, played."""
 
-from collections.abc import Sequence
+import re
 
 import numpy as np
 from oracle import mims
@@ -16,16 +16,10 @@ def rendered(text: str, seconds: float) -> np.ndarray:
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((round(seconds * mims.RATE), simulation.n_out))
     simulation.process(sound)
-    names = [line.split(":")[0].strip() for line in _outs(text)]
-    channels = np.zeros((len(sound), max(_channel(name) for name in names)))
-    for name, column in zip(names, sound.T, strict=True):
-        channels[:, _channel(name) - 1] += column
+    names = re.findall(r"^      (out\w+):", text.split("    out:\n")[1], flags=re.MULTILINE)
+    routes = re.findall(r"- {from: model\.(\w+), to: (\d+)(?:, gain: x(.+))?}", text)
+    assert [name for name, *_ in routes] == names
+    channels = np.zeros((len(sound), max(int(channel) for _, channel, _ in routes)))
+    for (_, channel, gain), column in zip(routes, sound.T, strict=True):
+        channels[:, int(channel) - 1] += float(gain or 1.0) * column
     return channels
-
-
-def _outs(text: str) -> Sequence[str]:
-    return text.split("    out:\n")[1].split("mix:\n")[0].splitlines()
-
-
-def _channel(name: str) -> int:
-    return int(name.removeprefix("out").split("_")[0])
