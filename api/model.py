@@ -89,9 +89,9 @@ def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
         raise refused[farthest]
     if len(set(read.values())) > 1:
         message = f"both {' and '.join(NAMES.values())} read it, and it sounds otherwise in each; "
-        error = DialectError(message + "write --dialect v1 or --dialect v2")
-        error.file = str(path)
-        raise error
+        both = DialectError(message + "write --dialect v1 or --dialect v2")
+        both.file = str(path)
+        raise both
     return "v2" if "v2" in read else "v1"
 
 

@@ -16,6 +16,7 @@ from ergon.notation.text.errors import quote
 
 MOST_MASSES = 2_000_000
 MOST_ROWS = 2_000
+MOST_SIDE = 801  # masses of a PLATE
 _NEAR = 1e-9  # of a mass: what rounding leaves of 0.7·(N - 1)
 
 
@@ -52,8 +53,10 @@ class Macro:
 
     def span(self, row: int) -> tuple[int, int]:
         """The columns of a row that move: first, and how many."""
-        moving = [at for at in range(self.columns) if not self.is_fixed(row, at)]
-        return (moving[0], len(moving)) if moving else (0, 0)
+        if self.of.keyword == "closedMesh" and row in (0, self.rows - 1):
+            return 0, 0
+        held = self.is_fixed(row, 0)
+        return int(held), self.columns - 2 * held
 
     def member(self, row: int, first: int, count: int = 1) -> str:
         """Some points of a row that move, as a range of a module."""
@@ -132,6 +135,11 @@ def size(one: Statement) -> tuple[int, int]:
         if min(rows, columns) < least:
             few = REFUSED["few"].format(keyword=one.keyword, least=f"{least} by {least}")
             raise ModelError(few, one.line)
+    if one.keyword in ("mesh", "closedMesh"):
+        sides = max(rows, columns) - 2 * (one.keyword == "closedMesh")
+        if sides > MOST_SIDE:
+            message = f"{one.keyword}: a side has {MOST_SIDE} masses at most in a score"
+            raise ModelError(message, one.line)
     if rows * columns > MOST_MASSES or (one.keyword == "cornerMesh" and rows > MOST_ROWS):
         message = f"{one.keyword}: {rows * columns:,} masses are more than a score holds"
         raise ModelError(message, one.line)
@@ -195,7 +203,7 @@ def _rows(own: Macro) -> None:
             low, high = max(a, b), min(a + n, b + m)
             ends = (own.member(at, low, high - low) for at in (row, row + 1))
             _join(own, f"{own.name}_rows{row}", *ends)
-        for column in range(own.columns):
+        for column in (0, own.columns - 1):
             fixed = own.is_fixed(row, column), own.is_fixed(row + 1, column)
             if fixed[0] != fixed[1] and not (n == 0 or m == 0):
                 ends = (own.at(at, column) for at in (row, row + 1))
@@ -214,17 +222,12 @@ def _join(own: Macro, name: str, a: str, b: str) -> None:
 def _stiffness(own: Macro, is_2019: bool) -> None:
     """Springs to neighbours but one, and at the ends to the neighbour; 2019 left the first out."""
     n = own.columns
-    pairs = [(at, at + 2) for at in range(n - 2)]
-    inner = [(a, b) for a, b in pairs if a > 0 and b < n - 1]
-    ends = [pair for pair in pairs if pair not in inner and pair != (0, n - 1)]
-    ends += [(n - 2, n - 1)] if is_2019 else [(0, 1), (n - 2, n - 1)]
     k = own.written["K2"]
-    if inner:
-        count = len(inner)
-        a, b = own.member(0, 1, count), own.member(0, 3, count)
-        own.modules.append((f"{own.name}_stiff", f"RES: {{between: [{a}, {b}], K: {k}}}"))
-    for nth, (a, b) in enumerate(ends):
-        if own.is_fixed(0, a) and own.is_fixed(0, b):
-            continue
-        where = f"[{own.at(0, a)}, {own.at(0, b)}]"
+    if n > 4:
+        inner = f"[{own.member(0, 1, n - 4)}, {own.member(0, 3, n - 4)}]"
+        own.modules.append((f"{own.name}_stiff", f"RES: {{between: {inner}, K: {k}}}"))
+    ends = [(0, 2), (n - 3, n - 1)] if n > 3 else []
+    ends += [(n - 2, n - 1)] if is_2019 else [(0, 1), (n - 2, n - 1)]
+    for nth, (first, last) in enumerate(ends):
+        where = f"[{own.at(0, first)}, {own.at(0, last)}]"
         own.modules.append((f"{own.name}_end{nth}", f"RES: {{between: {where}, K: {k}}}"))

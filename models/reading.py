@@ -47,9 +47,9 @@ def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] 
     if len(lines) > MOST_LINES:
         raise ModelError(f"it has more than {MOST_LINES:,} lines", MOST_LINES + 1)
     try:
-        rows = [(at, *row) for at, line in enumerate(lines, 1) if (row := words(line, at))]
-        macros = {row[1][1:] for row in rows if _family(row, dialect) == "macro"}
-        statements = tuple(_statement(row, dialect, macros) for row in rows)
+        rows = [(at, row) for at, line in enumerate(lines, 1) if (row := words(line, at))]
+        macros = {row[0][1:] for _, row in rows if _family(row, dialect) == "macro"}
+        statements = tuple(_statement(at, row, dialect, macros) for at, row in rows)
         model = Model(file, dialect, statements)
         _no_two_of_a_name(model)
         model.params = _params(model, given)
@@ -97,16 +97,16 @@ def _bounded(words: tuple[str, ...], line: str, at: int) -> tuple[str, ...]:
     return words
 
 
-def _family(row: tuple[int, *tuple[str, ...]], dialect: Dialect) -> str:
-    form = FORMS[dialect].get(row[2]) if len(row) > 2 else None
+def _family(row: tuple[str, ...], dialect: Dialect) -> str:
+    form = FORMS[dialect].get(row[1]) if len(row) > 1 else None
     return "" if form is None else form.family
 
 
 # --- statements ---------------------------------------------------------------------------------
 
 
-def _statement(row: tuple[int, *tuple[str, ...]], dialect: Dialect, macros: set[str]) -> Statement:
-    line, name, *words = row
+def _statement(line: int, row: tuple[str, ...], dialect: Dialect, macros: set[str]) -> Statement:
+    name, *words = row
     if not _NAME.fullmatch(name):
         message = f"{quote(name)} is no name: write @, a letter, then letters, digits and _"
         raise ModelError(message, line)

@@ -6,6 +6,8 @@ import pytest
 
 from ergon.api.errors import OptionError
 from ergon.api.model import ModelOptions, import_model
+from ergon.instruments.module_kinds import MAX_MODULES, MAX_RADIUS
+from ergon.models import places
 from ergon.models.errors import DialectError, ModelError
 from ergon.models.reading import MOST_BYTES, parse
 from ergon.models.score import written
@@ -86,7 +88,9 @@ WRITING = {
     "far": (1, "v2", "@m mass 1 5000 0", "x0 is 5000"),
     "few": (1, "v2", "@s string 2 1 1 0 0 0", "a string has 3 points or more"),
     "scale": (3, "v2", f"{M}@l nlBow @g @m 1 0", "scale is 0"),
-    "10^12 masses": (1, "v2", "@s mesh 1000000 1000000 1 1 0 0 0", "more than a score holds"),
+    "10^12 masses": (1, "v2", "@s cornerMesh 1000000 1000000 1 1 0 0 0", "more than a score"),
+    "a long string": (1, "v2", "@s chain 3000000 1 1 0 0 0", "3,000,000 masses are more"),
+    "a long side": (1, "v2", "@s mesh 802 2 1 1 0 0 0", "801 masses at most"),
 }
 
 
@@ -140,6 +144,11 @@ def test_the_dialect_that_gets_farther_says_what_is_wrong(tmp_path: Path):
     path.write_text("@m mass [1 + 1] 0 0\n@l spring @m @m 1\n@k sprong @m @m 1")
     with pytest.raises(ModelError, match=r"m\.mdl:3: 'sprong'"):
         import_model(path)
+
+
+def test_the_largest_macros_are_those_of_a_score():
+    assert places.MOST_SIDE == 2 * MAX_RADIUS + 1
+    assert places.MOST_MASSES == MAX_MODULES
 
 
 def test_an_input_that_is_none(tmp_path: Path):
