@@ -39,6 +39,7 @@ class Model:
     dialect: Dialect
     statements: tuple[Statement, ...]
     params: dict[str, Amount] = field(default_factory=dict)
+    _numbers: dict[str, float] = field(default_factory=dict)  # of expressions that were read
 
     def of(self, *families: Family) -> tuple[Statement, ...]:
         """Statements of some families, in order."""
@@ -49,7 +50,13 @@ class Model:
         text = statement.values.get(name)
         if text is None:
             return default
-        return number(text, self.params, f"{name} of {quote(statement.name)}", statement.line)
+        return self.number(text, f"{name} of {quote(statement.name)}", statement.line)
+
+    def number(self, text: str, what: str, line: int) -> float:
+        """The number that an expression says, read once. Raises ModelError."""
+        if text not in self._numbers:
+            self._numbers[text] = number(text, self.params, what, line)
+        return self._numbers[text]
 
 
 def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from ergon.models.errors import ModelError
 from ergon.models.grammar import STRINGS
-from ergon.models.model import Model, Point, Statement, number
+from ergon.models.model import Model, Point, Statement
 from ergon.models.naming import times
 from ergon.models.refused import REFUSED
 from ergon.notation.text.errors import quote
@@ -99,7 +99,7 @@ class Macro:
         sides = (self.columns,) if is_string else (self.rows, self.columns)
         along = []
         for text, count in zip(point.along, sides, strict=True):
-            share = number(text, model.params, "the place", line)
+            share = model.number(text, "the place", line)
             if is_2019:
                 at = min(share * count, count - 1.0)
             else:

@@ -242,7 +242,7 @@ def _numbers(model: Model, one: Statement) -> None:
             raise ModelError(message, one.line)
     for point in one.points:
         for along in point.along:
-            number(along, model.params, f"the place on {quote(point.name)}", one.line)
+            model.number(along, f"the place on {quote(point.name)}", one.line)
     for name in ("N", "L", "W"):
         if name in one.values and not re.fullmatch(r"[1-9]\d{0,6}", one.values[name]):
             raise ModelError(f"{name} of {quote(one.name)} is a whole number above 0", one.line)

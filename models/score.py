@@ -12,7 +12,7 @@ from ergon.models import places
 from ergon.models.errors import ModelError
 from ergon.models.grammar import MESHES, NAMES, STRINGS
 from ergon.models.laws import LINKS, Laws, Link, which
-from ergon.models.model import Model, Point, Statement, number
+from ergon.models.model import Model, Point, Statement
 from ergon.models.naming import Names, Params, metres
 from ergon.models.refused import REFUSED
 from ergon.notation.text.errors import quote
@@ -140,7 +140,7 @@ def _gravity(own: _Writing, one: Statement) -> float:
         return own.value(one, "gravity")
     # mi-gen writes its factor behind the text, and so divides only b of a + b.
     what = f"gravity of {quote(one.name)}"
-    return number(f"{text}/{RATE}", own.model.params, what, one.line)
+    return own.model.number(f"{text}/{RATE}", what, one.line)
 
 
 def _heavy(own: _Writing, one: Statement) -> None:
