@@ -217,8 +217,8 @@ class InstrumentShape(Shape):
         return self.chosen(node).read(node, name, context)
 
     def schema(self) -> dict[str, Any]:
-        """As JSON Schema."""
-        return self.si.schema()
+        """As JSON Schema: fields that only `units: ca` has are there too."""
+        return _with_more(self.si.schema(), self.ca.schema())
 
     def words(self) -> str:
         """In words."""
@@ -229,6 +229,19 @@ class InstrumentShape(Shape):
         units = node.get("units") if isinstance(node, document.Mapping) else None
         is_ca = isinstance(units, document.Scalar) and units.text == "ca"
         return self.ca if is_ca else self.si
+
+
+def _with_more(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """A schema with the properties that another has beside its own."""
+    found = {
+        key: _with_more(value, other[key])
+        if isinstance(value, dict) and isinstance(other.get(key), dict)
+        else value
+        for key, value in one.items()
+    }
+    if "properties" in found:
+        found["properties"] = {**other.get("properties", {}), **found["properties"]}
+    return found
 
 
 INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))

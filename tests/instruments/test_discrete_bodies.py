@@ -2,11 +2,14 @@
 
 from itertools import pairwise
 
+import jsonschema
 import numpy as np
 import pytest
+import yaml
 from planned_sound import played
 
 from ergon.scores.reading.load import load
+from ergon.scores.reading.schema import schema
 
 HEAD = "ergon: 1\nrates: {audio: 44100Hz}\n"
 END = "mix: {channels: 1, route: [{from: b, to: 1}]}\nrender: {tail: 50ms}\n"
@@ -87,3 +90,11 @@ def test_like_changes_one_for_the_other():
     assert loaded.piece is not None
     fields = loaded.piece.instruments["b"].modules[0].fields
     assert (fields["f"], fields["K"]) == (None, 0.01)
+
+
+def test_editors_know_them():
+    validator = jsonschema.Draft7Validator(schema())
+    text = instrument("s: {STRING: {masses: 5, M: 1, K: 0.1, Z: 0}}", "s.2")
+    assert list(validator.iter_errors(yaml.safe_load(text))) == []
+    wrong = yaml.safe_load(text.replace("Z: 0", "Zed: 0"))
+    assert list(validator.iter_errors(wrong))
