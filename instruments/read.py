@@ -250,9 +250,9 @@ INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))
 def whole(kind: str, values: Values) -> bool:
     """Whether all fields that a module needs are there, once `like:` is followed; reports."""
     own = KINDS[kind]
-    # Under `units: ca` some kinds have other fields, of which others are needed.
-    is_ca = values.record.by_name.keys() == own.ca_table.by_name.keys()
-    table = own.ca_table if is_ca else own.table
+    # Under `units: ca` some kinds have more fields, and others of them are needed.
+    is_more = values.record.by_name.keys() != own.table.by_name.keys()
+    table = own.ca_table if is_more else own.table
     required = [field for field in table.fields if field.required]
     for field in required:
         if field.name not in values.nodes:
