@@ -87,6 +87,7 @@ COMMANDS: Table = {
         "Emulate a force-feedback device, for trying scores and drivers.",
     ),
     "metrology": ("metrology", "metrology", "Measure what a real key is made of."),
+    "import": ("import_", "import_command", "Make a score of a model of another program."),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "motion": ("motion", "motion", "Exchange files of what moved."),

@@ -6,6 +6,7 @@
     │ └ TempoError         a tempo map that contradicts itself
     ├ StageError           a score that the engine does not play; its diagnostics have places
     ├ EditError            a change of a score's text that cannot be made
+    ├ ModelError           a model of another program that cannot be read, or that no score says
     ├ NotRegularError, FileRefusedError, NotPlanError, NotFrozenError, NotRecordingError,
     │ NotWaveError         a file that cannot be read or may not be written
     └ ScoreError, OptionError, DeviceError, … of `ergon.api.errors`, which `import ergon` offers

@@ -207,13 +207,13 @@ def _cel(assembly: Assembly, name: str, f: _Fields) -> int:
 
 
 def _string(assembly: Assembly, name: str, f: _Fields) -> int:
-    options = ("masses", "M", "f", "t60", "ends", "stiffness", "inharmonicity", "hardening")
-    return assembly.network.string(name, **_pick(f, *options, "stretching"))
+    options = ("masses", "M", "f", "t60", "K", "Z", "ends", "stiffness", "inharmonicity")
+    return assembly.network.string(name, **_pick(f, *options, "hardening", "stretching"))
 
 
 def _plate(assembly: Assembly, name: str, f: _Fields) -> int:
     form = ("sides",) if f["shape"] == "rectangle" else ("shape", "radius")
-    options = (*form, "M", "f", "t60", "rim", "bending", "hardening")
+    options = (*form, "M", "f", "t60", "K", "Z", "rim", "bending", "hardening")
     return assembly.network.plate(name, **_pick(f, *options))
 
 

@@ -219,12 +219,17 @@ _SIDE = k.count_or_size(
 _SIDES = Pair(_SIDE, _SIDE)
 
 
-def _generators() -> dict[str, tuple[Record, tuple[str, ...]]]:
+def _generators(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
     """The table of each generator, and its parameters that glide."""
     m = Field("M", k.MASS, "mass of the whole body", required=True)
-    f = Field("f", k.PITCH, "lowest mode that is not rigid", required=True)
+    f = Field("f", k.PITCH, "lowest mode that is not rigid", required=not ca)
     t60 = Field(
         "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"
+    )
+    # Of a discrete network, K and Z of its links are what it is.
+    links = (
+        Field("K", k.NUMBER, "K of each of its links, instead of f"),
+        Field("Z", k.NUMBER, "Z of each of its links, instead of t60"),
     )
     hardening = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
     starts = (
@@ -243,6 +248,7 @@ def _generators() -> dict[str, tuple[Record, tuple[str, ...]]]:
         m,
         f,
         t60,
+        *(links if ca else ()),
         Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
         Field(
             "stiffness",
@@ -276,6 +282,7 @@ def _generators() -> dict[str, tuple[Record, tuple[str, ...]]]:
         m,
         f,
         t60,
+        *(links if ca else ()),
         Field("rim", choice("free", "fixed"), "whether the rim is held", "free"),
         Field("bending", Bending(), "whether it resists curvature, as metal does", shown="false"),
         hardening,
@@ -367,8 +374,9 @@ def _all() -> dict[str, Kind]:
         family: Family = "link" if "between" in table.by_name else "mat"
         scaled = _SCALED.get(name, ("K", "Z"))
         kinds.append(Kind(name, family, table, ca[name][0], gliding, scaled))
-    for name, (table, gliding) in _generators().items():
-        kinds.append(Kind(name, "generator", table, table, gliding))
+    ca = _generators(True)
+    for name, (table, gliding) in _generators(False).items():
+        kinds.append(Kind(name, "generator", table, ca[name][0], gliding))
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
     kinds += [Kind(name, "input", table, table) for name, table in inputs.items()]
     return {kind.name: kind for kind in kinds}

@@ -9,7 +9,7 @@ from typing import Any
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Instrument, Module, Output, Places, Placing
-from ergon.instruments.module_kinds import HOLDERS, KINDS, partly, tables
+from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
@@ -217,8 +217,8 @@ class InstrumentShape(Shape):
         return self.chosen(node).read(node, name, context)
 
     def schema(self) -> dict[str, Any]:
-        """As JSON Schema."""
-        return self.si.schema()
+        """As JSON Schema: fields that only `units: ca` has are there too."""
+        return _with_more(self.si.schema(), self.ca.schema())
 
     def words(self) -> str:
         """In words."""
@@ -231,12 +231,29 @@ class InstrumentShape(Shape):
         return self.ca if is_ca else self.si
 
 
+def _with_more(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """A schema with the properties that another has beside its own."""
+    found = {
+        key: _with_more(value, other[key])
+        if isinstance(value, dict) and isinstance(other.get(key), dict)
+        else value
+        for key, value in one.items()
+    }
+    if "properties" in found:
+        found["properties"] = {**other.get("properties", {}), **found["properties"]}
+    return found
+
+
 INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))
 
 
 def whole(kind: str, values: Values) -> bool:
     """Whether all fields that a module needs are there, once `like:` is followed; reports."""
-    required = [field for field in KINDS[kind].table.fields if field.required]
+    own = KINDS[kind]
+    # Under `units: ca` some kinds have more fields, and others of them are needed.
+    is_more = values.record.by_name.keys() != own.table.by_name.keys()
+    table = own.ca_table if is_more else own.table
+    required = [field for field in table.fields if field.required]
     for field in required:
         if field.name not in values.nodes:
             message = f"{values.context.of('')} has no '{field.name}': {field.shape.words()}"
@@ -283,6 +300,9 @@ def module(name: str, kind: str, values: Values) -> Module:
     fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
     if kind in ("BANK", "MODES"):
         fields.pop("modes")
+    if kind in GENERATORS and fields.get("K") is None:
+        fields.pop("K", None)  # a body that has a pitch
+        fields.pop("Z", None)
     if kind == "LNL":
         fields["constants"] = dict(values.free)
         if "interval" in values.given:
@@ -364,6 +384,19 @@ def _dry(kind: str, values: Values) -> None:
         values.error("E111", message, "speed")
 
 
+def _links(kind: str, values: Values) -> None:
+    """K and Z of the links of a discrete body stand for its pitch and decay."""
+    if "K" not in values.record.by_name:
+        return
+    tuned, plain = values.written("f", "t60", "inharmonicity", "bending"), values.written("K", "Z")
+    if tuned and plain:
+        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
+        message += f"a {kind} has K and Z of its links, or f and t60"
+        values.error("E111", message, tuned[0])
+    elif not values.written("f", "K"):
+        values.error("E103", f"{values.context.of('')}: a {kind} needs f (and t60), or K (and Z)")
+
+
 def _string(kind: str, values: Values) -> None:
     if values.written("inharmonicity") and values.written("stiffness"):
         message = (
@@ -394,8 +427,8 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "LNL": (_lnl,),
     "BRISTLE": (_bristle,),
     "DRY": (_dry,),
-    "STRING": (_string,),
-    "PLATE": (_plate,),
+    "STRING": (_links, _string),
+    "PLATE": (_links, _plate),
 }
 
 

@@ -15,8 +15,12 @@ _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
     "key": ((("K", "Z"), ("f", "t60"), ("modules", "struck")),),
     "gesture": ((("notation",), ("points",)),),
     "CEL": ((("K", "Z"), ("f", "t60")),),
-    "STRING": ((("inharmonicity",), ("stiffness",)), (("tension",), ("f",))),
-    "PLATE": ((("radius",), ("sides",)),),
+    "STRING": (
+        (("inharmonicity",), ("stiffness",)),
+        (("tension",), ("f",)),
+        (("K", "Z"), ("f", "t60")),
+    ),
+    "PLATE": ((("radius",), ("sides",)), (("K", "Z"), ("f", "t60"))),
     "MODES": ((("modes",), ("f", "t60", "places")),),
 }
 _LAW = ("law", "damping", "points")

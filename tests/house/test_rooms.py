@@ -30,6 +30,7 @@ MAY = {
     "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
     "metrology": {"view", "_core"},
     "bells": {"notation", "exchange", "_core"},
+    "models": {"notation"},
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {
         "notation",
@@ -54,6 +55,7 @@ MAY = {
         "live",
         "repl",
         "bells",
+        "models",
         "space",
         "_core",
     },

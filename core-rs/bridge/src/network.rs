@@ -28,6 +28,31 @@ enum Decays {
     Points(Vec<(f64, f64)>),
 }
 
+/// What the links of a body are: tuned to a pitch and a decay, or K and Z of each.
+enum Links {
+    Tuned(f64, Option<Decays>),
+    Given([f64; 2]),
+}
+
+impl Links {
+    fn of(
+        name: &str,
+        f: Option<f64>,
+        t60: Option<Decays>,
+        k: Option<f64>,
+        z: Option<f64>,
+    ) -> PyResult<Self> {
+        match (f, t60, k, z) {
+            (Some(f), t60, None, None) => Ok(Self::Tuned(f, t60)),
+            (None, None, Some(k), z) => Ok(Self::Given([k, z.unwrap_or(0.0)])),
+            _ => Err(refused(
+                name,
+                "a body takes either f and t60 or K and Z of its links",
+            )),
+        }
+    }
+}
+
 /// (first, count, weight) of modules in an output.
 type Ranges = Vec<(usize, usize, f64)>;
 
@@ -143,7 +168,7 @@ impl Network {
     }
 
     /// A row of MAS, tuned so that its lowest mode is f.
-    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, inharmonicity=None, hardening=0.0, stretching=0.0))]
+    #[pyo3(signature = (name, *, masses, M, f=None, t60=None, K=None, Z=None, ends="fixed", stiffness=0.0, inharmonicity=None, hardening=0.0, stretching=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn string(
         &mut self,
@@ -151,8 +176,10 @@ impl Network {
         name: &str,
         masses: usize,
         M: f64,
-        f: f64,
+        f: Option<f64>,
         t60: Option<Decays>,
+        K: Option<f64>,
+        Z: Option<f64>,
         ends: &str,
         stiffness: f64,
         inharmonicity: Option<f64>,
@@ -165,11 +192,12 @@ impl Network {
             Some(b) => generator::stiff_string(masses, ends, b),
         })?;
         let topology = topology.map(|topology| topology.in_line(stretching > 0.0));
-        self.mesh(py, name, topology, [M, f, hardening, stretching], t60)
+        let links = Links::of(name, f, t60, K, Z)?;
+        self.mesh(py, name, topology, M, &links, [hardening, stretching])
     }
 
     /// A mesh, tuned so that its lowest non-rigid mode is f.
-    #[pyo3(signature = (name, *, shape="hex", radius=0, sides=None, M, f, t60=None, rim="free", bending=None, hardening=0.0))]
+    #[pyo3(signature = (name, *, shape="hex", radius=0, sides=None, M, f=None, t60=None, K=None, Z=None, rim="free", bending=None, hardening=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn plate(
         &mut self,
@@ -179,8 +207,10 @@ impl Network {
         radius: usize,
         sides: Option<(usize, usize)>,
         M: f64,
-        f: f64,
+        f: Option<f64>,
         t60: Option<Decays>,
+        K: Option<f64>,
+        Z: Option<f64>,
         rim: &str,
         bending: Option<f64>,
         hardening: f64,
@@ -195,7 +225,8 @@ impl Network {
             None => generator::plate(shape, radius, rim),
             Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
         })?;
-        self.mesh(py, name, topology, [M, f, hardening, 0.0], t60)
+        let links = Links::of(name, f, t60, K, Z)?;
+        self.mesh(py, name, topology, M, &links, [hardening, 0.0])
     }
 
     /// Many CELs with frequencies over a range.
@@ -627,19 +658,23 @@ impl Network {
         py: Python<'_>,
         name: &str,
         topology: Result<Topology, GeneratorError>,
-        [mass, f, hardening, stretching]: [f64; 4],
-        decays: Option<Decays>,
+        mass: f64,
+        links: &Links,
+        laws: [f64; 2],
     ) -> PyResult<usize> {
-        let decay = match &decays {
-            None => Decay::Lowest(None),
-            Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
-            Some(Decays::Points(points)) => Decay::Points(points),
-        };
         let topology =
             topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
-        let laws = [hardening, stretching];
-        computing(py, || {
-            self.0.stretched_mesh(name, &topology, mass, f, decay, laws)
+        computing(py, || match links {
+            Links::Given(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
+            Links::Tuned(f, decays) => {
+                let decay = match decays {
+                    None => Decay::Lowest(None),
+                    Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
+                    Some(Decays::Points(points)) => Decay::Points(points),
+                };
+                self.0
+                    .stretched_mesh(name, &topology, mass, *f, decay, laws)
+            }
         })?
         .map_err(from_engine)
     }

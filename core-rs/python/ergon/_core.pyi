@@ -414,8 +414,10 @@ class Network:
         *,
         masses: int,
         M: float,
-        f: float,
+        f: float | None = None,
         t60: float | Sequence[tuple[float, float]] | None = None,
+        K: float | None = None,
+        Z: float | None = None,
         ends: Literal["fixed", "free", "left"] = "fixed",
         stiffness: float = 0.0,
         inharmonicity: float | None = None,
@@ -426,7 +428,7 @@ class Network:
 
         `stretching` is q of q·S·d [N/m³] on every link, S the sum of the squares of all elongations. `t60` may be (f [Hz], t60 [s]) of two modes or more, within 1 %.
         With `inharmonicity` B (which takes the place of `stiffness`) its first 20 partials are
-        f·n·√((1 + B·n²)/(1 + B)), within 1 cent.
+        f·n·√((1 + B·n²)/(1 + B)), within 1 cent. `K` and `Z` of each link may stand for `f` and `t60`.
         """
     def plate(
         self,
@@ -436,8 +438,10 @@ class Network:
         radius: int = 0,
         sides: tuple[int, int] | None = None,
         M: float,
-        f: float,
+        f: float | None = None,
         t60: float | Sequence[tuple[float, float]] | None = None,
+        K: float | None = None,
+        Z: float | None = None,
         rim: Literal["free", "fixed"] = "free",
         bending: float | None = None,
         hardening: float = 0.0,
@@ -447,7 +451,7 @@ class Network:
         `hex` and `disc` have `radius` rings around the centre, `square` has 2·radius+1 masses a side, a rectangle has
         `sides` (across, up). `bending` is Poisson's ratio of a plate that resists curvature, on a rim that is free, or
         held at rest and free to turn. `t60` may be (f [Hz], t60 [s]) of two modes or more,
-        within 1 %.
+        within 1 %. `K` and `Z` of each link may stand for `f` and `t60`.
         """
     def bank(
         self,

@@ -8,7 +8,7 @@ use super::parameters::Tie;
 use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
 use crate::cell::{self, Cell};
 use crate::chance::Chance;
-use crate::generator::{self, BankCell, BankForm, Decay, Losses, Topology};
+use crate::generator::{self, BankCell, BankForm, Decay, Losses, Topology, Tuned};
 use crate::interrupt;
 use crate::law::Law;
 use crate::units::Rate;
@@ -296,7 +296,6 @@ impl Network {
             Decay::Points(_) => None,
         };
         self.check_tuning(name, f, lowest)?;
-        self.room(name, topology.n_mat + topology.n_fixed)?;
         let each = mass / topology.n_mat as f64;
         let losses = match decay {
             Decay::Lowest(t60) => {
@@ -312,6 +311,51 @@ impl Network {
             }
         };
         let losses = losses.map_err(|error| self.refused(name, &error.to_string()))?;
+        self.add_mesh(name, topology, each, &losses, [hardening, stretching])
+    }
+
+    /// The same whose every link of factor 1 has the stiffness `k` [N/m] and the viscosity `z` [N·s/m]; in a part under
+    /// `ca` the algorithmic K and Z.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
+    pub fn linked_mesh(
+        &mut self,
+        name: &str,
+        topology: &Topology,
+        mass: f64,
+        [k, z]: [f64; 2],
+        [hardening, stretching]: [f64; 2],
+    ) -> Result<usize, Error> {
+        self.check(
+            name,
+            &[
+                ("M", mass, Rule::Positive),
+                ("K", k, Rule::NotNegative),
+                ("Z", z, Rule::NotNegative),
+                ("hardening", hardening, Rule::NotNegative),
+                ("stretching", stretching, Rule::NotNegative),
+            ],
+        )?;
+        let losses = Losses {
+            tuned: Tuned { k, z },
+            ground: 0.0,
+            dampers: Vec::new(),
+        };
+        let each = mass / topology.n_mat as f64;
+        self.add_mesh(name, topology, each, &losses, [hardening, stretching])
+    }
+
+    /// Add the masses of `each` [kg] and the links of a mesh; returns the index of the first mass.
+    fn add_mesh(
+        &mut self,
+        name: &str,
+        topology: &Topology,
+        each: f64,
+        losses: &Losses,
+        [hardening, stretching]: [f64; 2],
+    ) -> Result<usize, Error> {
+        self.room(name, topology.n_mat + topology.n_fixed)?;
         let tuned = losses.tuned;
         let (n, n_fixed) = (topology.n_mat, topology.n_fixed);
         let before = usize::from(topology.in_line && n_fixed > 0);

@@ -1,0 +1,127 @@
+"""A model of another program as a score."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from ergon.models.errors import DialectError, ModelError
+from ergon.models.grammar import FORMS, NAMES, Dialect
+from ergon.models.laws import Laws
+from ergon.models.model import Model
+from ergon.models.reading import parse, text_of
+from ergon.models.score import RATE, Input, written
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest
+
+from .errors import OptionError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelOptions:
+    """How a model is read.
+
+    `dialect`: "v1" (MIMS) or "v2" (mi-gen); without it the one that reads the model. `laws`:
+    "head", as mi-gen has them today, or "2019". `values` of parameters, `inputs` as WAV files of
+    44,100 Hz, both by name.
+    """
+
+    dialect: Dialect | None = None
+    laws: Laws = "head"
+    values: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, str | Path] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedModel:
+    """The text of a score, and what it was made from."""
+
+    text: str
+    dialect: Literal["v1", "v2"]
+    n_statements: int
+
+
+def import_model(
+    path: str | Path, options: ModelOptions = ModelOptions(), *, beside: str | Path = "."
+) -> ImportedModel:
+    """A model of MIMS or mi-gen as a score; files of inputs are named from the folder `beside`.
+
+    Raises ModelError with the line at fault, DialectError where both dialects read the model and
+    it sounds otherwise in each, OptionError, and OSError.
+    """
+    path = Path(path)
+    try:
+        text = text_of(path)
+    except ModelError as error:
+        error.file = str(path)
+        raise
+    inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
+
+    def made(dialect: Dialect) -> tuple[Model, str]:
+        model = parse(text, dialect, str(path), options.values)
+        known = [one.name for one in model.of("input")]
+        for name in inputs:
+            if name not in known:
+                near = nearest(name, known)
+                meant = f"; did you mean {near}?" if near else ""
+                raise OptionError("input", f"the model has no input {quote(name)}{meant}")
+        return model, written(model, options.laws, inputs, path.name)
+
+    dialect = options.dialect or _dialect(text, path, options)
+    model, score = made(dialect)
+    return ImportedModel(score, dialect, len(model.statements))
+
+
+def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
+    """The one that reads a model. Raises ModelError of the dialect that got farther."""
+    read: dict[Dialect, str] = {}
+    refused: dict[Dialect, ModelError] = {}
+    for dialect in FORMS:
+        try:
+            model = parse(text, dialect, str(path), options.values)
+            read[dialect] = _sense(model, options.laws)
+        except ModelError as error:
+            refused[dialect] = error
+    if not read:
+        farthest = max(refused, key=lambda dialect: (refused[dialect].line, dialect == "v2"))
+        raise refused[farthest]
+    if len(set(read.values())) > 1:
+        message = f"both {' and '.join(NAMES.values())} read it, and it sounds otherwise in each; "
+        both = DialectError(message + "write --dialect v1 or --dialect v2")
+        both.file = str(path)
+        raise both
+    return "v2" if "v2" in read else "v1"
+
+
+def _sense(model: Model, laws: Laws) -> str:
+    """What a model says, whatever it is called; a model that is refused says what is refused."""
+    try:
+        return written(model, laws).split("\n", 1)[1]
+    except ModelError as error:
+        return str(error)
+
+
+def _input(name: str, file: str | Path, beside: str | Path) -> Input:
+    """A file of one channel at the rate of models, named from a folder. Raises OptionError."""
+    from ergon.exchange.sound import read_blocks, read_info
+    from ergon.exchange.wave_header import NotWaveError
+
+    path = Path(file)
+    try:
+        info = read_info(path)
+        first = float(next(read_blocks(path))[0, 0]) if info.n_frames > 1 else 0.0
+    except (NotWaveError, OSError) as error:
+        raise OptionError("input", f"{file}: {error}", value=name) from None
+    if (info.format.rate, info.format.n_channels) != (RATE, 1):
+        message = f"{file} has {info.format.n_channels} channels at {info.format.rate:,} Hz; "
+        message += f"a model is fed by one at {RATE:,} Hz"
+        raise OptionError("input", message, value=name)
+    if info.n_frames < 2:
+        raise OptionError("input", f"{file} has no sound", value=name)
+    folder = Path(beside).resolve()
+    if not path.resolve().is_relative_to(folder):
+        message = f"{file} lies outside {folder}, and a score names files of its own folder"
+        raise OptionError("input", message, value=name)
+    return Input(path.resolve().relative_to(folder).as_posix(), first)

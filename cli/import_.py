@@ -1,0 +1,86 @@
+"""`ergon import`: a model of another program as a score."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import Refused, check_stdout
+
+if TYPE_CHECKING:
+    from ergon.models.grammar import Dialect
+    from ergon.models.laws import Laws
+
+
+@click.command("import")
+@click.argument("model", metavar="MODEL")
+@options.target("The score to write, or - for stdout. Default: MODEL.yaml in the current folder.")
+@click.option(
+    "--dialect",
+    type=click.Choice(["v1", "v2"]),
+    help="The language: v1 is MIMS, v2 mi-gen. Without it the one that reads the model.",
+)
+@click.option(
+    "--laws",
+    type=click.Choice(["2019", "head"]),
+    default="head",
+    show_default=True,
+    help="Laws of mi-gen as it was in 2019, or as it is.",
+)
+@click.option("--set", "values", metavar="NAME=VALUE", multiple=True, help="A parameter's value.")
+@click.option(
+    "--input",
+    "inputs",
+    metavar="in1=FILE.wav",
+    multiple=True,
+    help="What feeds an input: one channel at 44,100 Hz. Without it the input is 0.",
+)
+@options.force
+@options.speaking
+def import_command(
+    console: Console,
+    model: str,
+    output: str | None,
+    dialect: Dialect | None,
+    laws: Laws,
+    values: tuple[str, ...],
+    inputs: tuple[str, ...],
+    force: bool,
+) -> None:
+    """Make a score of a model of another program.
+
+    MODEL is a `.mdl` file of MIMS or mi-gen. Under `units: ca` the score sounds the same sample for
+    sample. What no score says is refused, with its line.
+    """
+    from ergon.api.model import ModelOptions, import_model
+    from ergon.exchange.safe import check_target, write_text
+
+    target = output or f"{Path(model).stem}.yaml"
+    check_stdout(target, is_json=console.json)
+    files = _pairs("--input", inputs)
+    read = [Path(model), *(Path(file) for file in files.values())]
+    check_target(Path(target), force=force, inputs=read)
+    asked = ModelOptions(dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files)
+    beside = Path() if target == "-" else Path(target).parent
+    made = import_model(model, asked, beside=beside)
+    write_text(target, made.text, force=force, inputs=read)
+    if console.json:
+        console.record("wrote", file=target, dialect=made.dialect, statements=made.n_statements)
+    elif target != "-":
+        console.say(f"wrote {target}: {made.n_statements:,} statements of {made.dialect}")
+
+
+def _pairs(option: str, given: tuple[str, ...]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for one in given:
+        name, equals, value = one.partition("=")
+        if not (name and equals and value):
+            raise Refused(f"{option} {one}: write NAME=VALUE")
+        if name in found:
+            raise Refused(f"{option} {one}: {name} is given twice")
+        found[name] = value
+    return found

@@ -1,0 +1,138 @@
+"""The words of MIMS (v1) and mi-gen (v2): what stands behind each, in which order.
+
+A form is the points that a word joins, then the names of its values. Those in brackets may be left
+out, from the last one on; what follows them stands at the end of the line in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Dialect = Literal["v1", "v2"]
+Family = Literal["param", "mass", "macro", "link", "input", "output"]
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What stands behind a word: so many points, values, values that may be left out, values."""
+
+    family: Family
+    points: int
+    values: tuple[str, ...]
+    optional: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """As a person writes it: `@a @b K Z [thresh]`."""
+        points = ("@m",) if self.points == 1 else ("@a", "@b")[: self.points]
+        left_out = (f"[{name}]" for name in self.optional)
+        return " ".join((*points, *self.values, *left_out, *self.after)) or "nothing"
+
+
+_POINTS: Mapping[Family, int] = {"link": 2, "output": 1}
+
+
+def _forms(family: Family, text: str, points: int | None = None) -> dict[str, Form]:
+    forms = {}
+    for line in text.strip().splitlines():
+        keyword, *values = line.split()
+        optional = [at for at, name in enumerate(values) if name.startswith("[")]
+        first = optional[0] if optional else len(values)
+        last = optional[-1] + 1 if optional else len(values)
+        forms[keyword] = Form(
+            family,
+            _POINTS.get(family, 0) if points is None else points,
+            tuple(values[:first]),
+            tuple(name.strip("[]") for name in values[first:last]),
+            tuple(values[last:]),
+        )
+    return forms
+
+
+_PORTS = {
+    **_forms("param", "param value\naudioParam input"),
+    **_forms("input", "posInput x0"),
+    **_forms("input", "frcInput", 1),
+    **_forms("output", "posOutput\nfrcOutput"),
+}
+_V1 = {
+    **_PORTS,
+    **_forms(
+        "mass",
+        """
+        ground x0
+        mass   M x0 before
+        massG  M gravity x0 before
+        osc    M K Z x0 before
+        """,
+    ),
+    **_forms(
+        "macro",
+        """
+        string      N M K Z x0
+        chain       N M K Z x0
+        stiffString N M K K2 Z x0
+        mesh        L W M K Z x0
+        closedMesh  L W M K Z x0
+        cornerMesh  L W M K Z x0
+        """,
+    ),
+    **_forms(
+        "link",
+        """
+        spring       K [Z]
+        damper       Z
+        springDamper K Z
+        contact      K Z thresh
+        nlSpring     K Q Z
+        nlSpring2    K Q Z
+        nlSpring3    K Q Z
+        nlBow        Z scale
+        nlPluck      K scale
+        """,
+    ),
+}
+_V2 = {
+    **_PORTS,
+    **_forms(
+        "mass",
+        """
+        ground x0
+        mass   M [gravity] x0 v0
+        osc    M K Z [gravity] x0 v0
+        """,
+    ),
+    **_forms(
+        "macro",
+        """
+        string      N M K Z [Zo] x0 v0
+        chain       N M K Z [Zo] x0 v0
+        stiffString N M K K2 Z [Zo] x0 v0
+        mesh        L W M K Z [Zo] x0 v0
+        closedMesh  L W M K Z [Zo] x0 v0
+        cornerMesh  L W M K Z [Zo] x0 v0
+        """,
+    ),
+    **_forms(
+        "link",
+        """
+        spring         K
+        damper         Z
+        springDamper   K Z
+        contact        K Z [thresh]
+        nlContact      K Q lim Z [thresh]
+        nlSpring2      K Q Z
+        nlSpring3      K Q Z
+        nlSpringDamper K Q lim Z
+        nlBow          Z scale [smooth]
+        nlPluck        K scale [Z]
+        """,
+    ),
+}
+FORMS: Mapping[Dialect, Mapping[str, Form]] = {"v1": _V1, "v2": _V2}
+NAMES: Mapping[Dialect, str] = {"v1": "MIMS (v1)", "v2": "mi-gen (v2)"}
+MESHES = ("mesh", "closedMesh", "cornerMesh")
+STRINGS = ("string", "chain", "stiffString")

@@ -1,0 +1,104 @@
+"""The links of a model as links of a score, by the laws of 2019 and of today.
+
+d of a score is x2 - x1, a model's is x1 - x2: odd laws are the same in both. A value is named as in
+the law and holds an expression of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Laws = Literal["2019", "head"]
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A kind of link: its fields, each an expression of the model's values.
+
+    `turns`: whether it is the same with its ends exchanged.
+    """
+
+    kind: str
+    fields: Mapping[str, str]  # field -> value of the statement
+    law: str = ""
+    damping: str = ""
+    rest: str = ""  # the value that counts as d = 0
+    turns: bool = True
+
+
+def _lnl(law: str, damping: str, values: str, rest: str = "", turns: bool = True) -> Link:
+    fields = {name.lower(): name for name in values.split()}
+    return Link("LNL", fields, law, damping, rest, turns)
+
+
+_CUBIC = "where(abs(d) <= sqrt((lim - k)/q), d*(k + q*d*d), lim*d)"
+_PLUCK = "where(abs(d) < {tip}, -{inner}*d, where(abs(d) < scale, {outer}*d - sign(d)*{top}, 0))"
+_BOW = "where(abs(v) < scale/3, {inner}*v, where(abs(v) < scale, sign(v)*z*scale/3 - {outer}*v, 0))"
+
+_REF = Link("REF", {"K": "K", "Z": "Z"})
+_HEAD = {
+    "spring": Link("RES", {"K": "K"}),
+    "damped spring": _REF,
+    "damper": Link("FRO", {"Z": "Z"}),
+    "springDamper": _REF,
+    "contact": Link("BUT", {"K": "K", "Z": "Z"}, turns=False),
+    "nlSpring2": _lnl("k*d + q*d*abs(d)", "z*v", "K Q Z"),
+    "nlSpring3": _lnl("k*d + q*d**3", "z*v", "K Q Z"),
+    "nlSpringDamper": _lnl(
+        _CUBIC, "where(abs(d) <= sqrt((lim - k)/q), z*v, (z + 0.3*lim)*v)", "K Q lim Z"
+    ),
+    "stiff nlSpringDamper": _lnl("lim*d", "z*v", "lim Z"),
+    "linear nlSpringDamper": _lnl("k*d", "z*v", "K Z"),
+    "nlContact": _lnl(
+        f"where(d < 0, {_CUBIC}, 0)", "where(d < 0, z*v, 0)", "K Q lim Z", "thresh", False
+    ),
+    "linear nlContact": Link("BUT", {"K": "K", "Z": "Z"}, turns=False),
+    "nlPluck": _lnl(
+        _PLUCK.format(tip="scale/10", inner="(k - k/10)", outer="k/10", top="scale/10*k"),
+        "",
+        "K scale",
+    ),
+    "damped nlPluck": _lnl(
+        _PLUCK.format(tip="scale/10", inner="(k - k/10)", outer="k/10", top="scale/10*k"),
+        "where(abs(d) < scale/10, 0, where(abs(d) < scale, z*v, 0))",
+        "K scale Z",
+    ),
+    "nlBow": _lnl("", _BOW.format(inner="(z - z/3)", outer="z/3"), "Z scale"),
+    "smooth nlBow": _lnl("", "0.63*z*v*exp(0.5 - 4*(v/scale)**2)", "Z scale"),
+}
+_2019 = {
+    "contact": _lnl(
+        "where(-d > thresh, k*d, 0)", "where(-d > thresh, z*v, 0)", "K Z thresh", turns=False
+    ),
+    "nlPluck": _lnl(
+        _PLUCK.format(tip="scale/10", inner="(10*k - k)", outer="k", top="scale/10*10*k"),
+        "",
+        "K scale",
+    ),
+    "nlBow": _lnl("", _BOW.format(inner="z", outer="0.25*z"), "Z scale"),
+}
+# Of today's laws what 2019 did not have is as it is.
+LINKS: Mapping[Laws, Mapping[str, Link]] = {
+    "head": _HEAD,
+    "2019": {**_HEAD, **_2019, "damped nlPluck": _2019["nlPluck"], "smooth nlBow": _2019["nlBow"]},
+}
+
+
+def which(keyword: str, values: Mapping[str, float]) -> str:
+    """Which law of a word holds for these values."""
+    cubic, k, lim = values.get("Q", 0.0), values.get("K", 0.0), values.get("lim", 0.0)
+    if keyword == "spring" and "Z" in values:
+        return "damped spring"
+    if keyword == "nlSpring":
+        return "nlSpring2"
+    if keyword == "nlSpringDamper" and (cubic == 0.0 or k >= lim):
+        return "linear nlSpringDamper" if cubic == 0.0 else "stiff nlSpringDamper"
+    if keyword == "nlContact" and (cubic == 0.0 or k >= lim):
+        return "linear nlContact"
+    if keyword == "nlPluck" and values.get("Z"):
+        return "damped nlPluck"
+    if keyword == "nlBow" and values.get("smooth", 0.0) >= 1.0:
+        return "smooth nlBow"
+    return keyword

@@ -1,0 +1,59 @@
+"""Names of a model made into names of a score, and values into what a score writes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from ergon.notation.tables.expressions import UNITS
+
+_WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
+_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+MOST = 64  # characters
+
+
+class Names:
+    """Gives each thing a name that nothing else has."""
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        """`taken`: names that cannot be given."""
+        self.taken = set(taken)
+
+    def new(self, wanted: str) -> str:
+        """The name, or the first free one with a number behind it."""
+        base = wanted[: MOST - 8].lstrip("_") or "m"
+        name, count = base, 2
+        while name in self.taken:
+            name, count = f"{base}_{count}", count + 1
+        self.taken.add(name)
+        return name
+
+
+class Params:
+    """Parameters as names of `let:`, which begin with a small letter and are no units."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        """`names`: those of the model."""
+        given = Names(UNITS)
+        self.of = {name: given.new(name[:1].lower() + name[1:]) for name in names}
+
+    def written(self, expression: str) -> str:
+        """An expression of the model as one of the score."""
+        text = _WORD.sub(lambda word: self.of.get(word[0], word[0]), expression)
+        return " ".join(text.split())
+
+
+def metres(expression: str) -> str:
+    """A length of one metre for each 1 of an expression."""
+    if _PLAIN.fullmatch(expression):
+        return f"{expression}m"
+    return f"({expression})*1m"
+
+
+def times(count: int, expression: str) -> str:
+    """So many times the value of an expression."""
+    return (
+        f"{count}*{expression}"
+        if re.fullmatch(r"[\w.]+", expression)
+        else f"{count}*({expression})"
+    )

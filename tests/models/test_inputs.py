@@ -1,0 +1,104 @@
+"""Inputs of models that files feed, and the command."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from commands import records
+from imported import rendered
+from oracle import mims
+
+from ergon.api.errors import OptionError
+from ergon.api.model import ModelOptions, import_model
+from ergon.cli import app
+from ergon.models.errors import ModelError
+
+FRAMES = 4410
+pytestmark = pytest.mark.usefixtures("own_folder")
+HAND = """
+@in1 posInput 0
+@in2 frcInput @m
+@m mass 1 0.01 0
+@g ground 0
+@s springDamper @g @m 0.01 0.001
+@c springDamper @in1 @m 0.02 0.003
+@out1 posOutput @m
+@out2 posOutput @in1
+"""
+
+
+def wave(name: str, samples: np.ndarray, rate: int = mims.RATE) -> None:
+    soundfile.write(name, samples, rate, subtype="FLOAT")
+
+
+def path_and_push() -> tuple[np.ndarray, np.ndarray]:
+    t = np.arange(FRAMES) / mims.RATE
+    path = 0.01 * np.sin(2 * np.pi * 90.0 * t) ** 2
+    push = 1e-4 * np.sin(2 * np.pi * 300.0 * t)
+    return np.float64(np.float32(path)), np.float64(np.float32(push))  # as files hold them
+
+
+def test_inputs_move_and_push_as_they_do_in_the_model():
+    path, push = path_and_push()
+    wave("path.wav", path)
+    wave("push.wav", push)
+    Path("m.mdl").write_text(HAND)
+    asked = ModelOptions(dialect="v2", inputs={"in1": "path.wav", "in2": "push.wav"})
+    heard = mims.played(HAND, "v2", FRAMES / mims.RATE, inputs={"in1": path, "in2": push})
+    sound = rendered(import_model("m.mdl", asked).text, FRAMES / mims.RATE)
+    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+    still = import_model("m.mdl", ModelOptions(dialect="v2")).text
+    heard = mims.played(HAND, "v2", FRAMES / mims.RATE)
+    sound = rendered(still, FRAMES / mims.RATE)
+    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+
+
+def test_a_force_between_masses_is_shared():
+    _, push = path_and_push()
+    wave("push.wav", push)
+    text = "@in1 frcInput [@s 0.3]\n@s string 6 1 0.05 0.001 0 0\n@out1 posOutput [@s 0.7]\n"
+    Path("m.mdl").write_text(text)
+    heard = mims.played(text, "v2", FRAMES / mims.RATE, inputs={"in1": push})
+    made = import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": "push.wav"}))
+    sound = rendered(made.text, FRAMES / mims.RATE)
+    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+
+
+def test_files_that_feed_nothing():
+    path, _ = path_and_push()
+    wave("slow.wav", path, 48_000)
+    wave("two.wav", np.stack([path, path], axis=1))
+    wave("late.wav", path + 0.5)
+    Path("m.mdl").write_text(HAND)
+    for name, message in {"slow": "48,000 Hz", "two": "2 channels", "none": "none.wav"}.items():
+        with pytest.raises(OptionError, match=message):
+            import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": f"{name}.wav"}))
+    with pytest.raises(OptionError, match=r"no input 'in3'.*in"):
+        import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in3": "late.wav"}))
+    with pytest.raises(ModelError, match="begin there"):
+        import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": "late.wav"}))
+    Path("folder").mkdir()
+    with pytest.raises(OptionError, match="lies outside"):
+        import_model("m.mdl", ModelOptions(inputs={"in1": "late.wav"}), beside="folder")
+
+
+def test_the_command(capsys: pytest.CaptureFixture[str]):
+    Path("m.mdl").write_text("@k param 0.01\n@m osc 1 k 0 [0 0 0.1] 0\n@out1 posOutput @m\n")
+    assert app.run(["import", "m.mdl", "--set", "k=0.02", "--json"]) == 0
+    assert records(capsys)[0]["dialect"] == "v2"
+    assert "k: 0.02" in Path("m.yaml").read_text()
+    assert app.run(["check", "m.yaml"]) == 0
+    assert app.run(["import", "m.mdl", "-o", "m.mdl", "-f"]) != 0
+    assert "osc" in Path("m.mdl").read_text()
+    capsys.readouterr()
+    before = Path("m.yaml").read_text()
+    Path("m.mdl").write_text("@m sprong 1\n")
+    assert app.run(["import", "m.mdl", "-f"]) == 2
+    said = capsys.readouterr().err
+    assert "m.mdl:1: 'sprong' is no word" in said
+    assert "Traceback" not in said
+    assert Path("m.yaml").read_text() == before
+    for words in (["--set", "k"], ["--input", "in1=none.wav"], ["--set", "a=1", "--set", "a=2"]):
+        assert app.run(["import", "m.mdl", "-f", *words]) == 2
+    assert app.run(["import", "none.mdl"]) == 2
