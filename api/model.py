@@ -36,11 +36,12 @@ class ModelOptions:
 
 @dataclass(frozen=True, slots=True)
 class ImportedModel:
-    """The text of a score, and what it was made from."""
+    """The text of a score, and what it was made from; `unfed` inputs have no file and stay at 0."""
 
     text: str
     dialect: Literal["v1", "v2"]
     n_statements: int
+    unfed: tuple[str, ...] = ()
 
 
 def import_model(
@@ -71,7 +72,8 @@ def import_model(
 
     dialect = options.dialect or _dialect(text, path, options)
     model, score = made(dialect)
-    return ImportedModel(score, dialect, len(model.statements))
+    unfed = tuple(one.name for one in model.of("input") if one.name not in inputs)
+    return ImportedModel(score, dialect, len(model.statements), unfed)
 
 
 def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:

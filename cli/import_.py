@@ -69,9 +69,15 @@ def import_command(
     made = import_model(model, asked, beside=beside)
     write_text(target, made.text, force=force, inputs=read)
     if console.json:
-        console.record("wrote", file=target, dialect=made.dialect, statements=made.n_statements)
-    elif target != "-":
+        fields = {"dialect": made.dialect, "statements": made.n_statements, "unfed": made.unfed}
+        console.record("wrote", file=target, **fields)
+        return
+    if target != "-":
         console.say(f"wrote {target}: {made.n_statements:,} statements of {made.dialect}")
+    if made.unfed:
+        names, feed = ", ".join(made.unfed), f"--input {made.unfed[0]}=FILE.wav"
+        stay = "stays" if len(made.unfed) == 1 else "stay"
+        console.say(f"{names} {stay} at 0; {feed} feeds {made.unfed[0]}")
 
 
 def _pairs(option: str, given: tuple[str, ...]) -> dict[str, str]:

@@ -102,3 +102,13 @@ def test_the_command(capsys: pytest.CaptureFixture[str]):
     for words in (["--set", "k"], ["--input", "in1=none.wav"], ["--set", "a=1", "--set", "a=2"]):
         assert app.run(["import", "m.mdl", "-f", *words]) == 2
     assert app.run(["import", "none.mdl"]) == 2
+
+
+def test_inputs_that_nothing_feeds_are_named(capsys: pytest.CaptureFixture[str]):
+    Path("m.mdl").write_text(HAND)
+    assert app.run(["import", "m.mdl", "--dialect", "v2"]) == 0
+    said = capsys.readouterr().err
+    assert "in1, in2 stay at 0; --input in1=FILE.wav feeds in1" in said
+    wave("in1.wav", np.zeros(10))
+    assert app.run(["import", "m.mdl", "--dialect", "v2", "-f", "--input", "in1=in1.wav"]) == 0
+    assert "in2 stays at 0; --input in2=FILE.wav feeds in2" in capsys.readouterr().err
