@@ -34,6 +34,15 @@ def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
     return Pages(server, window)
 
 
+def sees_all(options: PerformanceOptions) -> bool:
+    """Whether what nobody hears is computed for pages. Raises OptionError."""
+    if options.see not in (None, "all"):
+        raise OptionError("see", f"there is nothing to see by '{options.see}'; write all")
+    if options.see and not options.view and options.view_at is None:
+        raise OptionError("see", "says what pages show; add view")
+    return options.see is not None
+
+
 def serve(
     at: str,
     option: str,

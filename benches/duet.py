@@ -32,6 +32,7 @@ use: [instruments/gong.yaml]
 keys: {{k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}, k2: {{like: k1}}, v: {{like: k1}}}}
 instruments:
   gong: {{from: gong/plate, f: A1, t60: 8s}}
+  {beside}
   action:
     modules:
       a: {{BUT: {{between: [k1, gong.centre], K: 150N/m, gap: 1mm}}}}
@@ -101,10 +102,10 @@ def _told(command: list[str], loops: Loops | None) -> tuple[dict[str, int], Bare
     return json.loads(last), beside
 
 
-def written(folder: Path, seconds: int) -> Path:
-    """The score of a duet that lasts so long [s]."""
+def written(folder: Path, seconds: int, beside: str = "") -> Path:
+    """The score of a duet that lasts so long [s], with an instrument `beside` (a line of YAML)."""
     score = folder / "duet.yaml"
-    score.write_text(_SCORE.format(times=seconds))
+    score.write_text(_SCORE.format(times=seconds, beside=beside))
     return score
 
 

@@ -12,7 +12,6 @@ import socket
 import subprocess
 import tempfile
 import threading
-import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -24,10 +23,17 @@ from benches.measure import Row
 from benches.native import Loops
 
 _AHEAD = 4096  # frames kept ready, as docs/view.md advises with pages
-_PAUSES = (0.0, 0.0, 0.0, 0.05)  # [s] that a page waits before it takes more
+_PAUSES = (0.0, 0.0, 0.0, 0.5)  # [s] that a page waits before it takes more
 _TAKEN = 1 << 16  # bytes at once
-_TAKEN_SLOWLY = 1 << 10  # bytes at once of who is slow: 20 kB/s, less than is sent
+_TAKEN_SLOWLY = 1 << 10  # bytes at once of who is slow: 2 kB/s, less than is sent
 _TARGET = 0.0002  # of all ticks, more than without pages
+# What a page of a large piece is sent: flights, as many as strikes.
+_SKY = (
+    "cloud: {BANK: {count: 10000, M: 0.5g, f: 20Hz..10kHz, t60: 0.3s..6s}, out: {SOX: cloud.all}}"
+)
+_RAIN = """\
+strikes: {{rain: {{to: cloud.all, at: 0s, for: {seconds}s, rate: 0.05Hz, impulse: -6uNs..6uNs}}}}
+"""
 
 
 @dataclass
@@ -61,8 +67,8 @@ def pages(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
     most = max(max(run.taken) for run in seen)
     return [
         Row(
-            f"a duet of two keys over UDP, {_AHEAD:,} frames kept ready, four pages, "
-            f"2 × {seconds} s each",
+            f"a duet of two keys over UDP beside 10,000 oscillators, {_AHEAD:,} kept ready, "
+            f"without pages and with four, 2 × {seconds} s each",
             f"{without:.3%} of ticks late without, {beside:.3%} with ({beside - without:+.3%}); "
             f"a page took {least / 1e6:.1f} to {most / 1e6:.1f} MB",
             f"{said}; target: {_TARGET:+.2%} at most",
@@ -82,7 +88,9 @@ def pages(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
 
 def _played(seconds: int, loops: Loops | None, *, is_seen: bool) -> _Run:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as keys:
-        score = written(Path(folder), seconds)
+        score = written(Path(folder), seconds, _SKY)
+        with score.open("a") as file:
+            file.write(_RAIN.format(seconds=seconds))
         first, second = (keys.enter_context(key(seconds, "--udp", "0")) for _ in range(2))
         live = ("--live", f"ada={first}", "--live", f"remi={second}")
         audio = ("--audio", "null,block=256", "--gain", "0dB", "--unchecked", "--json")
@@ -97,9 +105,9 @@ def _followed(process: subprocess.Popen[str], loops: Loops | None, *, is_seen: b
     assert process.stdout is not None
     url = json.loads(process.stdout.readline())["url"] if is_seen else None
     process.stdout.readline()  # it plays
-    taken = [0] * len(_PAUSES)
+    taken, over = [0] * len(_PAUSES), threading.Event()
     readers = [
-        threading.Thread(target=_read, args=(url, taken, number, pause))
+        threading.Thread(target=_read, args=(url, taken, number, pause, over))
         for number, pause in enumerate(_PAUSES)
         if url is not None
     ]
@@ -109,16 +117,17 @@ def _followed(process: subprocess.Popen[str], loops: Loops | None, *, is_seen: b
             reader.start()
         for line in process.stdout:
             last = line
+    over.set()
     for reader in readers:
         reader.join()
-    assert process.wait() == 0, f"the duet ended with {process.returncode}"
+    assert process.wait() == 0, f"the duet ended with {process.returncode}: {last}"
     told = json.loads(last)
     assert not is_seen or min(taken) > 0, f"a page took nothing: {taken}"
     return _Run(told["ticks"], told["late_ticks"], beside, taken)
 
 
-def _read(url: str, taken: list[int], number: int, pause: float) -> None:
-    """A page: takes what is sent until the duet ends; counts it."""
+def _read(url: str, taken: list[int], number: int, pause: float, over: threading.Event) -> None:
+    """A page: takes what is sent until the duet is over; counts it."""
     found = re.match(r"http://(127\.0\.0\.1):(\d+)(.*/)", url)
     assert found is not None, url
     host, port, path = found.groups()
@@ -136,6 +145,7 @@ def _read(url: str, taken: list[int], number: int, pause: float) -> None:
         try:
             while got := len(page.recv(_TAKEN_SLOWLY if pause else _TAKEN)):
                 taken[number] += got
-                time.sleep(pause)
+                if over.wait(pause) if pause else over.is_set():
+                    return
         except ConnectionError:
             pass  # the duet has ended
