@@ -28,9 +28,8 @@ def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
     if not options.view and options.view_at is None:
         return None
     server = serve(options.view_at or ANYWHERE, "view_at", report)
-    url = f"{server.url}?live"
-    report.event("view", url=url)
-    report.say(f"seen at {url}")
+    report.event("view", url=server.url)
+    report.say(f"seen at {server.url}")
     return Pages(server, window)
 
 
