@@ -24,7 +24,7 @@ from .hands import boards_of, ready
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
-from .pages import pages_of
+from .pages import pages_of, sees_all
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
@@ -59,6 +59,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
 
+    is_seen = sees_all(options)
     first = _beginning(path, options, report)
     version, piece = first.version, first.version.piece
     boards = boards_of(piece, options.live)
@@ -78,7 +79,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         hands = free(journal.path.with_suffix(".take")) if real else None
         about = {"journal": journal.path.name}
         config = replace(config, record=hands, about=about, pages=pages)
-        make, opening = _engine(version, first.clock, first.past, config, folder, report)
+        make, opening = _engine(
+            version, first.clock, first.past, config, folder, report, is_seen=is_seen
+        )
         with scores.staging(version.texts.load, report):
             session = Session(
                 version,
@@ -93,6 +96,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 watches=options.watch,
                 past=first.past,
                 frozen=frozen,
+                is_seen=is_seen,
             )
     except BaseException:
         journal.close()
@@ -255,6 +259,8 @@ def _engine(
     config: PlaybackConfig,
     folder: FrozenFolder | None,
     report: Report,
+    *,
+    is_seen: bool,
 ) -> tuple[Callable[[Stage], Engine], Callable[[int, Path | None], SessionStart]]:
     from ergon import _core
     from ergon.repl.prompt.signals import left_to_me
@@ -296,6 +302,7 @@ def _engine(
             config.reference,
             version.sounds_as,
             folder,
+            is_seen,
         )
 
     return make, opening

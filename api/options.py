@@ -112,7 +112,7 @@ class PerformanceOptions:
     ("-12dB") is the gain of the sound; without it one is measured by computing the piece unheard.
     `to` folds the loudspeakers of the score's layout as `FoldOptions.to` does, for the `head` of a
     SOFA file where that is binaural. With `view` pages in browsers see what is played; `view_at`
-    (HOST:PORT) says where they are served.
+    (HOST:PORT) says where they are served, and `see` "all" computes what nobody hears too.
     """
 
     live: Sequence[str] = ()
@@ -126,6 +126,7 @@ class PerformanceOptions:
     head: str | Path | None = None
     view: bool = False
     view_at: str | None = None
+    see: str | None = None
 
     @property
     def card(self) -> str:

@@ -28,10 +28,18 @@ def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
     if not options.view and options.view_at is None:
         return None
     server = serve(options.view_at or ANYWHERE, "view_at", report)
-    url = f"{server.url}?live"
-    report.event("view", url=url)
-    report.say(f"seen at {url}")
+    report.event("view", url=server.url)
+    report.say(f"seen at {server.url}")
     return Pages(server, window)
+
+
+def sees_all(options: PerformanceOptions) -> bool:
+    """Whether what nobody hears is computed for pages. Raises OptionError."""
+    if options.see not in (None, "all"):
+        raise OptionError("see", f"there is nothing to see by '{options.see}'; write all")
+    if options.see and not options.view and options.view_at is None:
+        raise OptionError("see", "says what pages show; add view")
+    return options.see is not None
 
 
 def serve(

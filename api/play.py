@@ -20,7 +20,7 @@ from .gain import gain_of
 from .hands import boards_of, guides, no_player, ready
 from .options import AccuracyOptions, PerformanceOptions
 from .osc import osc_of
-from .pages import pages_of
+from .pages import pages_of, sees_all
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -42,8 +42,7 @@ class PlayOptions(AccuracyOptions, PerformanceOptions):
     are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT). `guide` lists
     PLAYER[=STIFFNESS], real keys that are pulled along a written part; `standin` lists
     PLAYER=GESTURE, played where a player has no device. `record` is the new file of what live
-    hands do, `frozen` the folder of frozen parts. `see` "all" computes for pages what nobody hears
-    too.
+    hands do, `frozen` the folder of frozen parts.
     """
 
     from_: str | None = None
@@ -54,7 +53,6 @@ class PlayOptions(AccuracyOptions, PerformanceOptions):
     standin: Sequence[str] = ()
     record: str | None = None
     frozen: Path | None = None
-    see: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +70,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
 
     Raises ScoreError, OptionError and DeviceError.
     """
-    if options.see not in (None, "all"):
-        raise OptionError("see", f"there is nothing to see by '{options.see}'; write all")
-    if options.see and not options.view and options.view_at is None:
-        raise OptionError("see", "says what pages show; add view")
+    is_seen = sees_all(options)
     loaded = scores.read(path, options, report, leave_out=_NOT_HERE)
     written = scores.piece_of(loaded)
     piece = _standing_in(written, options.standin)
@@ -95,7 +90,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
         real=real,
         silent=() if frozen is None else frozen.parts,
         on_fault="mute",
-        is_seen=options.see is not None,
+        is_seen=is_seen,
     ).stage
     _refuse_felt_automation(stage, real)
     stems: Sequence[VerifiedStem] = ()

@@ -1,6 +1,6 @@
 """`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md.
 
-`--minutes 10`: how long the duet, and `soak_live`, are; a minute otherwise.
+`--minutes 10`: how long the duet, `pages` and `soak_live` are; a minute otherwise.
 `--runs 20`: how often each stop is done.
 """
 
@@ -25,6 +25,7 @@ from benches.measure import Row
 from benches.mesh import mesh
 from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
+from benches.pages import pages
 from benches.part_modes import admittance, part_modes
 from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
@@ -60,6 +61,7 @@ def main(arguments: list[str]) -> int:
         "replan": replan,
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
+        "pages": partial(pages, loops, asked.minutes),
         "haply": haply,
         "soak": soak,
         "stall": stall,

@@ -18,7 +18,7 @@ from benches.beside import Bare, bare
 from benches.measure import Row
 from benches.native import Loops
 
-_ERGON = [sys.executable, "-m", "ergon.cli"]
+ERGON = [sys.executable, "-m", "ergon.cli"]
 _BLOCK = 256  # frames
 _AHEAD = 4096  # frames kept ready for the card: what `ergon doctor` advises on a machine like this
 _TARGETS = {
@@ -32,6 +32,7 @@ use: [instruments/gong.yaml]
 keys: {{k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}, k2: {{like: k1}}, v: {{like: k1}}}}
 instruments:
   gong: {{from: gong/plate, f: A1, t60: 8s}}
+  {beside}
   action:
     modules:
       a: {{BUT: {{between: [k1, gong.centre], K: 150N/m, gap: 1mm}}}}
@@ -63,14 +64,12 @@ def _played(
 ) -> Row:
     seconds = round(60 * minutes)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as keys:
-        score = Path(folder) / "duet.yaml"
-        score.write_text(_SCORE.format(times=seconds))
-        hand = ("--gesture", _HAND.format(times=seconds // 2 + 10), "--hand", "900N/m")
-        first, second = (keys.enter_context(_key(*way, *hand)) for _ in range(2))
+        score = written(Path(folder), seconds)
+        first, second = (keys.enter_context(key(seconds, *way)) for _ in range(2))
         live = ("--live", f"ada={first}", "--live", f"remi={second}")
         audio = ("--audio", f"null,block={_BLOCK}", "--gain", "0dB", "--unchecked", "--json")
         ready = () if ahead is None else ("--ahead", str(ahead))
-        command = [*_ERGON, "duet", str(score), *live, *audio, *ready]
+        command = [*ERGON, "duet", str(score), *live, *audio, *ready]
         told, beside = _told(command, loops)
     gaps = told["underruns"] + (told["dropped"] > 0)
     late = told["late_ticks"] / told["ticks"]
@@ -103,10 +102,18 @@ def _told(command: list[str], loops: Loops | None) -> tuple[dict[str, int], Bare
     return json.loads(last), beside
 
 
+def written(folder: Path, seconds: int, beside: str = "") -> Path:
+    """The score of a duet that lasts so long [s], with an instrument `beside` (a line of YAML)."""
+    score = folder / "duet.yaml"
+    score.write_text(_SCORE.format(times=seconds, beside=beside))
+    return score
+
+
 @contextmanager
-def _key(*how: str) -> Iterator[str]:
-    """An emulated key with a hand on it; its URL."""
-    command = [*_ERGON, "emulate", "frame", *how, "--json"]
+def key(seconds: int, *way: str) -> Iterator[str]:
+    """An emulated key with a hand on it that plays for so long [s]; its URL."""
+    hand = ("--gesture", _HAND.format(times=seconds // 2 + 10), "--hand", "900N/m")
+    command = [*ERGON, "emulate", "frame", *way, *hand, "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

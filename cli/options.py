@@ -145,6 +145,12 @@ view = several(
     ),
 )
 
+see = click.option(
+    "--see",
+    type=click.Choice(["all"]),
+    help="With --view: all computes what nobody hears too.",
+)
+
 # Real hands of a performance, and what protects them.
 hands = several(
     click.option(

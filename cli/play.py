@@ -23,11 +23,7 @@ _playing = options.several(
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
     options.osc,
     options.view,
-    click.option(
-        "--see",
-        type=click.Choice(["all"]),
-        help="With --view: all computes what nobody hears too.",
-    ),
+    options.see,
     click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
     options.seed,
     options.accuracy,

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 @click.option("--midi-clock-to", metavar="PORT", help="Send MIDI clock to this output.")
 @options.osc
 @options.view
+@options.see
 @click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
 @click.option(
     "--socket",

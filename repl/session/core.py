@@ -76,6 +76,7 @@ class SessionCore:
         watches: bool = False,
         past: PastVersions | None = None,
         frozen: tuple[HeldPart, ...] = (),
+        is_seen: bool = False,
     ) -> None:
         """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
 
@@ -83,10 +84,11 @@ class SessionCore:
         the engine writes of real hands; `disk` holds known hashes where files on the disk differ
         from the version. A session that `watches` reloads the score when it is saved elsewhere.
         `past` is the history of a session that goes on; its version 0 is `version`. `frozen` parts
-        are heard as they were computed before, until the score says otherwise of them.
+        are heard as they were computed before, until the score says otherwise of them. Where it
+        `is_seen`, what nobody hears is computed too.
         """
         version = replace(version, base=version.base or version.texts)
-        running = begin(version, clock or Clock(), real or {}, store, frozen)
+        running = begin(version, clock or Clock(), real or {}, store, frozen, is_seen=is_seen)
         engine = make(running.stage)
         borne = engine.bearings(running.stage, running.start, (), ())
         running = replace(running, bearings=borne)

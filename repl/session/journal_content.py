@@ -43,7 +43,8 @@ _GLIDE_MAX = 86_400.0  # [s]
 class SessionStart:
     """How a session began: its score, the beat where it stood, the faders, and how it was heard
     (`gain`, `limit` and `reference` are ratios). `take` records real hands, `frozen` holds
-    parts that were computed before."""
+    parts that were computed before. Where it `is_seen`, what nobody heard was computed too: what
+    a later line let be heard then had moved before."""
 
     texts: Texts
     at: float
@@ -60,6 +61,7 @@ class SessionStart:
     reference: float | None = None
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     frozen: FrozenFolder | None = None
+    is_seen: bool = False
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
@@ -84,6 +86,7 @@ class SessionStart:
             **({} if self.base is None else {"base": text_fields(self.base)}),
             **({} if self.take is None else self.take.fields()),
             **({} if self.frozen is None else frozen_fields(self.frozen)),
+            **({"see": "all"} if self.is_seen else {}),
         }
 
 
@@ -217,6 +220,7 @@ def read_journal(
         reference=None
         if first.fields.get("reference") is None  # a journal that knows no reference level
         else first.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
+        is_seen=_is_seen(first),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))
@@ -229,6 +233,12 @@ def read_journal(
     replay.commits.sort(key=lambda commit: commit[0])
     replay.strikes.sort(key=lambda strike: strike[0])
     return replay
+
+
+def _is_seen(first: Event) -> bool:
+    if first.fields.get("see", "all") != "all":
+        first.wrong("`see` is neither absent nor all")
+    return "see" in first.fields
 
 
 @dataclass(frozen=True, slots=True)

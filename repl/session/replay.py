@@ -71,7 +71,9 @@ class ReplayedSession:
             if player is None or player.key != hand.key:
                 replay.first.wrong(f"its score has no {hand.player} on {hand.key}")
         frozen = _frozen(replay, version, real)
-        running = begin(version, Clock(None, opening.at), real, None, frozen)
+        running = begin(
+            version, Clock(None, opening.at), real, None, frozen, is_seen=opening.is_seen
+        )
         hands = HeldHands((), 0, ())
         if take is not None:
             hands = held(take, running.stage, opening.tick_frames)

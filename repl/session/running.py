@@ -39,7 +39,7 @@ class Running:
 
     The timeline holds occurrences up to beat `until`; `bearings` are the forces on real hands;
     links that are `leaving` were removed, and still let go. `frozen` parts are heard as they were
-    computed before.
+    computed before. Where it `is_seen`, what nobody hears is computed too.
     """
 
     version: Version
@@ -52,6 +52,7 @@ class Running:
     bearings: Sequence[HandForceBounds] = ()
     leaving: tuple[LeavingLink, ...] = ()
     frozen: tuple[HeldPart, ...] = ()
+    is_seen: bool = False
 
     def beat(self, frame: int) -> float:
         """The beat of the piece at a frame."""
@@ -100,10 +101,12 @@ def begin(
     real: Real,
     store: Store | None,
     frozen: tuple[HeldPart, ...] = (),
+    *,
+    is_seen: bool = False,
 ) -> Running:
     """Stage a version whose piece is stopped, at frame 0."""
-    staged = _staged(version, clock, (), None, 0, real, store, frozen=frozen)
-    return Running(version, clock, (), staged, 0, clock.at, frozen=frozen)
+    staged = _staged(version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen)
+    return Running(version, clock, (), staged, 0, clock.at, frozen=frozen, is_seen=is_seen)
 
 
 def follow(
@@ -137,9 +140,20 @@ def follow(
         moving = (*moving, *(one.glide for one in links))
     spans = (*old, *new)
     staged = _staged(
-        version, clock, spans, before.stage, start, real, None, moving, links, frozen=frozen
+        version,
+        clock,
+        spans,
+        before.stage,
+        start,
+        real,
+        None,
+        moving,
+        links,
+        frozen=frozen,
+        is_seen=before.is_seen,
     )
-    return Running(version, clock, spans, staged, start, until, moving, (), links, frozen)
+    of_stage = version, clock, spans, staged, start, until, moving, (), links, frozen
+    return Running(*of_stage, is_seen=before.is_seen)
 
 
 def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
@@ -168,7 +182,8 @@ def _staged(
     moving: tuple[Glide, ...] = (),
     links: tuple[LeavingLink, ...] = (),
     *,
-    frozen: tuple[HeldPart, ...] = (),
+    frozen: tuple[HeldPart, ...],
+    is_seen: bool,
 ) -> Stage:
     piece = with_leaving(version.sounding, links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
@@ -181,6 +196,7 @@ def _staged(
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
         going=Going(spans, like, start, moving, strike_points(version)),
+        is_seen=is_seen,
     )
     staged.placed = placed(frozen, staged.listening, clock, staged.rate)
     return staged

@@ -57,7 +57,7 @@ def test_what_is_heard_is_the_same_to_the_bit(own_folder: Path) -> None:
     }.items():
         seen = forked([*common, f"file:{name}.wav", *options], own_folder)
         assert seen.returncode == 0, seen.stderr
-        assert re.search(r"^seen at http://127\.0\.0\.1:\d+/\?live$", seen.stderr, re.MULTILINE)
+        assert re.search(r"^seen at http://127\.0\.0\.1:\d+/$", seen.stderr, re.MULTILINE)
         heard = Path("plain.wav").read_bytes()
         assert len(heard) > 100_000
         assert Path(f"{name}.wav").read_bytes() == heard
@@ -121,7 +121,7 @@ def test_a_page_follows_what_is_heard(chromium: browser.Browser, own_folder: Pat
     performance = begin(ready.stage, ready.config, Report())
     try:
         with chromium.page() as page:
-            page.open(f"{pages.server.url}?live")
+            page.open(pages.server.url)
             assert page.run("document.title") == "Sky: view"
             parts = page.run("ergon.page.story.model.parts.map((p) => [p.name, p.kind, p.count])")
             assert [name for name, *_ in parts] == ["sky", "wire", "dark"]
@@ -165,7 +165,7 @@ def test_the_picture_is_pulled_to_what_is_heard(
     pages = ready.config.pages
     assert pages is not None
     with chromium.page() as page:
-        page.call("Page.navigate", url=f"{pages.server.url}?live")
+        page.call("Page.navigate", url=pages.server.url)
         until(lambda: page.run("!!window.ergon"), "the page's script")
         found = page.run("""import('./live.js').then(({ Live }) => {
           let offset = null;
@@ -195,7 +195,7 @@ def test_a_line_that_changes_the_piece_begins_a_new_picture(
     assert pages is not None
     key = "ergon.page.story.model.parts.findIndex((p) => p.name === 'k1')"
     with closing(session_on(own_folder, "null", pages=pages)) as session, chromium.page() as page:
-        page.open(f"{pages.server.url}?live")
+        page.open(pages.server.url)
         page.run("window.before = ergon.page.story.model")
         page.run(f"ergon.page.look.seen[{key}] = 0")
         ok(session, "play")

@@ -37,6 +37,7 @@ class Stepped:
         journal: bool = True,
         keeps: bool = True,
         frozen: Path | None = None,
+        is_seen: bool = False,
     ) -> None:
         path = folder / name
         path.write_text(text, encoding="utf-8")
@@ -47,7 +48,7 @@ class Stepped:
             found = exchange.read(frozen)
             listening = build_network(version.piece, frozenset(found.parts)).listening
             frozen = of_frozen(frozen, found, version.piece, listening)
-        self._open(own, version, Clock(), None, None, journal, keeps, frozen)
+        self._open(own, version, Clock(), None, None, journal, keeps, frozen, is_seen)
 
     @classmethod
     def resumed(cls, journal: Path) -> Stepped:
@@ -59,7 +60,9 @@ class Stepped:
         own._open(free(journal), version, clock, past, found.disk, True, True, folder)
         return own
 
-    def _open(self, path, version, clock, past, disk, journal, keeps, frozen) -> None:
+    def _open(
+        self, path, version, clock, past, disk, journal, keeps, frozen, is_seen=False
+    ) -> None:
         self.journal = path
         written = Journal(path) if journal else None
         self.session = Session(
@@ -71,11 +74,13 @@ class Stepped:
             past=past,
             disk=disk,
             frozen=() if frozen is None else held(frozen, version, {}),
+            is_seen=is_seen,
         )
         if written is not None:
             heard = 1.0, 1.0, None, past, version.base
             beside = {"maps": version.maps, "rules": version.rules}
             beside["sounds_as"] = version.sounds_as
+            beside["is_seen"] = is_seen
             beside["frozen"] = None if frozen is None else frozen.beside(path)
             opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard, **beside)
             known = self.session.disk.hashes_by_name(version.texts)

@@ -412,3 +412,28 @@ def test_a_key_in_the_address_opens_the_page(chromium: browser.Browser, motion: 
     server.close()
     with pytest.raises(_core.EngineError, match="a key is needed"):
         _core.ViewServer(motion, at="0.0.0.0:0")
+
+
+def test_a_page_shows_what_its_server_has_file_or_live(
+    chromium: browser.Browser, motion: Path
+) -> None:
+    """Another server on the port of the last: the page that is open shows what is there."""
+    server = _core.ViewServer(motion)
+    at = server.url.removeprefix("http://").rstrip("/")
+    kind = """window.ergon && ergon.page.connection.offset !== null
+      && [ergon.page.live !== null, window.before === true]"""
+    try:
+        with chromium.page(WIDTH, HEIGHT) as page:
+            page.open(server.url)
+            assert page.run(kind) == [False, False]
+            for other in (None, motion):
+                page.run("window.before = true")
+                # The clock of a server begins with it, and a page tells servers apart by a second.
+                page.run("new Promise((go) => setTimeout(go, 1200))")
+                server.close()
+                server = _core.ViewServer(other, at=at)
+                until(lambda is_live=other is None: page.run(kind) == [is_live, False], "the other")
+            until(lambda: page.run("ergon.page.story.model !== null"), "the file is read")
+            assert page.run("ergon.page.story.duration") == pytest.approx(SECONDS)
+    finally:
+        server.close()

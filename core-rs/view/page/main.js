@@ -20,10 +20,10 @@ const asked = new URLSearchParams(location.search);
 const element = (id) => document.getElementById(id);
 
 class Page {
-  constructor(gl, canvas) {
+  constructor(gl, canvas, isLive) {
     this.canvas = canvas;
     this.drawing = new Drawing(gl);
-    this.live = asked.has("live") ? new Live(() => this.connection?.offset ?? null) : null;
+    this.live = isLive ? new Live(() => this.connection?.offset ?? null) : null;
     this.story = new Story(this.live);
     this.begun = new Promise((resolve) => (this.hasBegun = resolve)); // a live piece can be drawn
     this.clock = new Clock();
@@ -55,9 +55,9 @@ class Page {
 
   // --- what comes ---
 
-  async load() {
+  async load(body) {
     const chunks = new Chunks((chunk) => this.take(chunk));
-    const reader = (await fetch("motion")).body.getReader();
+    const reader = body.getReader();
     for (;;) {
       const { value, done } = await reader.read();
       if (done) break;
@@ -363,7 +363,9 @@ async function main() {
     element("told").textContent = "This browser has no WebGL 2, so nothing can be drawn. A graphics card, or `chromium --enable-unsafe-swiftshader`, gives it one.";
     return;
   }
-  const page = new Page(gl, canvas);
+  const file = await fetch("motion");
+  // Asked each time: behind an address that was a file's, another server may show what is played now.
+  const page = new Page(gl, canvas, file.status === 204);
   window.ergon = {
     page,
     /** Draws exactly one instant. */
@@ -373,13 +375,13 @@ async function main() {
   };
   page.connection = new Connection({ takes: (bytes) => page.takes(bytes), isLost: () => page.lost(), isBack: (another) => page.back(another) });
   requestAnimationFrame((now) => page.loop(now));
-  window.ergon.ready = (page.live ? page.begun : page.load())
+  window.ergon.ready = (page.live ? page.begun : page.load(file.body))
     .catch((error) => {
       page.tell(`The motion cannot be read further: ${error.message}.`);
       if (!page.story.model) throw error;
     })
     .then(async () => {
-      if (asked.has("sound")) await page.listen();
+      if (asked.has("sound") && !page.live) await page.listen();
       await page.one(page.live ? page.story.end : Number(asked.get("t") ?? 0) || 0);
       if (!asked.has("t") && !page.look.still) page.play(true);
     });

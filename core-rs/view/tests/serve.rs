@@ -165,6 +165,24 @@ fn a_page_and_its_file_are_served_with_what_keeps_others_out() {
 }
 
 #[test]
+fn where_there_is_no_file_a_page_learns_that_without_an_error() {
+    let _alone = alone();
+    let lent = Lent::new("gone.motion", b"abc", 3);
+    let live = Options {
+        file: None,
+        ..Options::local(lent.0.clone())
+    };
+    let server = Server::start(live).expect("a server");
+    let none = get(&server, "/motion", "");
+    assert_eq!((status(&none), body(&none)), ("204", ""));
+    assert!(none.contains("default-src 'self'"));
+    // One that was there and is gone is missed.
+    let server = Server::start(Options::local(lent.0.clone())).expect("a server");
+    drop(lent);
+    assert_eq!(status(&get(&server, "/motion", "")), "404");
+}
+
+#[test]
 fn what_no_page_asks_is_refused() {
     let _alone = alone();
     let lent = Lent::new("refused.motion", b"abc", 3);

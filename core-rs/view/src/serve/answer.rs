@@ -59,6 +59,11 @@ pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
     out.write_all(head.as_bytes())
 }
 
+/// There is nothing under this name, and that is no fault.
+pub(super) fn nothing(out: &mut impl Write) -> io::Result<()> {
+    out.write_all(format!("HTTP/1.1 204 No Content\r\n{ALWAYS}\r\n").as_bytes())
+}
+
 pub(super) fn memory(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Result<()> {
     let n = body.len();
     let head =

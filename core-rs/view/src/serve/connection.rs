@@ -72,6 +72,10 @@ fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<()
         return Ok(());
     }
     let mut out = Paced::new(stream, options.limits)?;
+    // A page asks for the file to learn whether there is one, or what is played is shown.
+    if name == "motion" && options.file.is_none() {
+        return Ok(answer::nothing(&mut out)?);
+    }
     let given = match name.as_str() {
         "motion" => Some((&options.file, "application/octet-stream")),
         "sound.wav" => Some((&options.sound, "audio/wav")),
