@@ -16,6 +16,8 @@ use crate::timeline::{Drive, Source};
 const LEAST: usize = 2;
 /// Steps for which one look at how far masses swing is enough: rounding adds less than [`SLACK`] and a hair to it.
 const FAR: usize = 1024;
+/// Steps after a look in vain.
+const AGAIN: usize = 32;
 /// A part of a swing that is given to rounding.
 const SLACK: f64 = 1e-6;
 
@@ -69,15 +71,17 @@ impl Island {
         }
         // Where its points go by themselves is asked, not by what pushed them in the step before.
         state.body.force.fill(0.0);
-        let (mut done, mut sound, mut open_until) = (0, true, 0);
+        let (mut done, mut sound, mut open_until, mut next_look) = (0, true, 0, 0);
         while done < most && sound {
-            if done >= open_until
-                && fine.cannot_close(scheme, |mat| swing(scheme, &state.body, mat), SLACK)
-            {
-                open_until = done + FAR;
-            }
             if done >= open_until && !fine.stays_open(scheme, &state.body) {
                 break;
+            }
+            if done >= open_until.max(next_look) {
+                let swing = |mat| swing(scheme, &state.body, mat);
+                if fine.cannot_close(scheme, swing, SLACK) {
+                    open_until = done + FAR;
+                }
+                next_look = done + AGAIN;
             }
             if done == 0 {
                 fine.rest(&mut state.body);
