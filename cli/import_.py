@@ -53,7 +53,8 @@ def import_command(
 ) -> None:
     """Make a score of a model of another program.
 
-    MODEL is a `.mdl` file of MIMS or mi-gen. Under `units: ca` the score sounds the same sample for
+    MODEL is a `.mdl` file of MIMS or mi-gen, or a Faust program made from one, which has it as a
+    comment. Under `units: ca` the score sounds the same sample for
     sample. What no score says is refused, with its line.
     """
     from ergon.api.model import ModelOptions, import_model

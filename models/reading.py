@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ergon.common.regular import read_bounded
 from ergon.models.errors import ModelError
+from ergon.models.faust import script
 from ergon.models.grammar import FORMS, MESHES, NAMES, Dialect, Form
 from ergon.models.model import Model, Point, Statement, number
 from ergon.notation.tables.expressions import Amount
@@ -26,7 +27,15 @@ _DISPLAYED = ("ground", "mass", "massG", "osc", "posInput")  # v1: a buffer, x a
 
 
 def text_of(path: Path) -> str:
-    """The text of a file. Raises ModelError where it is none, and OSError."""
+    """The text of a model, or of the script in a Faust program (`.dsp`).
+
+    Raises ModelError where it is none, and OSError.
+    """
+    text = _text_of(path)
+    return script(text) if path.suffix.lower() == ".dsp" else text
+
+
+def _text_of(path: Path) -> str:
     data = read_bounded(path, MOST_BYTES)
     if len(data) > MOST_BYTES:
         raise ModelError(f"it is larger than {MOST_BYTES >> 20} MB")
