@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .simulate import Simulated
 
 _SAME = 1e-9  # [m], and as a part of a stroke
+_Kinds = Mapping[tuple[str, str], str]  # of modules, by part and name
 _THROWN = ("MAS", "CEL")  # what a stroke throws at a contact
 
 
@@ -46,23 +47,24 @@ def closed_once(piece: Piece, done: Simulated) -> list[Diagnostic]:
     end.
     """
     families = piece.note_families()
+    kinds = {(part, module.name): module.kind for part, module in piece.modules()}
     found: dict[str, list[Diagnostic | None]] = {}
     for whole, points in groupby(done.contacts, lambda one: one.contact.whole):
         own = list(points)
         if any(one.first is not None for one in own):
-            told = _told(piece, done, own)
+            told = _told(piece, done, own, kinds)
             found.setdefault(shared_name(whole, families), []).append(told)
     return [told[0] for told in found.values() if told[0] is not None and None not in told]
 
 
-def _told(piece: Piece, done: Simulated, points: list[Closing]) -> Diagnostic | None:
+def _told(piece: Piece, done: Simulated, points: list[Closing], kinds: _Kinds) -> Diagnostic | None:
     """What is said of a contact that closed, of one point or of several."""
     contact = points[0].contact
     first = min(one.first for one in points if one.first is not None)
     last = max(one.last for one in points if one.last is not None)
     if any(one.is_closed for one in points):
         return None
-    for player in _players(piece, done, contact.module):
+    for player in _players(piece, done, contact.module, kinds):
         strokes = sorted(player.strokes)
         # What is closed from the beginning was closed by no stroke.
         before = [one for one in strokes if one.begins <= (first or last) / done.rate]
@@ -80,28 +82,29 @@ def _told(piece: Piece, done: Simulated, points: list[Closing]) -> Diagnostic | 
     return None
 
 
-def _players(piece: Piece, done: Simulated, contact: Module) -> Iterator[_Player]:
+def _players(piece: Piece, done: Simulated, contact: Module, kinds: _Kinds) -> Iterator[_Player]:
     """Keys that close a contact, and strikes on one of its ends."""
-    for key, way in _keys(piece, contact):
+    for key, way in _keys(piece, contact, kinds):
         strokes = (s for g in done.gestures if g.key == key for s in _strokes(g, way))
         yield _Player(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
-    kinds, mats = _kinds(piece), done.stage.built.assembly.mats
+    timeline, mats = done.stage.timeline, done.stage.built.assembly.mats
+    if timeline is None:
+        return
     for end in contact.fields["between"]:
-        if kinds[end.part, end.module] not in _THROWN or done.stage.timeline is None:
+        if kinds[end.part, end.module] not in _THROWN:
             continue
         name, way = f"{end.part}.{end.module}", _way(contact, end)
-        struck = done.stage.timeline.strikes_on(mats[end.part, end.module])
+        struck = timeline.strikes_on(mats[end.part, end.module])
         strokes = (_Stroke(at, way * impulse) for at, impulse in struck)
         yield _Player(f"strike on {name} is as strong", f"strikes on {name} are as strong", strokes)
 
 
-def _keys(piece: Piece, contact: Module) -> Iterator[tuple[str, float]]:
+def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, float]]:
     """Keys that close a contact, directly or by a mass that they push; the way they go, 1 or -1."""
     struck = {(name, key.struck): name for name, key in piece.keys.items()}
     for end in contact.fields["between"]:
         if key := struck.get((end.part, end.module)):
             yield key, _way(contact, end)
-    kinds = _kinds(piece)
     thrown = {(e.part, e.module) for e in contact.fields["between"]} - struck.keys()
     for _, module in piece.modules():
         if module.kind != "BUT" or module is contact:
@@ -110,11 +113,6 @@ def _keys(piece: Piece, contact: Module) -> Iterator[tuple[str, float]]:
         between = thrown & ends.keys()
         if any(kinds[end] in _THROWN for end in between):
             yield from ((struck[w], _way(module, e)) for w, e in ends.items() if w in struck)
-
-
-def _kinds(piece: Piece) -> dict[tuple[str, str], str]:
-    """The kind of each module."""
-    return {(part, module.name): module.kind for part, module in piece.modules()}
 
 
 def _way(contact: Module, end: Target) -> float:
