@@ -7,6 +7,7 @@
 use std::cell::OnceCell;
 
 use crate::island::inside::BodyPlan;
+use crate::maths::{decibels, log10};
 use crate::network::Error;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
@@ -25,7 +26,7 @@ use crate::plan::trial::pilot_run::{PilotRun, is_worth, length, play};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference, errors};
+use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference, errors, with_kinks};
 
 /// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
 const CONTACT: f64 = 4.0;
@@ -341,9 +342,10 @@ pub(in crate::plan) fn pilot(
     }
     // What is lost, or by what cannot be lost, was held against nothing.
     let own = Some(best.error).filter(|own| own.is_finite());
-    let parting = best
-        .parting
-        .map(|parting| parting.with(found.parting.as_ref()));
+    let parting = match best.parting {
+        Some(parting) => Some(parting.with(found.parting.as_ref())),
+        None => found.parting.clone(),
+    };
     let error = told(own, parting.as_ref(), best.audible);
     let island = fewer(
         &best.island,
@@ -466,8 +468,10 @@ fn cheaper(
             break;
         }
         let run = play(&other.island_plan, 1, n_frames, allowance)?;
-        let error = difference(&run.sound, &found.run.sound, spans);
-        if !run.is_lost && error <= budget.contact() {
+        let apart = difference(&run.sound, &found.run.sound, spans);
+        let of_found = found.error.map_or(0.0, decibels);
+        let error = 20.0 * log10(decibels(apart) + of_found);
+        if !run.is_lost && apart <= budget.contact() && error <= budget.asked() {
             return Ok(Some((other, run, error)));
         }
         times *= 2;
@@ -498,7 +502,7 @@ fn contacts(
     let order = if island.may_collocate { LAW } else { CONTACT };
     let mut contact_substeps = island_plan.contact_substeps;
     let mut run = play(island_plan, contact_substeps, n_frames, allowance)?;
-    let mut last = None;
+    let (mut last, mut before) = (None, None);
     let (mut parting, mut until) = (None, n_frames);
     // What is known of the run: its error, and where it parts from others.
     let mut known: Option<(f64, Option<Parting>)> = None;
@@ -531,13 +535,18 @@ fn contacts(
             spans,
             stretches: stretches.get_or_init(|| Stretches::of(&run.sound, spans)),
         });
-        if let Some(pair) = pair
-            && parting.is_none()
-        {
-            parting = pair.parting(island_plan, contact_substeps, allowance)?;
-            if parting.is_some() {
-                // Of contacts only the time until runs part tells.
-                (until, last) = (pair.together().unwrap_or(n_frames), None);
+        if let Some(pair) = pair {
+            let was_chaotic = parting.is_some();
+            if was_chaotic && pair.together().is_none() {
+                // What diverged was computed too roughly.
+                parting = None;
+            } else if !was_chaotic {
+                parting = pair.parting(island_plan, contact_substeps, allowance)?;
+            }
+            if was_chaotic != parting.is_some() {
+                // Of what is chaotic only the time until runs part tells.
+                let together = parting.as_ref().and_then(|_| pair.together());
+                (until, last, before) = (together.unwrap_or(n_frames), None, None);
             }
         }
         let told = |is_finer| {
@@ -548,6 +557,12 @@ fn contacts(
         };
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
         let (own, left) = errors(change, last, order);
+        // Once a step is another method: it tells nothing of how fast the error falls.
+        let is_between = contact_substeps > 1;
+        let has_kinks = island.may_collocate && is_between;
+        let stated = with_kinks(own, before);
+        let stated_left = with_kinks(left, has_kinks.then_some(own));
+        before = has_kinks.then_some(own);
         if let Some(found) = unsure.take()
             && own + DOUBLING <= aim
         {
@@ -556,27 +571,28 @@ fn contacts(
                 ..found
             });
         }
-        // Where something sticks two runs may agree by luck: three do not.
-        let is_sure = last.is_some() || !island.sticks();
+        // Where something sticks, or a law has a kink, two runs may agree by luck: three do not.
+        let is_sure = last.is_some() || !(island.sticks() || island.may_collocate);
         let is_idle = !island.may_collocate && last.is_some_and(|last| change > last - GAIN);
         idle = if is_idle { idle + 1 } else { 0 };
-        // Once a step is another method: it tells nothing of how fast the error falls.
-        last = Some(change).filter(|_| contact_substeps > 1);
-        if own <= aim && is_sure {
+        last = is_between.then_some(change);
+        if own <= aim && stated <= budget.asked() && is_sure {
             let parting = told(false);
             return Ok(Contacts {
                 contact_substeps,
-                error: Some(own),
+                error: Some(stated),
                 run,
                 parting,
                 is_idle: false,
             });
         }
         contact_substeps *= 2;
-        if (left <= aim && is_sure) || 2 * contact_substeps > Budget::STEPS_MAX {
+        // What a kink leaves is known of a run that a finer one was held against.
+        let is_enough = left <= aim && is_sure && !island.may_collocate;
+        if is_enough || 2 * contact_substeps > Budget::STEPS_MAX {
             return Ok(Contacts {
                 contact_substeps,
-                error: Some(left),
+                error: Some(stated_left),
                 parting: told(true),
                 run: finer,
                 is_idle: false,
@@ -592,15 +608,15 @@ fn contacts(
                 ..settled
             });
         }
-        known = Some((left, told(true)));
+        known = Some((stated_left, told(true)));
         let found = Contacts {
             contact_substeps: contact_substeps / 2,
-            error: Some(own),
+            error: Some(stated),
             parting: told(false),
             run,
             is_idle: false,
         };
-        if own <= aim {
+        if own <= aim && !is_sure {
             unsure = Some(found);
         } else if idle == 0 {
             settled = Some(found);

@@ -1,7 +1,7 @@
 //! The search for an island that is exact enough: other methods for its meshes, then more steps a frame for all of it.
 //! How finely contacts are computed is found before, by the `pilot`.
 
-use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, Spans, difference, errors};
+use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, Spans, difference, errors, with_kinks};
 use std::cell::OnceCell;
 
 use crate::integrate::MeshMethod;
@@ -122,6 +122,9 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         )?;
         let change = difference(&run.sound, &fine.sound, self.spans);
         let (mut error, _) = errors(change, last, ORDERS.1);
+        if island.may_collocate || island.sticks() {
+            error = with_kinks(error, last.map(|last| last + DOUBLING));
+        }
         if last.is_none()
             && island.sticks()
             && let Some(finest) = self.finer(finer)

@@ -24,6 +24,12 @@ pub(in crate::plan) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64
     )
 }
 
+/// What is stated of an error where a law has kinks or friction lets go, by the error `before` of twice the step: where
+/// such an instant lies within a step is luck, so what it leaves falls with the first power of the step at most.
+pub(in crate::plan) fn with_kinks(error: f64, before: Option<f64>) -> f64 {
+    before.map_or(error, |before| error.max(before - DOUBLING))
+}
+
 /// Where sounds are compared: from the start to a third of the time after the first event, to two thirds, to all.
 pub(in crate::plan) struct Spans {
     pub(in crate::plan) n_out: usize,
