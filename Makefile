@@ -6,6 +6,7 @@
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
 #   make charts     pictures of error against cost, of stability (docs/charts), and of the pieces (docs/gallery)
 #   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes. FAMILIES=dry,key: of these alone
+#   make movie      a minute of a bundled piece as a film for headphones, into out/ (minutes without a graphics card)
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
 #   make test-long  the minutes-long tests, and random cases drawn anew
@@ -16,7 +17,7 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python check check-rust check-python audit bench docs charts accuracy wheel test-long clean
+.PHONY: demo test test-rust test-python check check-rust check-python audit bench docs charts accuracy movie wheel test-long clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -79,6 +80,10 @@ charts: $(VENV)/dev
 
 accuracy: $(VENV)/dev
 	PYTHONPATH=tests/support $(BIN)/python -m accuracy docs/accuracy.md $(FAMILIES)
+
+movie: $(VENV)/dev
+	@mkdir -p out
+	$(BIN)/ergon view scores/library/feathers-small.yaml --movie out/feathers.webm --from E --to F --camera '1@0s' --force
 
 # Linked against an old glibc by zig: what is linked here asks for the glibc of this machine.
 wheel: $(VENV)/dev

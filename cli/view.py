@@ -12,8 +12,10 @@ from . import options
 from .console import Console
 from .outcome import Refused
 from .signals import until_interrupted
+from .units import seconds
 
 if TYPE_CHECKING:
+    from ergon.api.movie import MovieMaker
     from ergon.api.viewing import Shown
 
 _BEGINS = b"ERGM"  # docs/motion.md
@@ -48,6 +50,26 @@ _BEGINS = b"ERGM"  # docs/motion.md
 @click.option(
     "--strobe", is_flag=True, help="Let flashes cover more of the picture than WCAG 2.3.1 allows."
 )
+@click.option(
+    "--movie",
+    metavar="OUT.webm|OUT.mp4|FOLDER/",
+    help="Draw a film with its sound, or its pictures (PNG) into a folder, in place of serving.",
+)
+@click.option("--size", metavar="WxH", default="1280x720", show_default=True, help="Of the film.")
+@click.option(
+    "--fps", type=int, default=30, show_default=True, help="Pictures a second of the film."
+)
+@click.option(
+    "--camera",
+    metavar="VIEWS",
+    default="1",
+    show_default=True,
+    help="Views of the film (1 to 9, as the page's keys), and when each is reached: '1@0s 3@12s'.",
+)
+@click.option("--from", "start", metavar="TIME", help="Begin the film here: 90s, or a mark.")
+@click.option("--to", "end", metavar="TIME", help="End the film here: 120s, or a mark.")
+@click.option("--words", is_flag=True, help="Show what the page writes in the film too.")
+@options.force
 @options.trust
 @options.speaking
 def view(
@@ -58,23 +80,38 @@ def view(
     at: str,
     stage: bool,
     strobe: bool,
+    movie: str | None,
+    size: str,
+    fps: int,
+    camera: str,
+    start: str | None,
+    end: str | None,
+    words: bool,
+    force: bool,
     trust: bool,
 ) -> None:
     """Show in a browser what moves in a piece, with its sound.
 
     The command prints an address and serves the page there until Ctrl-C. A score is rendered first;
-    the page plays that, or what `ergon render --motion` wrote. Press H in it for its keys.
+    the page plays that, or what `ergon render --motion` wrote. Press H in it for its keys. With
+    --movie a browser without a window draws a film, picture by picture.
     """
     is_motion = _is_motion(path)
     if sound is not None and not is_motion:
         raise Refused("--sound goes with a .motion file: a score is rendered with its sound")
     if see is not None and is_motion:
         raise Refused(f"--see goes with a score: {path} holds what it holds")
+    maker = None
+    if movie is not None:
+        maker = _maker(movie, size, fps, camera, (start, end), words, strobe, force)
     with TemporaryDirectory(prefix="ergon-view-") as folder:
         if is_motion:
             shown = _of_motion(console, path, sound, Path(folder))
         else:
             shown = _of_score(console, path, see, trust, Path(folder))
+        if maker is not None:
+            _film(console, maker, shown)
+            return
         asked = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
         _serve(console, shown, at, [name for name, wanted in asked.items() if wanted])
 
@@ -110,6 +147,52 @@ def _serve(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
         until_interrupted()
     finally:
         server.close()
+
+
+def _maker(
+    movie: str,
+    size: str,
+    fps: int,
+    camera: str,
+    stretch: tuple[str | None, str | None],
+    words: bool,
+    strobe: bool,
+    force: bool,
+) -> MovieMaker:
+    from ergon.api.movie import MovieMaker, MovieOptions
+
+    start, end = stretch
+    asked = MovieOptions(
+        size=size,
+        rate=fps,
+        camera=camera,
+        start=start,
+        end=end,
+        words=words,
+        strobe=strobe,
+        force=force,
+    )
+    return MovieMaker(movie, asked)
+
+
+def _film(console: Console, maker: MovieMaker, shown: Shown) -> None:
+    made = maker.make(shown, console)
+    if console.json:
+        console.record(
+            "filmed",
+            file=made.path,
+            pictures=made.n_pictures,
+            seconds=made.seconds,
+            width=made.width,
+            height=made.height,
+            sound=made.has_sound,
+        )
+        return
+    sound = "with sound" if made.has_sound else "no sound"
+    console.say(
+        f"{made.path}: {made.n_pictures:,} pictures of {made.width}x{made.height}, "
+        f"{seconds(made.seconds)}, {sound}"
+    )
 
 
 def _is_motion(path: Path) -> bool:

@@ -31,6 +31,7 @@ MAY = {
     "metrology": {"view", "_core"},
     "bells": {"notation", "exchange", "_core"},
     "models": {"notation"},
+    "movies": set(),
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {
         "notation",
@@ -56,6 +57,7 @@ MAY = {
         "repl",
         "bells",
         "models",
+        "movies",
         "space",
         "_core",
     },

@@ -40,8 +40,8 @@ HEARD = """(() => { const {live, clock, story} = ergon.page;
 
 
 @pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
-    with browser.running(tmp_path_factory.mktemp("browser")) as found:
+def chromium() -> Iterator[browser.Browser]:
+    with browser.running() as found:
         yield found
 
 
@@ -169,7 +169,8 @@ def test_the_picture_is_pulled_to_what_is_heard(
         until(lambda: page.run("!!window.ergon"), "the page's script")
         found = page.run("""import('./live.js').then(({ Live }) => {
           let offset = null;
-          const live = new Live(() => offset);
+          const alignment = { ahead: 0 };
+          const live = new Live(() => offset, alignment);
           const told = [live.at(7, 3)];
           const word = new DataView(new ArrayBuffer(16));
           word.setFloat64(0, 100.5, true);
@@ -178,9 +179,11 @@ def test_the_picture_is_pulled_to_what_is_heard(
           told.push(live.at(7, 3));
           offset = 94; // the server's clock says 101 where the page's says 7
           told.push(live.at(7, 3), live.follow(20.47, 0.02, 7, 3), live.follow(12, 0.02, 7, 3));
+          alignment.ahead = 0.04;
+          told.push(live.at(7, 3));
           return told;
         })""")
-    assert found == pytest.approx([3, 3, 20.5, 20.491, 20.5])
+    assert found == pytest.approx([3, 3, 20.5, 20.491, 20.5, 20.54])
     pages.close()
 
 

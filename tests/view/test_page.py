@@ -31,8 +31,8 @@ LIT = f"""(() => {{ const {{a}} = {PIXELS}; let n = 0;
 
 
 @pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
-    with browser.running(tmp_path_factory.mktemp("browser")) as found:
+def chromium() -> Iterator[browser.Browser]:
+    with browser.running() as found:
         yield found
 
 
@@ -203,6 +203,7 @@ def test_every_key_does_what_it_says(page: browser.Page) -> None:
             "JSON.stringify([ergon.page.clock, ergon.page.camera, ergon.page.look,"
             "ergon.page.chosen, ergon.page.following, ergon.page.inspected,"
             "ergon.page.motion.locked, ergon.page.labels.shown, ergon.page.sound.wanted,"
+            "ergon.page.alignment.ahead,"
             "document.getElementById('help').hidden, document.getElementById('levels').hidden])"
         )
 
@@ -221,6 +222,27 @@ def test_every_key_does_what_it_says(page: browser.Page) -> None:
             idle.append(key)
     assert idle == []
     assert page.errors == []
+
+
+def test_the_picture_is_shifted_on_all_ports_of_a_machine(
+    chromium: browser.Browser, motion: Path
+) -> None:
+    def opened(page: browser.Page) -> str:
+        server = _core.ViewServer(motion)
+        try:
+            page.open(f"{server.url}?t=1")
+        finally:
+            server.close()
+        return page.run("ergon.page.alignment.told")
+
+    with chromium.page() as page:
+        assert opened(page) == "picture as it is computed"
+        for key in ("'", "'", "'", ";"):
+            page.press(key)
+        told = "picture 10 ms earlier"
+        assert page.run("document.getElementById('told').textContent") == told
+        assert opened(page) == told
+        page.run("ergon.page.alignment.shift(-0.01)")
 
 
 def test_parts_are_hidden_dimmed_and_alone(page: browser.Page) -> None:

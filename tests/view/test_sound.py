@@ -34,10 +34,8 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
-    with browser.running(
-        tmp_path_factory.mktemp("browser"), "--autoplay-policy=no-user-gesture-required"
-    ) as found:
+def chromium() -> Iterator[browser.Browser]:
+    with browser.running("--autoplay-policy=no-user-gesture-required") as found:
         yield found
 
 
@@ -106,13 +104,13 @@ def test_a_loop_takes_the_sound_back(page: browser.Page) -> None:
 
 
 def test_without_a_key_or_click_a_browser_may_refuse_and_is_asked_again(
-    tmp_path_factory: pytest.TempPathFactory, motion: Path, tmp_path: Path
+    motion: Path, tmp_path: Path
 ) -> None:
     flag = "--autoplay-policy=document-user-activation-required"
     server = _core.ViewServer(motion, sound=tone(tmp_path / "a.wav", SECONDS))
     try:
         with (
-            browser.running(tmp_path_factory.mktemp("strict"), flag) as strict,
+            browser.running(flag) as strict,
             strict.page() as page,
         ):
             page.open(f"{server.url}?sound&t=0.1")

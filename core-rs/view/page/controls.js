@@ -50,6 +50,8 @@ export function table(app) {
     [[","], "ergons fall more slowly", () => app.fall(1 / 1.25)],
     [["."], "ergons fall faster", () => app.fall(1.25)],
     [["n"], "words, or none", () => (app.labels.shown = !app.labels.shown)],
+    [[";"], "picture 5 ms later against the sound", () => app.align(-1)],
+    [["'"], "picture 5 ms earlier", () => app.align(1)],
     [["l"], "sound, or none", () => app.sound.toggle()],
     [["v"], "levels as text", () => app.listLevels()],
     [["h", "?"], "these keys", () => app.help()],

@@ -6,8 +6,9 @@ const PULL = 0.1; // of the difference, in a picture: what a card tells of its b
 
 export class Live {
   /** `offset()` [s] from this page's clock to the server's; null where it is not known yet. */
-  constructor(offset) {
+  constructor(offset, alignment) {
     this.offset = offset;
+    this.alignment = alignment;
     this.isNow = true; // the picture goes with what is heard
     this.heard = null; // the last word about that
   }
@@ -22,7 +23,7 @@ export class Live {
     const offset = this.offset();
     if (!this.heard || offset === null) return end;
     const { seconds, server, speed } = this.heard;
-    return seconds + speed * (now + offset - server);
+    return seconds + speed * (now + this.alignment.ahead + offset - server);
   }
 
   /** Goes on from `t` to what is heard `step` seconds later. */

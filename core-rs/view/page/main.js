@@ -1,5 +1,6 @@
 // The page: what is asked for in its address, the piece that it is given, and one instant after the other.
 
+import { Alignment, STEP } from "./alignment.js";
 import { Camera, presets, project } from "./camera.js";
 import { Chunks, MAGIC } from "./chunks.js";
 import { Clock, shown } from "./clock.js";
@@ -14,6 +15,7 @@ import { Motion } from "./motion.js";
 import { Sound } from "./sound.js";
 import { Story } from "./story.js";
 import { Timeline } from "./timeline.js";
+import { tour } from "./tour.js";
 
 const AHEAD = 1; // [s] of the piece that is unpacked before it is drawn
 const asked = new URLSearchParams(location.search);
@@ -23,7 +25,8 @@ class Page {
   constructor(gl, canvas, isLive) {
     this.canvas = canvas;
     this.drawing = new Drawing(gl);
-    this.live = isLive ? new Live(() => this.connection?.offset ?? null) : null;
+    this.alignment = new Alignment();
+    this.live = isLive ? new Live(() => this.connection?.offset ?? null, this.alignment) : null;
     this.story = new Story(this.live);
     this.begun = new Promise((resolve) => (this.hasBegun = resolve)); // a live piece can be drawn
     this.clock = new Clock();
@@ -37,9 +40,10 @@ class Page {
       strobe: asked.has("strobe"),
       still: matchMedia("(prefers-reduced-motion: reduce)").matches,
     };
-    this.sound = new Sound((words) => this.tell(words));
+    this.sound = new Sound(this.alignment, (words) => this.tell(words));
     this.chosen = 0; // part
     this.following = null; // key
+    this.tour = null; // where a film looks from at each instant
     this.inspected = null; // point
     this.isDirty = true;
     this.isLost = false;
@@ -190,6 +194,7 @@ class Page {
     this.clock.runs = false;
     this.clock.seek(t, this.story.duration, this.story.begins);
     while (this.story.prepare(this.clock.t)) await this.story.prepare(this.clock.t);
+    if (this.tour) this.camera.look(this.tour(this.clock.t));
     this.draw();
     this.isDirty = false;
   }
@@ -267,6 +272,15 @@ class Page {
     this.camera.look(look);
   }
 
+  /** Goes from preset to preset: stops [t, which] in order; how many presets there are where one is not there. */
+  travel(stops) {
+    const looks = stops.map(([t, i]) => [t, this.presets[i]]);
+    if (looks.some(([, look]) => !look)) return this.presets.length;
+    this.moved = true;
+    this.tour = tour(looks);
+    return null;
+  }
+
   follow(step) {
     const { keys, parts, partOf } = this.story.model;
     if (!step || !keys.length) {
@@ -333,6 +347,11 @@ class Page {
 
   fall(factor) {
     this.look.fall = Math.min(100, Math.max(0.001, this.look.fall * factor));
+  }
+
+  align(steps) {
+    this.alignment.shift(steps * STEP);
+    this.tell(this.alignment.told);
   }
 
   listLevels() {

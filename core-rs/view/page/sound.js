@@ -5,7 +5,8 @@ const PULL = 0.1; // of the difference, in a picture: jitter of the browser's cl
 
 export class Sound {
   /** `tells(words)`: where a browser lets nothing sound before a key or click, or there is nothing to play. */
-  constructor(tells) {
+  constructor(alignment, tells) {
+    this.alignment = alignment;
     this.audio = new Audio();
     this.tells = tells;
     this.wanted = true;
@@ -43,12 +44,13 @@ export class Sound {
       if (this.sounds) audio.pause();
       return;
     }
-    const away = audio.currentTime - clock.t;
+    const { ahead } = this.alignment;
+    const away = audio.currentTime + ahead - clock.t;
     if (!this.sounds) {
-      if (Math.abs(away) > 0.01) audio.currentTime = clock.t;
+      if (Math.abs(away) > 0.01) audio.currentTime = Math.max(0, clock.t - ahead);
       this.begin();
     } else if (clock.jumped) {
-      audio.currentTime = clock.t;
+      audio.currentTime = Math.max(0, clock.t - ahead);
     } else if (!audio.seeking) {
       clock.t += Math.abs(away) > FAR ? away : PULL * away;
     }

@@ -7,9 +7,9 @@ macro_rules! page {
 }
 
 const FILES: &[(&str, &str)] = page!(
-    "index.html" "style.css" "icon.svg" "main.js" "camera.js" "chunks.js" "clock.js" "connection.js" "controls.js" "draw.js" "events.js"
+    "index.html" "style.css" "icon.svg" "main.js" "alignment.js" "camera.js" "chunks.js" "clock.js" "connection.js" "controls.js" "draw.js" "events.js"
     "flashes.js" "flights.js" "frames.js" "gl.js" "inspector.js" "labels.js" "live.js" "model.js" "motion.js" "shaders.js" "sound.js" "story.js"
-    "timeline.js"
+    "timeline.js" "tour.js"
 );
 
 /// A file of the page: its media type and its text. Nothing is the first.

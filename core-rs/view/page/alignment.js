@@ -1,0 +1,30 @@
+// How much earlier the picture is than what ergon believes is heard: amplifiers, projectors and wireless loudspeakers have delays that nobody tells.
+// A cookie keeps it: unlike other stores of a browser it holds for all ports of a machine.
+
+export const STEP = 0.005; // [s] of a key
+const MOST = 1; // [s] either way
+const NAME = "ergon-picture-ahead";
+const YEAR = 365 * 86400; // [s]
+
+export class Alignment {
+  constructor(store = document) {
+    this.store = store;
+    const found = Number(new RegExp(`(?:^|; )${NAME}=(-?\\d+)`).exec(store.cookie)?.[1] ?? 0);
+    this.ahead = bounded(found / 1000); // [s]
+  }
+
+  shift(seconds) {
+    this.ahead = bounded(this.ahead + seconds);
+    this.store.cookie = `${NAME}=${Math.round(1000 * this.ahead)}; max-age=${YEAR}; SameSite=Strict; path=/`;
+  }
+
+  /** In words. */
+  get told() {
+    const ms = Math.round(1000 * this.ahead);
+    return ms === 0 ? "picture as it is computed" : `picture ${Math.abs(ms)} ms ${ms > 0 ? "earlier" : "later"}`;
+  }
+}
+
+function bounded(seconds) {
+  return Math.max(-MOST, Math.min(MOST, seconds));
+}

@@ -1,0 +1,277 @@
+"""Chromium without a window, led by its DevTools protocol over two pipes, so that no port is open.
+
+A page is asked to draw an instant, and answers when it has: nothing waits for a length of time.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import os
+import select
+import shutil
+import signal
+import tempfile
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from ergon.common.errors import ErgonError
+
+_NAMES = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Chromium.app/Contents/MacOS/Chromium",
+)
+_FLAGS = (
+    "--headless=new",
+    "--enable-unsafe-swiftshader",  # draws in software where there is no graphics card
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-extensions",
+    "--mute-audio",
+    "--remote-debugging-pipe",
+)
+_READS, _WRITES = 3, 4  # descriptors at which Chromium reads and writes the protocol
+_CLEAR = 10  # descriptors from here on are none of those two
+_ANSWER_MAX = 300.0  # [s] a picture drawn in software on a busy machine takes seconds
+_GRACE = 10.0  # [s] for the browser to end by itself
+# Resolves when the page's own script is ready, or with what the page tells instead.
+_READY = """new Promise((resolve) => {
+  const look = () => {
+    const told = document.getElementById('told')?.textContent;
+    if (window.ergon?.ready) window.ergon.ready.then(() => resolve(''), (e) => resolve(e.message));
+    else if (told) resolve(told);
+    else setTimeout(look, 5);
+  };
+  look();
+})"""
+
+
+class BrowserError(ErgonError, RuntimeError):
+    """The browser is missing, has ended, or refuses; the message says what to do."""
+
+
+def find(program: str | None = None) -> str:
+    """The path of Chromium or Chrome: `program`, or the first that is installed.
+
+    Raises BrowserError.
+    """
+    if not hasattr(os, "posix_spawn"):
+        raise BrowserError("a browser without a window is led on Linux and macOS alone")
+    for name in (program,) if program else _NAMES:
+        found = shutil.which(name)
+        if found is not None:
+            return found
+    if program:
+        raise BrowserError(f"there is no program {program}")
+    advice = "install one, such as `apt install chromium`"
+    raise BrowserError(f"no Chromium or Chrome is installed: {advice}")
+
+
+class Page:
+    """A page that is open. What the page asked for, and its errors, are kept."""
+
+    def __init__(self, browser: Browser, session: str) -> None:
+        """`session`: its name in the protocol."""
+        self._browser = browser
+        self.session = session
+        self.requests: list[str] = []
+        self.errors: list[str] = []
+        self._n_loaded = 0
+
+    def call(self, method: str, **parameters: object) -> dict[str, Any]:
+        """Call a method of the protocol. Raises BrowserError."""
+        return self._browser.call(method, self.session, **parameters)
+
+    def note(self, method: str, what: dict[str, Any]) -> None:
+        """Keep what an event of the protocol says."""
+        if method == "Page.loadEventFired":
+            self._n_loaded += 1
+        elif method == "Network.requestWillBeSent":
+            self.requests.append(what["request"]["url"])
+        elif method == "Network.webSocketCreated":
+            self.requests.append(what["url"])
+        elif method == "Runtime.exceptionThrown":
+            self.errors.append(json.dumps(what["exceptionDetails"]))
+        elif method == "Log.entryAdded" and what["entry"]["level"] == "error":
+            self.errors.append(f"{what['entry']['text']} {what['entry'].get('url')}")
+        elif method == "Runtime.consoleAPICalled" and what["type"] in ("error", "assert"):
+            self.errors.append(json.dumps(what["args"]))
+
+    def run(self, script: str) -> Any:
+        """The value of an expression; a promise is waited for. Raises BrowserError."""
+        got = self.call(
+            "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
+        )
+        if "exceptionDetails" in got:
+            details = got["exceptionDetails"]
+            told = details.get("exception", {}).get("description", details.get("text", ""))
+            raise BrowserError(f"the page fails: {told}")
+        return got["result"].get("value")
+
+    def size(self, width: int, height: int) -> None:
+        """Make the picture so many pixels large."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
+
+    def open(self, url: str) -> None:
+        """Go to an address of `ergon view`, until its first picture is drawn.
+
+        Raises BrowserError.
+        """
+        before = self._n_loaded
+        self.call("Page.navigate", url=url)
+        while self._n_loaded == before:
+            self._browser.listen()
+        told = self.run(_READY)
+        if told:
+            raise BrowserError(told)
+
+    def press(self, key: str, shift: bool = False) -> None:
+        """Press and release a key of the keyboard."""
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=8 if shift else 0)
+
+    def picture(self) -> bytes:
+        """What is seen, as a PNG file."""
+        return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+
+
+class Browser:
+    """Chromium that runs, with an empty profile of its own."""
+
+    def __init__(self, program: str, folder: str, flags: Sequence[str] = ()) -> None:
+        """Start it; `folder` holds its profile. Raises BrowserError."""
+        ours_in, theirs_out = _pipe()
+        theirs_in, ours_out = _pipe()
+        arguments = [program, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"]
+        if os.geteuid() == 0:
+            arguments.insert(1, "--no-sandbox")  # Chromium's own has none for root
+        nothing = os.open(os.devnull, os.O_RDWR)
+        given = {0: nothing, 1: nothing, 2: nothing, _READS: theirs_in, _WRITES: theirs_out}
+        try:
+            self._pid = os.posix_spawn(
+                program,
+                arguments,
+                os.environ | {"HOME": folder},
+                file_actions=[
+                    (os.POSIX_SPAWN_DUP2, ours, theirs) for theirs, ours in given.items()
+                ],
+                setpgroup=0,  # Ctrl-C in a terminal is ergon's, which ends the browser itself
+            )
+        except OSError as error:
+            os.close(ours_in)
+            os.close(ours_out)
+            raise BrowserError(f"{program} does not start: {error.strerror}") from None
+        finally:
+            for one in (theirs_in, theirs_out, nothing):
+                os.close(one)
+        self._in, self._out = ours_in, ours_out
+        self._pages: dict[str, Page] = {}
+        self._answers: dict[int, dict[str, Any]] = {}
+        self._rest = b""
+        self._last = 0
+
+    def call(self, method: str, session: str | None = None, **parameters: object) -> dict[str, Any]:
+        """Call a method of the protocol, for a page where `session` names one.
+
+        Raises BrowserError.
+        """
+        self._last += 1
+        asked: dict[str, object] = {"id": self._last, "method": method, "params": parameters}
+        if session is not None:
+            asked["sessionId"] = session
+        number = self._last
+        try:
+            _write_all(self._out, json.dumps(asked).encode() + b"\0")
+        except OSError:
+            raise BrowserError("the browser has ended") from None
+        while number not in self._answers:
+            self.listen()
+        told = self._answers.pop(number)
+        if "error" in told:
+            raise BrowserError(f"the browser refuses {method}: {told['error'].get('message')}")
+        result: dict[str, Any] = told["result"]
+        return result
+
+    def listen(self) -> None:
+        """Wait for what the browser tells next, an answer or an event. Raises BrowserError."""
+        while b"\0" not in self._rest:
+            if not select.select([self._in], [], [], _ANSWER_MAX)[0]:
+                raise BrowserError(f"the browser has not answered for {_ANSWER_MAX:.0f} s")
+            piece = os.read(self._in, 1 << 20)
+            if not piece:
+                raise BrowserError("the browser has ended")
+            self._rest += piece
+        whole, _, self._rest = self._rest.partition(b"\0")
+        told = json.loads(whole)
+        if "id" in told:
+            self._answers[told["id"]] = told
+        elif (page := self._pages.get(told.get("sessionId", ""))) is not None:
+            page.note(told["method"], told.get("params", {}))
+
+    @contextlib.contextmanager
+    def page(self, width: int = 640, height: int = 360) -> Iterator[Page]:
+        """A page of its own, closed in the end. Raises BrowserError."""
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._pages[session] = page = Page(self, session)
+        try:
+            for domain in ("Page", "Runtime", "Network", "Log"):
+                page.call(f"{domain}.enable")
+            page.size(width, height)
+            yield page
+        finally:
+            del self._pages[session]
+            with contextlib.suppress(BrowserError):
+                self.call("Target.closeTarget", targetId=target)
+
+    def close(self) -> None:
+        """End it."""
+        with contextlib.suppress(BrowserError):
+            self.call("Browser.close")
+        os.close(self._out)
+        # Its end of the pipe closes when it ends.
+        while select.select([self._in], [], [], _GRACE)[0] and os.read(self._in, 1 << 16):
+            pass
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._pid, signal.SIGKILL)
+        os.close(self._in)
+        os.waitpid(self._pid, 0)
+
+
+@contextlib.contextmanager
+def running(program: str | None = None, flags: Sequence[str] = ()) -> Iterator[Browser]:
+    """A browser that ends with this context. Raises BrowserError."""
+    with tempfile.TemporaryDirectory(prefix="ergon-browser-", ignore_cleanup_errors=True) as folder:
+        browser = Browser(find(program), folder, flags)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def _pipe() -> tuple[int, int]:
+    """A pipe at descriptors that are not those of the protocol: to read from, to write to."""
+    import fcntl
+
+    ends = os.pipe()
+    moved = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _CLEAR) for end in ends]
+    for end in ends:
+        os.close(end)
+    return moved[0], moved[1]
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(descriptor, data) :]

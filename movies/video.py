@@ -1,0 +1,154 @@
+"""Pictures and sound into a video file, by PyAV (an extra: libraries of FFmpeg)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import IO, TYPE_CHECKING, Any, cast
+
+from ergon.common.errors import ErgonError
+from ergon.common.extras import install
+
+if TYPE_CHECKING:
+    import numpy as np
+    from av.video.stream import VideoStream
+    from numpy.typing import NDArray
+
+# Of each suffix: its format, its codecs, and what the codec of pictures is told. Constant quality,
+# as fine lines on black need it.
+_KINDS: dict[str, tuple[str, str, str, dict[str, str]]] = {
+    ".webm": (
+        "webm",
+        "libvpx-vp9",
+        "libopus",
+        {"crf": "24", "b": "0", "deadline": "good", "cpu-used": "4", "row-mt": "1"},
+    ),
+    ".mp4": ("mp4", "libx264", "aac", {"crf": "20", "preset": "medium"}),
+}
+SUFFIXES = tuple(_KINDS)
+_BT709, _LIMITED = 1, 1  # ITU-T H.273
+_SOUND_RATE = 48_000  # Hz, which Opus is made for
+_SOUND_BITS = 192_000  # a second
+
+
+class VideoError(ErgonError, RuntimeError):
+    """A video file cannot be written; the message says why, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sound:
+    """Sound of a film: blocks (n_frames, n_out) in the range -1 to 1, and their rate [Hz]."""
+
+    blocks: Iterable[NDArray[np.float64]]
+    rate: int
+    n_out: int
+
+
+def check() -> None:
+    """Raise VideoError where PyAV is not installed."""
+    try:
+        import av  # noqa: F401
+    except ImportError:
+        reason = f"films need PyAV: {install('movie')}; or write pictures: --movie FOLDER/"
+        raise VideoError(reason) from None
+
+
+class VideoFile:
+    """A video file that pictures are added to, one after the other, with their sound."""
+
+    def __init__(
+        self, file: IO[bytes], suffix: str, size: tuple[int, int], rate: int, sound: Sound | None
+    ) -> None:
+        """`size`: width and height [px], both even; `rate`: pictures a second.
+
+        Raises VideoError where PyAV is not installed or lacks a codec.
+        """
+        check()
+        import av
+
+        self._av = av
+        format, pictures, sounds, options = _KINDS[suffix]
+        try:
+            self._container: Any = av.open(file, "w", format=format)
+            stream = self._container.add_stream(pictures, rate=rate, options=options)
+            self._video = cast("VideoStream", stream)
+            self._video.width, self._video.height = size
+            self._video.pix_fmt = "yuv420p"
+            self._video.codec_context.colorspace = _BT709
+            self._video.codec_context.color_primaries = _BT709
+            self._video.codec_context.color_trc = _BT709
+            self._video.codec_context.color_range = _LIMITED
+            self._sound = None if sound is None else self._heard(sounds, sound)
+        except av.error.FFmpegError as error:
+            raise VideoError(f"this PyAV cannot write {suffix} files: {error}") from None
+        self._rate = rate
+        self._n = 0
+
+    def _heard(self, codec: str, sound: Sound) -> _SoundStream:
+        return _SoundStream(self._av, self._container, codec, sound)
+
+    def add(self, png: bytes) -> None:
+        """Add a picture, a PNG file, and the sound up to its end."""
+        # A decoder of its own for each: one that goes on adds a picture to the one before.
+        for seen in self._av.CodecContext.create("png", "r").decode(self._av.Packet(png)):
+            pixels = seen.to_ndarray(format="rgb24")
+            # As films are coded everywhere: BT.709, from 16 to 235.
+            picture = self._av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
+                format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG"
+            )
+            picture.pts, picture.time_base = self._n, Fraction(1, self._rate)
+            self._container.mux(self._video.encode(picture))
+        self._n += 1
+        if self._sound is not None:
+            self._sound.up_to(self._n / self._rate)
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._container.mux(self._video.encode(None))
+        if self._sound is not None:
+            self._sound.end()
+        self._container.close()
+
+    def discard(self) -> None:
+        """Let go of the codecs; what is not written yet is lost."""
+        self._container.close()
+
+
+class _SoundStream:
+    """The sound of a film, encoded as far as its pictures are."""
+
+    def __init__(self, av: Any, container: Any, codec: str, sound: Sound) -> None:
+        self._av, self._container, self._sound = av, container, sound
+        layout = "mono" if sound.n_out == 1 else "stereo"
+        self._stream = container.add_stream(codec, rate=_SOUND_RATE, layout=layout)
+        self._stream.bit_rate = _SOUND_BITS
+        self._to = av.AudioResampler(format=self._stream.format, layout=layout, rate=_SOUND_RATE)
+        self._layout = layout
+        self._blocks: Iterator[NDArray[np.float64]] = iter(sound.blocks)
+        self._at = 0  # frames that were encoded
+
+    def up_to(self, seconds: float) -> None:
+        """Encode the sound until then [s] of the film, as far as there is any."""
+        while self._at < seconds * self._sound.rate:
+            block = next(self._blocks, None)
+            if block is None:
+                return
+            self._put(block)
+
+    def end(self) -> None:
+        """Encode what the codec holds."""
+        for frame in self._to.resample(None):
+            self._container.mux(self._stream.encode(frame))
+        self._container.mux(self._stream.encode(None))
+
+    def _put(self, block: NDArray[np.float64]) -> None:
+        import numpy as np
+
+        samples = np.ascontiguousarray(block.reshape(1, -1), dtype=np.float32)
+        frame = self._av.AudioFrame.from_ndarray(samples, format="flt", layout=self._layout)
+        frame.rate = self._sound.rate
+        frame.pts, frame.time_base = self._at, Fraction(1, self._sound.rate)
+        self._at += len(block)
+        for ready in self._to.resample(frame):
+            self._container.mux(self._stream.encode(ready))
