@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,6 +19,30 @@ if TYPE_CHECKING:
     from ergon.api.viewing import Shown
 
 _BEGINS = b"ERGM"  # docs/motion.md
+
+
+# Names of MovieOptions; without --movie none of them means anything.
+_film_options = options.several(
+    click.option(
+        "--movie",
+        metavar="OUT.webm|OUT.mp4|FOLDER/",
+        help="Draw a film with its sound, or its pictures (PNG) into a folder; serve nothing.",
+    ),
+    click.option("--size", metavar="WxH", help="Of the film [px]. Default: 1280x720."),
+    click.option("--fps", "rate", type=int, help="Pictures a second of the film. Default: 30."),
+    click.option(
+        "--camera",
+        metavar="VIEWS",
+        help="Views of the film (the page's keys 1 to 9), and when each is reached: '1@0s 3@12s'. "
+        "Default: 1.",
+    ),
+    click.option("--from", "start", metavar="TIME", help="Begin the film here: 90s, or a mark."),
+    click.option("--to", "end", metavar="TIME", help="End the film here: 120s, or a mark."),
+    click.option(
+        "--words", is_flag=True, default=None, help="Show in the film what the page writes too."
+    ),
+)
+_FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # of names that are other words
 
 
 @click.command()
@@ -50,25 +74,7 @@ _BEGINS = b"ERGM"  # docs/motion.md
 @click.option(
     "--strobe", is_flag=True, help="Let flashes cover more of the picture than WCAG 2.3.1 allows."
 )
-@click.option(
-    "--movie",
-    metavar="OUT.webm|OUT.mp4|FOLDER/",
-    help="Draw a film with its sound, or its pictures (PNG) into a folder, in place of serving.",
-)
-@click.option("--size", metavar="WxH", default="1280x720", show_default=True, help="Of the film.")
-@click.option(
-    "--fps", type=int, default=30, show_default=True, help="Pictures a second of the film."
-)
-@click.option(
-    "--camera",
-    metavar="VIEWS",
-    default="1",
-    show_default=True,
-    help="Views of the film (1 to 9, as the page's keys), and when each is reached: '1@0s 3@12s'.",
-)
-@click.option("--from", "start", metavar="TIME", help="Begin the film here: 90s, or a mark.")
-@click.option("--to", "end", metavar="TIME", help="End the film here: 120s, or a mark.")
-@click.option("--words", is_flag=True, help="Show what the page writes in the film too.")
+@_film_options
 @options.force
 @options.trust
 @options.speaking
@@ -81,14 +87,9 @@ def view(
     stage: bool,
     strobe: bool,
     movie: str | None,
-    size: str,
-    fps: int,
-    camera: str,
-    start: str | None,
-    end: str | None,
-    words: bool,
     force: bool,
     trust: bool,
+    **film: Any,
 ) -> None:
     """Show in a browser what moves in a piece, with its sound.
 
@@ -101,9 +102,11 @@ def view(
         raise Refused("--sound goes with a .motion file: a score is rendered with its sound")
     if see is not None and is_motion:
         raise Refused(f"--see goes with a score: {path} holds what it holds")
-    maker = None
-    if movie is not None:
-        maker = _maker(movie, size, fps, camera, (start, end), words, strobe, force)
+    given = {name: value for name, value in film.items() if value is not None}
+    if movie is None and given:
+        name = next(iter(given))
+        raise Refused(f"--{_FLAGS.get(name, name)} goes with --movie: it says how a film is made")
+    maker = None if movie is None else _maker(movie, given | {"strobe": strobe, "force": force})
     with TemporaryDirectory(prefix="ergon-view-") as folder:
         if is_motion:
             shown = _of_motion(console, path, sound, Path(folder))
@@ -149,30 +152,10 @@ def _serve(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
         server.close()
 
 
-def _maker(
-    movie: str,
-    size: str,
-    fps: int,
-    camera: str,
-    stretch: tuple[str | None, str | None],
-    words: bool,
-    strobe: bool,
-    force: bool,
-) -> MovieMaker:
+def _maker(movie: str, given: dict[str, Any]) -> MovieMaker:
     from ergon.api.movie import MovieMaker, MovieOptions
 
-    start, end = stretch
-    asked = MovieOptions(
-        size=size,
-        rate=fps,
-        camera=camera,
-        start=start,
-        end=end,
-        words=words,
-        strobe=strobe,
-        force=force,
-    )
-    return MovieMaker(movie, asked)
+    return MovieMaker(movie, MovieOptions(**given))
 
 
 def _film(console: Console, maker: MovieMaker, shown: Shown) -> None:

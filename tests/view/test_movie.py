@@ -127,6 +127,9 @@ def test_the_command_makes_a_film_and_says_so(shown: Shown, tmp_path: Path) -> N
     again = forked([*arguments, *sizes], tmp_path)
     assert again.returncode == 2
     assert "exists and was not made by ergon (-f overwrites it)" in again.stderr
+    lost = forked(["view", str(shown.motion), "--fps", "2"], tmp_path)
+    assert lost.returncode == 2
+    assert "--fps goes with --movie" in lost.stderr
 
 
 REFUSED = {
