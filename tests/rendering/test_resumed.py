@@ -1,11 +1,15 @@
 """Renders that recall what earlier ones computed: the samples of a render from scratch."""
 
 import hashlib
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import random_scores
+from patience import PATIENCE
 from sweep import few
 
 import ergon
@@ -219,6 +223,41 @@ def test_random_scores_sound_as_from_scratch(
         pytest.skip("this score is refused")
     assert sound(score, monkeypatch, kept=True) == scratch
     assert sound(score, monkeypatch, kept=True) == scratch
+
+
+KILLED = """\
+import os, signal, sys
+import ergon
+from ergon.exchange.stretch_store import StretchStore
+from ergon.rendering import resumed
+
+resumed.STRETCH, resumed._WORK_MIN, resumed._NS_PER_SAMPLE = 4096, 0.0, 0.0
+left, put = int(sys.argv[1]), StretchStore.put
+
+def counted(*of):
+    global left
+    left -= 1
+    if left == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return put(*of)
+
+StretchStore.put = counted
+ergon.render_to_file("a.yaml", "a.wav")
+"""
+
+
+@pytest.mark.parametrize("puts", few(range(1, 40), (1, 9, 30)))
+def test_a_render_that_was_killed_goes_on_where_it_was(
+    counted: Counted, monkeypatch: pytest.MonkeyPatch, puts: int
+):
+    score = text("hardening")
+    scratch = sound(score, monkeypatch, kept=False)
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    done = subprocess.run([sys.executable, "-c", KILLED, str(puts)], timeout=PATIENCE)
+    assert done.returncode == -signal.SIGKILL
+    assert not Path("a.wav").exists()
+    assert sound(score, monkeypatch, kept=True) == scratch
+    assert (counted.recalled[-1] > 0) == (puts > 1)
 
 
 def test_what_is_damaged_counts_as_none(tmp_path: Path):
