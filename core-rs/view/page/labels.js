@@ -53,11 +53,8 @@ export class Labels {
       label.element.hidden = gone;
       if (label.kind === "speaker") label.element.dataset.level = now[speaker++].db.toFixed(1);
       if (gone) continue;
-      if (label.part !== null) {
-        const words = this.words(story.model.parts[label.part], motion, label.part);
-        label.element.textContent = words;
-        below(taken, at, words);
-      }
+      if (label.part !== null) label.element.textContent = this.words(story.model.parts[label.part], motion, label.part);
+      if (label.kind !== "speaker") below(taken, at, label.element.textContent);
       style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px) translate(-50%, 9px)`;
     }
   }
