@@ -15,6 +15,7 @@ from .options import AccuracyOptions
 if TYPE_CHECKING:
     from ergon._core import PlanRow
     from ergon.exchange.plan_file import Budget, Choices
+    from ergon.scores.reading.piece import Accuracy
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,12 @@ class Plan:
         write(str(path), self.choices, self.hash, self.budget, force=force, inputs=self.inputs)
 
 
+def budget_of(wished: Accuracy) -> Budget:
+    """What a plan was made for, as far as it was given."""
+    names = ("method", "error", "cents", "upto")
+    return {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
+
+
 def plan(
     score: str | Path, options: AccuracyOptions | None = None, *, report: Report | None = None
 ) -> Plan:
@@ -70,8 +77,7 @@ def plan(
     made, wished = staged.stage.plan, staged.stage.planned_for
     assert made is not None
     assert wished is not None
-    names = ("method", "error", "cents", "upto")
-    budget = {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
+    budget = budget_of(wished)
     return Plan(
         tuple(made.rows()),
         made.hash,

@@ -6,10 +6,11 @@ import multiprocessing
 import os
 import re
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from hashlib import sha256
 from math import isfinite
 from pathlib import Path
@@ -19,10 +20,11 @@ from ergon.common.report import Report
 from ergon.exchange.safe import check_target, writing
 from ergon.exchange.wave_header import Bits
 
+from . import cluster_worker
 from . import score as scores
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
-from .shipped import digest, shipped
+from .shipped import Shipped, digest, shipped
 from .sweep_table import FIGURES, SweepRow, Table
 from .sweep_variant import Outcome, compute
 
@@ -40,8 +42,8 @@ class SweepOptions(AccuracyOptions):
 
     `vary` lists TARGET=VALUES, all combined or, `zip`ped, taken in pairs. `out` is the folder,
     SCORE.sweep without it. Without `sound` only the table is written. `jobs` is the number of
-    processes. `rate` [Hz] and `bits` are those of every render; with `force` files are overwritten
-    that ergon did not write.
+    processes, or `on` says where others are, as for a render. `rate` [Hz] and `bits` are those of
+    every render; with `force` files are overwritten that ergon did not write.
     """
 
     vary: Sequence[str] = ()
@@ -49,6 +51,7 @@ class SweepOptions(AccuracyOptions):
     out: Path | str | None = None
     sound: bool = True
     jobs: int = 1
+    on: str | None = None
     rate: float | None = None
     bits: Bits | None = None
     force: bool = False
@@ -135,6 +138,9 @@ def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]
         raise OptionError("vary", str(error)) from None
     if options.seed is not None and any(one.target == SEED for one in varied):
         raise OptionError("seed", "; the sweep varies it", excludes="vary")
+    if options.on is not None and (options.jobs > 1 or options.plan or options.trust):
+        other = "jobs" if options.jobs > 1 else "plan" if options.plan else "trust"
+        raise OptionError("on", "; leave one of the two out", excludes=other)
     if options.jobs < 1:
         raise OptionError("jobs", f"is {options.jobs}; it must be 1 or more")
     return varied, values
@@ -264,33 +270,64 @@ def _compute(
     if not missing:
         return
     asked = _asked(options)
+    pairs: Iterator[tuple[_Wanted, Outcome]]
     jobs = min(options.jobs, len(missing))
+    if options.on is not None:
+        from .cluster import opened
+
+        with opened(options.on, report) as cluster:
+            pool, version = cluster.executor(), cluster_worker.version()
+
+            def run(content: Shipped, asked: dict[str, Any], file: str) -> Future[Outcome]:
+                return pool.submit(cluster_worker.variant, version, content, asked, file)
+
+            most = 2 * cluster.count
+            pairs = _by(run, cluster.wait, cluster.result, most, score, asked, missing)
+            _keep(pairs, len(missing), folder, options, rows, table, report)
+        return
     if jobs == 1:
-        pairs: Iterator[tuple[_Wanted, Outcome]] = (
+        pairs = (
             (one, compute(shipped(score, one.texts.load()), asked, one.file)) for one in missing
         )
         _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     with _processes(jobs) as pool:
-        pairs = _by(pool, 2 * jobs, score, asked, missing)
+        pairs = _by(
+            partial(_submitted, pool), _wait, Future.result, 2 * jobs, score, asked, missing
+        )
         _keep(pairs, len(missing), folder, options, rows, table, report)
 
 
+def _submitted(
+    pool: Executor, content: Shipped, asked: dict[str, Any], file: str
+) -> Future[Outcome]:
+    return pool.submit(compute, content, asked, file)
+
+
+def _wait(futures: Sequence[Future[Outcome]]) -> None:
+    wait(futures, return_when=FIRST_COMPLETED)
+
+
 def _by(
-    pool: Executor, most: int, score: str, asked: dict[str, Any], missing: Sequence[_Wanted]
+    run: Callable[[Shipped, dict[str, Any], str], Future[Outcome]],
+    wait: Callable[[Sequence[Future[Outcome]]], None],
+    result: Callable[[Future[Outcome]], Outcome],
+    most: int,
+    score: str,
+    asked: dict[str, Any],
+    missing: Sequence[_Wanted],
 ) -> Iterator[tuple[_Wanted, Outcome]]:
     """Outcomes in the order in which they come; at most so many variants are on their way."""
     left = iter(missing)
     running: dict[Future[Outcome], _Wanted] = {}
     while True:
         while len(running) < most and (one := next(left, None)) is not None:
-            content = shipped(score, one.texts.load())
-            running[pool.submit(compute, content, asked, one.file)] = one
+            running[run(shipped(score, one.texts.load()), asked, one.file)] = one
         if not running:
             return
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            yield running.pop(future), future.result()
+        wait(list(running))
+        for future in [one for one in running if one.done()]:
+            yield running.pop(future), result(future)
 
 
 def _keep(

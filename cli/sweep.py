@@ -56,6 +56,7 @@ _SHOWN = {
     show_default=True,
     help="Number of processes; the sounds are the same for any number.",
 )
+@options.on
 @options.bits
 @options.seed
 @click.option(
