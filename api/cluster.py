@@ -134,18 +134,33 @@ class Sharing:
         own.seconds += answer["seconds"]
 
 
-@contextlib.contextmanager
-def opened(on: str, report: Report) -> Iterator[Cluster]:
-    """The processes that "local:N" or the address of a scheduler mean.
+def count_of(on: str, report: Report) -> int:
+    """How many processes "local:N" or a scheduler has. Raises OptionError and ClusterError."""
+    local = _local(on)
+    if local is not None:
+        return local
+    with opened(on, report) as cluster:
+        return cluster.count
 
-    Raises OptionError and ClusterError.
-    """
+
+def _local(on: str) -> int | None:
+    """N of local:N, None of an address. Raises OptionError."""
     local = re.fullmatch(r"local:(\d+)", on)
     if local is not None and not 1 <= int(local[1]) <= _LOCAL_MAX:
         raise OptionError("on", f"local:{local[1]}: the number is from 1 to {_LOCAL_MAX}")
     if local is None and not _ADDRESS.fullmatch(on):
         reason = f"'{on}' is neither local:N nor an address such as tcp://HOST:8786"
         raise OptionError("on", reason)
+    return None if local is None else int(local[1])
+
+
+@contextlib.contextmanager
+def opened(on: str, report: Report) -> Iterator[Cluster]:
+    """The processes that "local:N" or the address of a scheduler mean.
+
+    Raises OptionError and ClusterError.
+    """
+    local = _local(on)
     dask: Any
     distributed: Any
     try:
@@ -163,7 +178,7 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
         if local is not None:
             stack.enter_context(dask.config.set(allowed))
             address = distributed.LocalCluster(
-                n_workers=int(local[1]),
+                n_workers=local,
                 threads_per_worker=1,
                 processes=True,
                 dashboard_address=None,

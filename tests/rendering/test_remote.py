@@ -1,4 +1,4 @@
-"""Islands that other processes compute: the bytes of one machine, whoever computes what and when."""
+"""Islands that other processes compute: the bytes of one machine, in any order."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ accuracy: {accuracy}
 keys: {{k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}}}
 instruments:
   wire: {{modules: {{s: {{STRING: {{masses: 8, M: 4g, f: D4, t60: 2s}}}},
-    b: {{BUT: {{between: [k1, s.3], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}}}}}, out: {{x: {{SOX: s.5}}}}}}
+    b: {{BUT: {{between: [k1, s.3], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}}}}},
+    out: {{x: {{SOX: s.5}}}}}}
   gong: {{modules: {{p: {{PLATE: {{shape: hex, radius: 2, M: 50g, f: 900Hz, t60: 1s,
     hardening: 1e10N/m3}}}}}}, out: {{x: {{SOX: p.1}}, v: {{SOV: p.0}}}}}}
   bell: {{modules: {{m: {{CEL: {{M: 2g, f: 440Hz, t60: 0.5s}}}},
