@@ -9,6 +9,7 @@ import importlib
 import logging
 import os
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from dataclasses import dataclass, field
@@ -32,6 +33,7 @@ _LOCAL_MAX = 1024
 _RETRIES = 10  # of a request whose worker died
 _CONNECTING = 20.0  # [s]
 _LOOK_EVERY = 1.0  # [s] at the connection
+_BEGINNINGS = 5
 _LOST = 30  # looks without a scheduler or without workers, until that is an error
 _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
@@ -169,23 +171,13 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
         raise ClusterError(
             f"--on needs dask and distributed; install them by: {install('cluster')}"
         ) from None
-    # What dies is told here, once, as a sentence; Dask would print each of its own thoughts.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    logging.getLogger("asyncio").setLevel(logging.CRITICAL)
-    allowed = {"distributed.scheduler.allowed-failures": _RETRIES}
+    _silence()
     with contextlib.ExitStack() as stack:
         address: Any = on
         if local is not None:
+            allowed = {"distributed.scheduler.allowed-failures": _RETRIES}
             stack.enter_context(dask.config.set(allowed))
-            address = distributed.LocalCluster(
-                n_workers=local,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-                host="127.0.0.1",
-            )
-            stack.enter_context(address)
+            address = stack.enter_context(_begun(distributed, local))
         try:
             client = stack.enter_context(distributed.Client(address, timeout=_CONNECTING))
             client.wait_for_workers(1, timeout=_CONNECTING)
@@ -194,12 +186,38 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
                 f"{on}: no worker answers within {_CONNECTING:g} s; `dask scheduler` and "
                 "`dask worker ADDRESS` start what is missing"
             ) from None
-        except OSError as error:
+        except (OSError, RuntimeError) as error:
             raise ClusterError(
                 f"{on}: no scheduler answers ({error}); `dask scheduler` starts one"
             ) from None
         workers = client.scheduler_info(n_workers=-1)["workers"]
         yield Cluster(client, len(workers), on)
+
+
+def _silence() -> None:
+    """What dies is told by us, once, as a sentence; Dask would print each of its own thoughts."""
+    for name in ("asyncio", "distributed", *logging.root.manager.loggerDict):
+        if name == "asyncio" or name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
+def _begun(distributed: Any, count: int) -> Any:
+    """Processes of this machine, begun again where one dies meanwhile. Raises ClusterError."""
+    reason = ""
+    for _ in range(_BEGINNINGS):
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                return distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                    host="127.0.0.1",
+                )
+        except (RuntimeError, OSError) as error:
+            reason = str(error)
+    raise ClusterError(f"local:{count}: the processes do not begin: {reason}")
 
 
 @contextlib.contextmanager
