@@ -27,7 +27,8 @@ from .plan import budget_of
 from .shipped import digest, shipped
 
 if TYPE_CHECKING:
-    from .render import Prepared
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.staging.stage import Stage
 
 _LOCAL_MAX = 1024
 _RETRIES = 10  # of a request whose worker died
@@ -221,10 +222,10 @@ def _begun(distributed: Any, count: int) -> Any:
 
 
 @contextlib.contextmanager
-def sharing(cluster: Cluster, prepared: Prepared, report: Report) -> Iterator[Sharing]:
-    """Workers for the islands of a piece; at the end `report` hears what each has done."""
+def sharing(cluster: Cluster, job: Job, report: Report) -> Iterator[Sharing]:
+    """Workers for the islands of a job; at the end `report` hears what each has done."""
     executor = cluster.executor()
-    kept = cluster.client.submit(cluster_worker.carried, job_of(prepared), pure=False)
+    kept = cluster.client.submit(cluster_worker.carried, job, pure=False)
     own = Sharing(cluster, executor, kept)
     try:
         yield own
@@ -240,9 +241,11 @@ def sharing(cluster: Cluster, prepared: Prepared, report: Report) -> Iterator[Sh
             report.event("worker", worker=name, **fields)
 
 
-def job_of(prepared: Prepared) -> Job:
-    """A prepared piece as plain data. Raises NotShippedError."""
-    stage, loaded, options = prepared.stage, prepared.loaded, prepared.options
+def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -> Job:
+    """A staged piece as plain data, with the `rate` [Hz] and the `seed` that were asked for.
+
+    Raises NotShippedError.
+    """
     plan, wished = stage.plan, stage.planned_for
     assert plan is not None
     assert wished is not None
@@ -255,7 +258,7 @@ def job_of(prepared: Prepared) -> Job:
         content=content,
         plan=text,
         plan_hash=plan.hash,
-        rate=options.rate,
-        seed=options.seed,
-        digest=digest(content, own, options.rate, options.seed, os.getpid()),
+        rate=rate,
+        seed=seed,
+        digest=digest(content, own, rate, seed, os.getpid()),
     )

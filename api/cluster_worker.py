@@ -1,4 +1,4 @@
-"""What a worker of a cluster computes: stretches of islands, and variants of sweeps.
+"""What a worker of a cluster computes: stretches of islands.
 
 Its functions are called by name with plain data (bytes, texts, numbers), and answer so. They need
 nothing of the machine that asks: the score comes with its files.
@@ -22,7 +22,6 @@ from ergon.rendering.remote import Answer, ClusterError, IslandRequest, Request
 from . import score as scores
 from .options import AccuracyOptions
 from .shipped import Shipped, unpacked
-from .sweep_variant import Outcome, compute
 
 if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
@@ -68,7 +67,7 @@ class _Ready:
 
 
 # One piece at a time, and one stretch: a worker is a process for each core.
-_lock = threading.Lock()
+lock = threading.Lock()
 _ready: list[_Ready] = []
 
 
@@ -83,7 +82,7 @@ def stretch(job: Job, request: Request) -> Answer:
     answer = Answer(
         worker=f"{socket.gethostname()}:{os.getpid()}", seconds=0.0, sounds=[], states=[]
     )
-    with _lock:
+    with lock:
         try:
             ready = _staged(job)
             for own in request["islands"]:
@@ -98,13 +97,6 @@ def stretch(job: Job, request: Request) -> Answer:
             answer["sounds"], answer["states"] = [], []
     answer["seconds"] = time.perf_counter() - begun
     return answer
-
-
-def variant(asked: list[Any], content: Shipped, options: dict[str, Any], name: str) -> Outcome:
-    """Compute a variant of a sweep. Raises ClusterError."""
-    check_version(asked)
-    with _lock:
-        return compute(content, options, name)
 
 
 def _staged(job: Job) -> _Ready:

@@ -226,9 +226,11 @@ def _shared(prepared: Prepared, job: RenderJob, report: Report) -> Iterator[Rend
     if on is None:
         yield job
         return
-    from .cluster import opened, sharing
+    from .cluster import job_of, opened, sharing
 
-    with opened(on, report) as cluster, sharing(cluster, prepared, report) as workers:
+    options = prepared.options
+    sent = job_of(prepared.loaded, prepared.stage, options.rate, options.seed)
+    with opened(on, report) as cluster, sharing(cluster, sent, report) as workers:
         yield replace(job, workers=workers)
 
 

@@ -20,13 +20,12 @@ from ergon.common.report import Report
 from ergon.exchange.safe import check_target, writing
 from ergon.exchange.wave_header import Bits
 
-from . import cluster_worker
 from . import score as scores
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
 from .shipped import Shipped, digest, shipped
 from .sweep_table import FIGURES, SweepRow, Table
-from .sweep_variant import Outcome, compute
+from .sweep_variant import Outcome, compute, on_worker
 
 if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
@@ -274,12 +273,13 @@ def _compute(
     jobs = min(options.jobs, len(missing))
     if options.on is not None:
         from .cluster import opened
+        from .cluster_worker import version
 
         with opened(options.on, report) as cluster:
-            pool, version = cluster.executor(), cluster_worker.version()
+            pool, own = cluster.executor(), version()
 
             def run(content: Shipped, asked: dict[str, Any], file: str) -> Future[Outcome]:
-                return pool.submit(cluster_worker.variant, version, content, asked, file)
+                return pool.submit(on_worker, own, content, asked, file)
 
             most = 2 * cluster.count
             pairs = _by(run, cluster.wait, cluster.result, most, score, asked, missing)

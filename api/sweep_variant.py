@@ -52,6 +52,15 @@ def compute(content: Shipped, options: dict[str, Any], name: str) -> Outcome:
     return Outcome(status="ok", reason="", figures=figures, sound=sound)
 
 
+def on_worker(version: list[Any], content: Shipped, options: dict[str, Any], name: str) -> Outcome:
+    """Compute a variant on a worker of a cluster. Raises ClusterError where its ergon differs."""
+    from . import cluster_worker
+
+    cluster_worker.check_version(version)
+    with cluster_worker.lock:
+        return compute(content, options, name)
+
+
 def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, bytes]:
     from ergon.rendering.measures import measures
     from ergon.rendering.render import render_array

@@ -27,7 +27,7 @@ _GONG = (
 def cluster() -> list[Row]:
     """Gongs of 600 masses with hardening: one and two workers, beside one and two threads."""
     from ergon.api import score as scores
-    from ergon.api.cluster import Cluster, opened, sharing
+    from ergon.api.cluster import Cluster, job_of, opened, sharing
     from ergon.api.render import RenderOptions, prepare
     from ergon.common.report import Report
     from ergon.rendering.render import render_array
@@ -56,7 +56,9 @@ def cluster() -> list[Row]:
             begun = time.perf_counter()
             with contextlib.ExitStack() as own:
                 if on is not None:
-                    workers = own.enter_context(sharing(on, prepared, Report()))
+                    workers = own.enter_context(
+                        sharing(on, job_of(prepared.loaded, prepared.stage, None, None), Report())
+                    )
                     job = replace(job, workers=workers)
                 _, done = render_array(prepared.stage, job, lambda _: None)
             spent = time.perf_counter() - begun

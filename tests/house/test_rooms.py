@@ -57,6 +57,7 @@ MAY = {
         "bells",
         "models",
         "space",
+        "view",
         "_core",
     },
     "lsp": {"api", "notation", "scores", "_core"},

@@ -105,6 +105,11 @@ def prepared(score: str, **options: object) -> Prepared:
     return prepare(scores.read("a.yaml", asked), "-", asked, Report())
 
 
+def job_of(home: Prepared) -> Job:
+    options = home.options
+    return cluster.job_of(home.loaded, home.stage, options.rate, options.seed)
+
+
 def frames(of: object, n_frames: int, block: int = 1000) -> NDArray[np.float64]:
     out = np.zeros((n_frames, of.n_out))  # type: ignore[attr-defined]
     for at in range(0, n_frames, block):
@@ -132,7 +137,7 @@ def test_the_samples_of_one_machine(accuracy: str, count: int):
     assert np.abs(expected).max(axis=0).min() > 0.0
     for seed in range(2):
         home = prepared(score)
-        workers = Workers(cluster.job_of(home), count, seed)
+        workers = Workers(job_of(home), count, seed)
         shared = RemoteSimulation(home.stage.simulation, workers, None, n_frames)
         assert (frames(shared, n_frames, 700 + seed) == expected).all()
         assert workers.n_computed >= n_frames // 4096
@@ -149,9 +154,7 @@ def test_every_kind_of_body(scene: str):
     n_frames = min(one.stage.n_frames, 30_000)
     expected = frames(one.stage.simulation, n_frames)
     home = prepared(score)
-    shared = RemoteSimulation(
-        home.stage.simulation, Workers(cluster.job_of(home), 2), None, n_frames
-    )
+    shared = RemoteSimulation(home.stage.simulation, Workers(job_of(home), 2), None, n_frames)
     assert (frames(shared, n_frames) == expected).all()
 
 
@@ -160,7 +163,7 @@ def test_options_of_the_render_go_with_it():
     for options in ({"seed": 7, "rate": 22_050.0}, {"draft": True}, {"method": "ca"}):
         one, home = prepared(score, **options), prepared(score, **options)
         shared = RemoteSimulation(
-            home.stage.simulation, Workers(cluster.job_of(home), 2), None, one.stage.n_frames
+            home.stage.simulation, Workers(job_of(home), 2), None, one.stage.n_frames
         )
         n_frames = one.stage.n_frames
         assert (frames(shared, n_frames) == frames(one.stage.simulation, n_frames)).all(), options
@@ -174,10 +177,10 @@ def test_what_arrived_is_computed_once(tmp_path: Path):
     expected = frames(one.stage.simulation, n_frames)
     store = StretchStore(tmp_path / "stretches")
     first, second = (prepared(score) for _ in range(2))
-    workers = Workers(cluster.job_of(first), 2)
+    workers = Workers(job_of(first), 2)
     frames(RemoteSimulation(first.stage.simulation, workers, store, n_frames), n_frames // 2)
     done = workers.n_computed
-    again = Workers(cluster.job_of(second), 2)
+    again = Workers(job_of(second), 2)
     shared = RemoteSimulation(second.stage.simulation, again, store, n_frames)
     assert (frames(shared, n_frames) == expected).all()
     assert shared.recalled > 0.4
@@ -192,7 +195,7 @@ def test_what_diverges_is_told_as_by_one_machine():
         home = prepared(score)
         of: object = home.stage.simulation
         if is_shared:
-            workers = Workers(cluster.job_of(home), 2)
+            workers = Workers(job_of(home), 2)
             n_frames = home.stage.n_frames
             of = RemoteSimulation(home.stage.simulation, workers, None, n_frames)
         with pytest.raises(Exception, match="diverged") as found:
@@ -239,7 +242,7 @@ def _a_way_out(job: Job, request: Request) -> None:
 )
 def test_what_differs_is_refused(change: Callable[[Job, Request], None], said: str):
     home = prepared(PIECE.format(accuracy="{error: -50dB}"))
-    job = cluster.job_of(home)
+    job = job_of(home)
     workers = Workers(job, 1)
     submit = workers.submit
 
@@ -260,7 +263,7 @@ def test_sounds_of_another_length_are_refused():
         answer["sounds"][0] = answer["sounds"][0][8:]
         return answer
 
-    workers = Workers(cluster.job_of(home), 2, spoil=cut)
+    workers = Workers(job_of(home), 2, spoil=cut)
     shared = RemoteSimulation(home.stage.simulation, workers, None, home.stage.n_frames)
     with pytest.raises(ClusterError, match="sent sounds of another length"):
         frames(shared, 5000)
