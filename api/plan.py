@@ -15,6 +15,9 @@ from .options import AccuracyOptions
 if TYPE_CHECKING:
     from ergon._core import PlanRow
     from ergon.exchange.plan_file import Budget, Choices
+    from ergon.scores.reading.piece import Accuracy
+
+    from .shares import Piece, Shares
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +29,7 @@ class Plan:
     `seconds` how long reading, planning and staging took. `inputs` are the files that the plan was
     made from. `budget` is the accuracy that the plan was made for: `method`, `error` [dB], `cents`
     and `upto` [Hz], as far as they were given. `highest_modes` are those of strings and plates by
-    name [Hz].
+    name [Hz]. `pieces` are what other processes can compute, each as a whole.
     """
 
     rows: tuple[PlanRow, ...]
@@ -37,6 +40,13 @@ class Plan:
     inputs: tuple[Path, ...]
     budget: Budget
     highest_modes: Mapping[str, float]
+    pieces: tuple[Piece, ...] = ()
+
+    def shares(self, count: int) -> Shares:
+        """How the work would be shared out among `count` processes."""
+        from .shares import shares
+
+        return shares(self.pieces, self.cost, count)
 
     @property
     def is_cut_short(self) -> bool:
@@ -58,11 +68,19 @@ class Plan:
         write(str(path), self.choices, self.hash, self.budget, force=force, inputs=self.inputs)
 
 
+def budget_of(wished: Accuracy) -> Budget:
+    """What a plan was made for, as far as it was given."""
+    names = ("method", "error", "cents", "upto")
+    return {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
+
+
 def plan(
     score: str | Path, options: AccuracyOptions | None = None, *, report: Report | None = None
 ) -> Plan:
     """Plan a score within its accuracy. Raises ScoreError and OptionError."""
     from ergon.scores.staging.highest import highest_modes
+
+    from .shares import pieces
 
     options = options or AccuracyOptions()
     loaded = scores.read(score, options, report)
@@ -70,10 +88,10 @@ def plan(
     made, wished = staged.stage.plan, staged.stage.planned_for
     assert made is not None
     assert wished is not None
-    names = ("method", "error", "cents", "upto")
-    budget = {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
+    budget = budget_of(wished)
+    rows = tuple(made.rows())
     return Plan(
-        tuple(made.rows()),
+        rows,
         made.hash,
         staged.stage.is_plan_kept,
         staged.plan_s,
@@ -81,4 +99,5 @@ def plan(
         (*loaded.inputs, *options.files),
         budget,
         {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.built)},
+        pieces(staged.stage.simulation, rows, staged.stage.rate),
     )

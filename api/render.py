@@ -42,9 +42,9 @@ class RenderOptions(AccuracyOptions):
     `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
     "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16, 24
     or "float") decide the level too: "float" is in SI units where the score gives no level, and not
-    high-passed. `hands` is the
-    file of a recording of live hands. `threads` is the number of threads and `block` the number of
-    frames computed at once; both change no sample.
+    high-passed. `hands` is the file of a recording of live hands. `on` are processes that compute
+    islands: "local:N", or the Dask scheduler "tcp://HOST:PORT". `threads` is the number of threads
+    and `block` the number of frames computed at once; these three change no sample.
     """
 
     from_: str | None = None
@@ -53,6 +53,7 @@ class RenderOptions(AccuracyOptions):
     bits: Bits | None = None
     rate: float | None = None
     hands: Path | str | None = None
+    on: str | None = None
     threads: int = THREADS
     block: int = 4096
 
@@ -103,6 +104,7 @@ class Prepared:
     stage: Stage
     job: RenderJob
     plan_s: float
+    options: RenderOptions = RenderOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +161,7 @@ def render(
     loaded = scores.read(score, options, report)
     prepared = prepare(loaded, "-", options, report)
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"))
-    with _going(prepared, "rendering", report) as at:
+    with _shared(prepared, job, report) as job, _going(prepared, "rendering", report) as at:
         frames, done = render_array(prepared.stage, job, at)
     return Render(frames, prepared.stage.rate, done.peak, done.loudness, done.gain)
 
@@ -172,6 +174,8 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         raise OptionError("see", f"there is nothing to see by '{file.see}'; write all")
     if file.see and not file.motion:
         raise OptionError("see", "says what a motion file holds; add motion")
+    if options.on is not None:
+        _check_shared(options, file)
     recorded = _recorded(loaded, options, report)
     staged = scores.stage_piece(
         loaded,
@@ -190,7 +194,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         from .film import film
 
         job = replace(job, film=film(staged.stage, job))
-    return Prepared(loaded, staged.stage, job, staged.plan_s)
+    return Prepared(loaded, staged.stage, job, staged.plan_s, options)
 
 
 def write(prepared: Prepared, report: Report) -> Completed:
@@ -198,12 +202,36 @@ def write(prepared: Prepared, report: Report) -> Completed:
     from ergon.rendering.render import render
 
     stage, job = prepared.stage, prepared.job
-    with _going(prepared, f"rendering {Path(job.target).name}", report) as at:
+    task = f"rendering {Path(job.target).name}"
+    with _shared(prepared, job, report) as job, _going(prepared, task, report) as at:
         done = render(stage, job, at)
     job = replace(job, stop=job.start + done.n_frames)
     found = tuple(faint(stage.piece, job.format.bits, done.mix.peak))
     scores.show(report, prepared.loaded, found)
     return Completed(done, job, prepared.plan_s, stage.network, stage.simulation, found)
+
+
+def _check_shared(options: RenderOptions, file: FileOptions) -> None:
+    """Refuse what only this process can compute, or know. Raises OptionError."""
+    excluded = {"hands": options.hands is not None, "motion": file.motion, "trust": options.trust}
+    for name, is_given in excluded.items():
+        if is_given:
+            raise OptionError("on", "; leave one of the two out", excludes=name)
+
+
+@contextmanager
+def _shared(prepared: Prepared, job: RenderJob, report: Report) -> Iterator[RenderJob]:
+    """The job with the processes that share its work, where it has any."""
+    on = prepared.options.on
+    if on is None:
+        yield job
+        return
+    from .cluster import job_of, opened, sharing
+
+    options = prepared.options
+    sent = job_of(prepared.loaded, prepared.stage, options.rate, options.seed)
+    with opened(on, report) as cluster, sharing(cluster, sent, report) as workers:
+        yield replace(job, workers=workers)
 
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:

@@ -13,6 +13,7 @@ from functools import partial
 
 from benches import hands, reading, report
 from benches.bank import bank
+from benches.cluster import cluster
 from benches.duet import duet
 from benches.edits import edits
 from benches.gong import gong
@@ -58,6 +59,7 @@ def main(arguments: list[str]) -> int:
         "start": reading.start,
         "repl": repl,
         "edits": edits,
+        "cluster": cluster,
         "replan": replan,
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),

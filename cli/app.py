@@ -39,6 +39,11 @@ COMMANDS: Table = {
         "render",
         "Compute the sound of a score, or of a session's journal, into a WAV file.",
     ),
+    "sweep": (
+        "sweep",
+        "sweep",
+        "Render variants of a score, with a table and a picture of what they are like.",
+    ),
     "play": ("play", "play", "Play a score through the loudspeakers."),
     "duet": ("play", "duet", "Play a score with real hands beside written ones."),
     "repl": ("repl", "repl", "Live-code a score: every line is one musical decision."),

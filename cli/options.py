@@ -31,6 +31,11 @@ frozen = click.option(
 seed = click.option(
     "--seed", type=int, help="Seed of every chance operation, instead of the score's."
 )
+on = click.option(
+    "--on",
+    metavar="WHERE",
+    help="Share the work: local:N processes here, or the Dask scheduler tcp://HOST:PORT.",
+)
 score = click.argument("score_path", metavar="SCORE")
 # Kept as text: what it may be (a file, `-`) is checked where it is opened, with a sentence.
 

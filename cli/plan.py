@@ -17,6 +17,7 @@ from .tables import table
 
 if TYPE_CHECKING:
     from ergon._core import PlanRow
+    from ergon.api.shares import Shares
 
 _HOW = {
     "stepped": "module by module, CA",
@@ -31,6 +32,7 @@ _HOW = {
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
+_LOADS, _LARGEST_PARTS = 8, 4  # that are told one by one
 _EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 _HEARD = "pitch, T60, third octaves"
 _HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left out")
@@ -44,6 +46,7 @@ _HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left
     metavar="MODULE",
     help="Explain the plan of one part or module, such as bell or gong.12.",
 )
+@options.on
 @options.accuracy
 @options.seed
 @options.force
@@ -54,6 +57,7 @@ def plan(
     score_path: str,
     output: str | None,
     why: str | None,
+    on: str | None,
     force: bool,
     **given: Any,
 ) -> None:
@@ -66,6 +70,11 @@ def plan(
     from ergon.exchange import machine_speed
 
     made = make_plan(score_path, AccuracyOptions(**given), report=console)
+    shares = None
+    if on is not None:
+        from ergon.api.cluster import count_of
+
+        shares = made.shares(count_of(on, console))
     rows = list(made.rows)
     if why is not None:
         rows = _rows_of(rows, why)
@@ -85,10 +94,39 @@ def plan(
             kept=made.is_kept,
             highest_modes=dict(made.highest_modes),
         )
+        if shares is not None:
+            dearest = shares.dearest
+            console.record(
+                "shares",
+                workers=list(shares.loads),
+                home=shares.home,
+                longest=shares.longest,
+                bound=shares.bound,
+                dearest=None if dearest is None else list(dearest.parts),
+                dearest_cost=None if dearest is None else dearest.cost,
+            )
     elif why is not None:
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
-        console.data(_table(rows) + _highest(made) + _summary(made))
+        shared = "" if shares is None else _shared(shares)
+        console.data(_table(rows) + _highest(made) + _summary(made) + shared)
+
+
+def _shared(shares: Shares) -> str:
+    """What processes would compute, and what bounds the time."""
+    if shares.dearest is None:
+        return "nothing to share: banks, and what costs less than its sound, are computed here\n"
+    faster = shares.whole / shares.longest
+    text = f"on {plural(shares.count, 'worker')}: "
+    text += ", ".join(f"{load:.2g}" for load in shares.loads[:_LOADS])
+    text += f"{', …' if shares.count > _LOADS else ''}; here {shares.home:.2g}, and the mix; "
+    text += f"{faster:.1f} times as fast as one, "
+    if shares.home > shares.dearest.cost:
+        return f"{text}never more than {shares.bound:.1f} times: the rest is computed here\n"
+    own = " + ".join(shares.dearest.parts[:_LARGEST_PARTS])
+    more = ", …" if len(shares.dearest.parts) > _LARGEST_PARTS else ""
+    text += f"never more than {shares.bound:.1f} times: {own}{more} cannot be split "
+    return f"{text}(cost {shares.dearest.cost:.2g})\n"
 
 
 def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:

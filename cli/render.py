@@ -83,6 +83,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
     type=click.Choice(["all"]),
     help="What --motion shows: all computes for it what nobody hears too.",
 )
+@options.on
 @options.accuracy
 @options.draft
 @options.dry_run
@@ -110,6 +111,8 @@ def render(
     check_stdout(output, is_json=console.json)
     from ergon.api.render_journal import JOURNAL, render_journal
 
+    if asked.on is not None and (freeze is not None or Path(score_path).suffix == JOURNAL):
+        raise Refused("--on renders scores; a journal and --freeze are computed here")
     if Path(score_path).suffix == JOURNAL:
         if dry or watch or freeze:
             raise Refused("a journal is rendered as it was played: no -n, --watch or --freeze")

@@ -24,6 +24,7 @@ from .ahead import ahead
 from .balance import MOST, Balance, InstrumentLevel
 from .filmed import Film, FilmedSimulation
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
+from .remote import RemoteSimulation, Workers
 from .resumed import ResumedSimulation
 from .silence import Silence
 
@@ -105,6 +106,7 @@ class RenderJob:
     fades_from: int | None = None
     stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
     film: Film | None = None  # what moves, into a file beside
+    workers: Workers | None = None  # other processes that compute islands
 
     def __post_init__(self) -> None:
         """Raise FileRefusedError when the target cannot hold the samples."""
@@ -211,11 +213,15 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels, recalled)
 
 
-def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | None:
-    """The simulation with what earlier renders computed of it, where that is kept."""
+def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulation | None:
+    """The simulation with what earlier renders or other processes compute of it."""
     simulation = stage.simulation
     # Frozen parts fill the frames of a simulation from files, and have nothing to be stored.
-    if job.stretches is None or not isinstance(simulation, _core.Simulation):
+    if not isinstance(simulation, _core.Simulation):
+        return None
+    if job.workers is not None:
+        return RemoteSimulation(simulation, job.workers, job.stretches, stage.n_frames)
+    if job.stretches is None:
         return None
     return ResumedSimulation(simulation, job.stretches, stage.n_frames)
 
@@ -326,7 +332,8 @@ def _simulate(
         fade = _core.FadeFinder(stage.rate, job.format.n_channels, job.fades_from)
     blocks = frames_of(simulation, last, job.block)
     # What is filmed goes on after the sound has faded: no block may be given up midway.
-    is_ahead = job.threads > 1 and job.film is None
+    # Nor is another process waited for where Ctrl-C does not arrive.
+    is_ahead = job.threads > 1 and job.film is None and job.workers is None
     with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
         for frames in coming:
             end = None

@@ -49,7 +49,7 @@ class ResumedSimulation:
         self._store = store
         self._n_frames = n_frames
         self._at = 0
-        self._parts = [_Part(island) for island in simulation.storable() if _is_dear(island)]
+        self._parts = [_Part(island) for island in simulation.storable() if is_dear(island)]
         if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_MIN:
             self._parts = []
         self._is_kept = True
@@ -110,5 +110,6 @@ class ResumedSimulation:
             self._store.forget()
 
 
-def _is_dear(island: StorableIsland) -> bool:
+def is_dear(island: StorableIsland) -> bool:
+    """Whether computing an island takes longer than reading and writing its sound."""
     return island.n_out <= _OUTPUTS_MAX and island.cost >= _NS_PER_SAMPLE * max(1, island.n_out)

@@ -59,6 +59,7 @@ MAY = {
         "models",
         "movies",
         "space",
+        "view",
         "_core",
     },
     "lsp": {"api", "notation", "scores", "_core"},

@@ -315,6 +315,18 @@ impl Simulation {
         }
     }
 
+    /// The next frames of one island (n_frames · its n_out,), while all else stands still.
+    fn advance<'py>(
+        &mut self,
+        py: Python<'py>,
+        island: &StorableIsland,
+        n_frames: usize,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let own = &mut self.0;
+        let done = computing(py, || own.advance(&island.0, n_frames))?;
+        Ok(done.map_err(from_fault)?.into_pyarray(py))
+    }
+
     /// Put an island into the state that an equal one had at this frame, and compute it from here on.
     fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> PyResult<()> {
         let done = self.0.set_state(&island.0, state);

@@ -3,7 +3,7 @@
 `check`, `plan`, `modes`, `tune`, `admittance`, `stats`, `render`, `render_to_file` and `freeze`
 take the path of a score, and options; `open_session` plays one while it is changed; `fold_file`
 makes of a file for many loudspeakers one for other ears; `take_stats` says what hands did in a
-recording, `bell` finds the modes of what was struck. Whatever is refused is an `ErgonError`. The
+recording, `bell` finds the modes of what was struck, `sweep` renders variants of a score. Whatever is refused is an `ErgonError`. The
 page docs/library.md shows each.
 """
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from ergon.api.render import FileOptions, Render, RenderOptions, render
     from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
     from ergon.api.take_stats import ForceStats, HandStats, TakeStatsOptions, take_stats
+    from ergon.api.sweep import Sweep, SweepOptions, sweep
+    from ergon.api.sweep_table import SweepRow
     from ergon.api.tune import Tuned, TunedValue, TuneOptions, tune
     from ergon.bells.bell import Bell
     from ergon.common.errors import ErgonError
@@ -87,6 +89,9 @@ __all__ = [
     "SessionOptions",
     "State",
     "StatsOptions",
+    "Sweep",
+    "SweepOptions",
+    "SweepRow",
     "TakeStatsOptions",
     "TuneOptions",
     "Tuned",
@@ -102,6 +107,7 @@ __all__ = [
     "render",
     "render_to_file",
     "stats",
+    "sweep",
     "take_stats",
     "tune",
 ]
@@ -152,6 +158,9 @@ _PLACES = {
     "SessionOptions": "api.options",
     "State": "repl.session_protocol",
     "StatsOptions": "api.stats",
+    "Sweep": "api.sweep",
+    "SweepOptions": "api.sweep",
+    "SweepRow": "api.sweep_table",
     "TakeStatsOptions": "api.take_stats",
     "TuneOptions": "api.tune",
     "Tuned": "api.tune",
@@ -167,6 +176,7 @@ _PLACES = {
     "render": "api.render",
     "render_to_file": "api.files",
     "stats": "api.stats",
+    "sweep": "api.sweep",
     "take_stats": "api.take_stats",
     "tune": "api.tune",
 }

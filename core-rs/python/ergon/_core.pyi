@@ -1301,6 +1301,12 @@ class Simulation:
         """Compute an island from here on, and keep its sound."""
     def recorded(self, island: StorableIsland) -> IslandStretch:
         """The sound of an island since `record`, and its state now; no more is kept."""
+    def advance(self, island: StorableIsland, n_frames: int) -> _Floats:
+        """The next frames of one island (n_frames · its n_out,) [m or N], all else standing still.
+
+        `set_state` says from where, `recorded` the state after them; for a machine that computes
+        some islands of another's simulation. Raises DivergedError and StoppedError.
+        """
     def set_state(self, island: StorableIsland, state: bytes) -> None:
         """Put an island into the state that an equal one had at this frame, and compute it.
 

@@ -7,9 +7,11 @@
 use std::sync::OnceLock;
 
 use super::Simulation;
-use super::group::{Group, RunningUnit, SoundSource};
+use super::group::{Group, RunningUnit, STRETCH, SoundSource};
 use crate::archive::Damaged;
-use crate::island::Island;
+use crate::interrupt;
+use crate::island::{Fault, Island};
+use crate::kernel::thread_team::{ThreadTeam, flushed};
 use crate::plan::{Content, Unit};
 
 /// An island whose stretches can be stored.
@@ -84,6 +86,33 @@ impl Simulation {
     pub fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> Result<(), Damaged> {
         *self.source(island) = SoundSource::Computed;
         self.island(island).ok_or(Damaged)?.read_state(state)
+    }
+
+    /// The next frames of one island (n_frames · its n_out) while all else stands still: what another machine computes of
+    /// a simulation. The state before them is that of [`Simulation::set_state`], and after them of [`Simulation::recorded`].
+    ///
+    /// # Errors
+    /// [`Fault`] with the part that becomes non-finite.
+    pub fn advance(&mut self, island: &StorableIsland, n_frames: usize) -> Result<Vec<f64>, Fault> {
+        let team = self.threads;
+        let Some(own) = self.island(island) else {
+            return Ok(Vec::new());
+        };
+        let (n_out, times) = (own.n_out(), own.oversampling());
+        let team = if own.is_shared() { team } else { 1 };
+        let mut sound = vec![0.0; n_out * n_frames];
+        flushed(|| {
+            ThreadTeam::with(team, |team| {
+                (0..n_frames).step_by(STRETCH).try_for_each(|from| {
+                    interrupt::poll();
+                    let n_frames = STRETCH.min(n_frames - from);
+                    let out = &mut sound[n_out * from..n_out * (from + n_frames)];
+                    own.process(out, n_frames, team)
+                })
+            })
+        })
+        .map_err(|fault| fault.at_frame(times))?;
+        Ok(sound)
     }
 
     fn group(&mut self, unit: usize) -> (&mut Group, usize) {

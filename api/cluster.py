@@ -1,0 +1,264 @@
+"""Processes that share the work of renders and sweeps, by Dask: of this machine, or of many."""
+
+from __future__ import annotations
+
+import concurrent.futures as cf
+import contextlib
+import hashlib
+import importlib
+import logging
+import os
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ergon.common.extras import install
+from ergon.common.report import Report
+from ergon.exchange import plan_file
+from ergon.rendering.remote import Answer, ClusterError, Request
+
+from . import cluster_worker
+from .cluster_worker import Job
+from .errors import OptionError
+from .plan import budget_of
+from .shipped import digest, shipped
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.staging.stage import Stage
+
+_LOCAL_MAX = 1024
+_RETRIES = 10  # of a request whose worker died
+_CONNECTING = 20.0  # [s]
+_LOOK_EVERY = 1.0  # [s] at the connection
+_BEGINNINGS = 5
+_LOST = 30  # looks without a scheduler or without workers, until that is an error
+_ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
+
+
+@dataclass(slots=True)
+class Cluster:
+    """A Dask client, and the number of its workers when it was opened."""
+
+    client: Any
+    count: int
+    on: str
+    _without: int = 0
+
+    def executor(self) -> Executor:
+        """What submits functions to the workers, again where one dies."""
+        made: Executor = self.client.get_executor(retries=_RETRIES, pure=False)
+        return made
+
+    def wait(self, futures: Sequence[Future[Any]]) -> None:
+        """Return when one has ended. Raises ClusterError where nobody is left to end them."""
+        while not cf.wait(futures, _LOOK_EVERY, FIRST_COMPLETED).done:
+            if self.client.status == "running" and self._n_workers():
+                self._without = 0
+                continue
+            self._without += 1
+            if self.client.status in ("closing", "closed") or self._without > _LOST:
+                raise self.lost()
+
+    def result(self, future: Future[Any]) -> Any:
+        """The result of one that has ended. Raises ClusterError."""
+        try:
+            return future.result()
+        except ClusterError:
+            raise
+        except CancelledError:
+            raise self.lost() from None
+        except ImportError as error:
+            raise ClusterError(
+                f"a worker lacks what it needs ({error}); install the same ergon there: "
+                f"{install('cluster')}"
+            ) from None
+        except Exception as error:  # Dask's own, of which some are known by name alone
+            if type(error).__name__ == "KilledWorker":
+                raise ClusterError(
+                    "a part of the work ended several workers, one after the other; they may lack "
+                    "memory, and their logs say more"
+                ) from None
+            raise ClusterError(f"a worker failed: {type(error).__name__}: {error}") from None
+
+    def lost(self) -> ClusterError:
+        """The sentence about a scheduler, or all workers, that do not answer."""
+        what = f"the scheduler at {self.on} does not answer"
+        if self.client.status == "running":
+            what = f"the scheduler at {self.on} has no workers any more"
+        return ClusterError(f"{what}; what arrived is kept: the same command goes on from there")
+
+    def _n_workers(self) -> int:
+        return len(self.client.scheduler_info(n_workers=-1)["workers"])
+
+
+@dataclass(slots=True)
+class _Told:
+    """What a worker did."""
+
+    n_stretches: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(slots=True)
+class Sharing:
+    """Workers that compute stretches of one piece; `rendering.remote.Workers`."""
+
+    cluster: Cluster
+    executor: Executor
+    job: Any  # at the scheduler
+    told: dict[str, _Told] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """How many requests are computed at the same time."""
+        return self.cluster.count
+
+    def submit(self, request: Request) -> Future[Answer]:
+        """Have a request computed."""
+        return self.executor.submit(cluster_worker.stretch, self.job, request)
+
+    def wait(self, futures: Sequence[Future[Answer]]) -> None:
+        """Return when one of them has ended."""
+        self.cluster.wait(futures)
+
+    def answer(self, future: Future[Answer]) -> Answer:
+        """The answer of one that has ended."""
+        found: Answer = self.cluster.result(future)
+        return found
+
+    def heard(self, answer: Answer, n_frames: int) -> None:
+        """Count what each worker does."""
+        own = self.told.setdefault(answer["worker"], _Told())
+        own.n_stretches += 1
+        own.seconds += answer["seconds"]
+
+
+def count_of(on: str, report: Report) -> int:
+    """How many processes "local:N" or a scheduler has. Raises OptionError and ClusterError."""
+    local = _local(on)
+    if local is not None:
+        return local
+    with opened(on, report) as cluster:
+        return cluster.count
+
+
+def _local(on: str) -> int | None:
+    """N of local:N, None of an address. Raises OptionError."""
+    local = re.fullmatch(r"local:(\d+)", on)
+    if local is not None and not 1 <= int(local[1]) <= _LOCAL_MAX:
+        raise OptionError("on", f"local:{local[1]}: the number is from 1 to {_LOCAL_MAX}")
+    if local is None and not _ADDRESS.fullmatch(on):
+        reason = f"'{on}' is neither local:N nor an address such as tcp://HOST:8786"
+        raise OptionError("on", reason)
+    return None if local is None else int(local[1])
+
+
+@contextlib.contextmanager
+def opened(on: str, report: Report) -> Iterator[Cluster]:
+    """The processes that "local:N" or the address of a scheduler mean.
+
+    Raises OptionError and ClusterError.
+    """
+    local = _local(on)
+    dask: Any
+    distributed: Any
+    try:
+        dask, distributed = (importlib.import_module(name) for name in ("dask", "distributed"))
+    except ImportError:
+        raise ClusterError(
+            f"--on needs dask and distributed; install them by: {install('cluster')}"
+        ) from None
+    _silence()
+    with contextlib.ExitStack() as stack:
+        address: Any = on
+        if local is not None:
+            allowed = {"distributed.scheduler.allowed-failures": _RETRIES}
+            stack.enter_context(dask.config.set(allowed))
+            address = stack.enter_context(_begun(distributed, local))
+        try:
+            client = stack.enter_context(distributed.Client(address, timeout=_CONNECTING))
+            client.wait_for_workers(1, timeout=_CONNECTING)
+        except TimeoutError:
+            raise ClusterError(
+                f"{on}: no worker answers within {_CONNECTING:g} s; `dask scheduler` and "
+                "`dask worker ADDRESS` start what is missing"
+            ) from None
+        except (OSError, RuntimeError) as error:
+            raise ClusterError(
+                f"{on}: no scheduler answers ({error}); `dask scheduler` starts one"
+            ) from None
+        workers = client.scheduler_info(n_workers=-1)["workers"]
+        yield Cluster(client, len(workers), on)
+
+
+def _silence() -> None:
+    """What dies is told by us, once, as a sentence; Dask would print each of its own thoughts."""
+    for name in ("asyncio", "distributed", *logging.root.manager.loggerDict):
+        if name == "asyncio" or name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
+def _begun(distributed: Any, count: int) -> Any:
+    """Processes of this machine, begun again where one dies meanwhile. Raises ClusterError."""
+    reason = ""
+    for _ in range(_BEGINNINGS):
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                return distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                    host="127.0.0.1",
+                )
+        except (RuntimeError, OSError) as error:
+            reason = str(error)
+    raise ClusterError(f"local:{count}: the processes do not begin: {reason}")
+
+
+@contextlib.contextmanager
+def sharing(cluster: Cluster, job: Job, report: Report) -> Iterator[Sharing]:
+    """Workers for the islands of a job; at the end `report` hears what each has done."""
+    executor = cluster.executor()
+    kept = cluster.client.submit(cluster_worker.carried, job, pure=False)
+    own = Sharing(cluster, executor, kept)
+    try:
+        yield own
+    finally:
+        whole = sum(told.seconds for told in own.told.values())
+        for name, told in sorted(own.told.items()):
+            share = 100.0 * told.seconds / whole if whole else 0.0
+            report.say(
+                f"worker {name}: {told.n_stretches} stretches in {told.seconds:.1f} s, "
+                f"{share:.0f} % of the work that was shared"
+            )
+            fields = {"stretches": told.n_stretches, "seconds": told.seconds}
+            report.event("worker", worker=name, **fields)
+
+
+def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -> Job:
+    """A staged piece as plain data, with the `rate` [Hz] and the `seed` that were asked for.
+
+    Raises NotShippedError.
+    """
+    plan, wished = stage.plan, stage.planned_for
+    assert plan is not None
+    assert wished is not None
+    score = next(iter(loaded.files))  # the score is read first
+    content = shipped(score, loaded)
+    text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(wished)))
+    own = hashlib.sha256(text.encode()).hexdigest()
+    return Job(
+        version=cluster_worker.version(),
+        content=content,
+        plan=text,
+        plan_hash=plan.hash,
+        rate=rate,
+        seed=seed,
+        digest=digest(content, own, rate, seed, os.getpid()),
+    )

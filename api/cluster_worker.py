@@ -1,0 +1,136 @@
+"""What a worker of a cluster computes: stretches of islands.
+
+Its functions are called by name with plain data (bytes, texts, numbers), and answer so. They need
+nothing of the machine that asks: the score comes with its files.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypedDict
+
+from ergon import _core
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+from ergon.exchange import plan_file
+from ergon.rendering.remote import Answer, ClusterError, IslandRequest, Request
+
+from . import score as scores
+from .options import AccuracyOptions
+from .shipped import Shipped, unpacked
+
+if TYPE_CHECKING:
+    from ergon._core import Simulation, StorableIsland
+
+_FORM = 1  # of jobs, requests and answers
+
+
+class Job(TypedDict):
+    """A piece that is computed: the score and its files, the text of its plan and the hash of that,
+    rate [Hz] and seed where they are not the score's, and a `digest` of all of it."""
+
+    version: list[Any]
+    content: Shipped
+    plan: str
+    plan_hash: str
+    rate: float | None
+    seed: int | None
+    digest: str
+
+
+def version() -> list[Any]:
+    """What has to be equal at home and at a worker."""
+    return [_core.__version__, plan_file.VERSION, _FORM]
+
+
+def check_version(asked: list[Any]) -> None:
+    """Raise ClusterError where home has another version."""
+    if list(asked) != version():
+        home, here = (
+            f"ergon {a} (plans of version {b}, requests of version {c})"
+            for a, b, c in (asked, version())
+        )
+        raise ClusterError(f"it has {here}, and this machine {home}; install the same on both")
+
+
+@dataclass(slots=True)
+class _Ready:
+    """A staged piece; its simulation is of use for any stretch whose states are given."""
+
+    digest: str
+    simulation: Simulation
+    islands: list[StorableIsland]
+
+
+# One piece at a time, and one stretch: a worker is a process for each core.
+lock = threading.Lock()
+_ready: list[_Ready] = []
+
+
+def carried(job: Job) -> Job:
+    """A job as a result that others ask for: so it is sent to each worker once."""
+    return job
+
+
+def stretch(job: Job, request: Request) -> Answer:
+    """Compute a stretch of some islands of a job."""
+    begun = time.perf_counter()
+    answer = Answer(
+        worker=f"{socket.gethostname()}:{os.getpid()}", seconds=0.0, sounds=[], states=[]
+    )
+    with lock:
+        try:
+            ready = _staged(job)
+            for own in request["islands"]:
+                sound, state = _advanced(ready, request, own)
+                answer["sounds"].append(sound)
+                answer["states"].append(state)
+        except _core.DivergedError:
+            answer["diverged"] = True
+        except (ErgonError, _core.EngineError, KeyError) as error:
+            answer["refused"] = str(error)
+        if "diverged" in answer or "refused" in answer:
+            answer["sounds"], answer["states"] = [], []
+    answer["seconds"] = time.perf_counter() - begun
+    return answer
+
+
+def _staged(job: Job) -> _Ready:
+    """The piece of a job, staged once. Raises ErgonError."""
+    if _ready and _ready[0].digest == job["digest"]:
+        return _ready[0]
+    _ready.clear()
+    check_version(job["version"])
+    with unpacked(job["content"]) as path:
+        plan = path.with_name(f"{path.name}.plan")
+        plan.write_text(job["plan"], encoding="utf-8")
+        options = AccuracyOptions(plan=plan, seed=job["seed"])
+        loaded = scores.read(path, options, Report())
+        staged = scores.stage_piece(loaded, options, rate=job["rate"])
+        made = staged.stage.plan
+        if made is None or made.hash != job["plan_hash"]:
+            raise ClusterError("it makes another plan of the same score; install the same ergon")
+    simulation = staged.stage.simulation
+    _ready.append(_Ready(job["digest"], simulation, simulation.storable()))
+    return _ready[0]
+
+
+def _advanced(ready: _Ready, request: Request, own: IslandRequest) -> tuple[bytes, bytes]:
+    """The sound of an island and its state after it."""
+    at, stop, number = request["at"], request["stop"], own["number"]
+    if not 0 <= number < len(ready.islands):
+        raise ClusterError("it has other islands in the same score; install the same ergon")
+    island, simulation = ready.islands[number], ready.simulation
+    if simulation.island_key(island, at, stop, own["before"]) != own["key"]:
+        raise ClusterError("it reads the same score otherwise; install the same ergon")
+    try:
+        simulation.set_state(island, own["state"])
+        sound = simulation.advance(island, stop - at).astype("<f8", copy=False).tobytes()
+        return sound, simulation.recorded(island).state
+    except BaseException:
+        _ready.clear()  # stopped in the middle of a frame
+        raise

@@ -1,0 +1,78 @@
+"""How the work of a plan is shared out among processes, and what bounds its time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon.rendering.remote import grouped
+from ergon.rendering.resumed import is_dear
+
+if TYPE_CHECKING:
+    from ergon._core import PlanRow, Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """What one process computes as a whole: the parts in it, and its `cost` [s per s of sound]."""
+
+    parts: tuple[str, ...]
+    cost: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """The work of `count` processes [s per s of sound] and of `home`, by the table of costs.
+
+    `dearest` is what cannot be split and takes longest; None where nothing is shared. Home mixes
+    too, which no table counts.
+    """
+
+    count: int
+    loads: tuple[float, ...]
+    home: float
+    dearest: Piece | None
+
+    @property
+    def whole(self) -> float:
+        """The work of one process that computes all."""
+        return sum(self.loads) + self.home
+
+    @property
+    def longest(self) -> float:
+        """The work of whoever has most of it: so long a second of sound takes at least."""
+        return max(*self.loads, self.home, 0.0)
+
+    @property
+    def bound(self) -> float:
+        """How many times as fast as one process it can be with any number of them."""
+        least = max(self.home, self.dearest.cost if self.dearest else 0.0)
+        return self.whole / least if least else 1.0
+
+
+def pieces(simulation: Simulation, rows: Sequence[PlanRow], rate: float) -> tuple[Piece, ...]:
+    """The islands that other processes can compute, with the names of the rows in them."""
+    found = []
+    left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
+    for island in simulation.storable():
+        cost = 1e-9 * rate * island.cost
+        parts: dict[str, None] = {}
+        rest = cost
+        while left and rest > 1e-9 * cost:  # rows stand in the order of islands
+            row = left.pop(0)
+            rest -= row.cost
+            parts.update(dict.fromkeys(row.parts))
+        if is_dear(island):
+            found.append(Piece(tuple(parts), cost))
+    return tuple(found)
+
+
+def shares(own: Sequence[Piece], whole: float, count: int) -> Shares:
+    """Share out pieces among `count` processes; home computes the rest of the `whole` work."""
+    costs = [piece.cost for piece in own]
+    loads = [sum(costs[i] for i in group) for group in grouped(costs, count)]
+    loads += [0.0] * (count - len(loads))
+    home = max(0.0, whole - sum(costs))
+    dearest = max(own, key=lambda piece: piece.cost, default=None)
+    return Shares(count, tuple(loads), home, dearest)

@@ -1,0 +1,100 @@
+"""A score with all its files as plain data, for a process that may stand on another machine.
+
+Files keep their places relative to each other, below a folder of their own; nothing else of this
+machine can be named there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, TypedDict
+
+from ergon.common.errors import ErgonError
+from ergon.common.regular import read_bounded
+from ergon.notation.text.bounds import MARKER
+
+from . import score as scores
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.load import Loaded
+
+_BYTES_MAX = 256_000_000  # of all files: hours of takes
+
+
+class Shipped(TypedDict):
+    """A score: its path and the contents of all files, by their paths below one folder."""
+
+    score: str
+    root: str  # that folder at home, for sentences
+    files: dict[str, bytes]
+
+
+class NotShippedError(ErgonError):
+    """The score and its files cannot be computed in another process."""
+
+
+def shipped(path: str, loaded: Loaded) -> Shipped:
+    """A score that was read, with its files. Raises NotShippedError and OSError."""
+    scores.piece_of(loaded)
+    texts = {_place(name): document.text for name, document in loaded.files.items()}
+    found = {place: text.encode() for place, text in texts.items()}
+    left = _BYTES_MAX - sum(map(len, found.values()))
+    for input in loaded.inputs:
+        place = _place(str(input))
+        if place not in found and left >= 0:
+            found[place] = read_bounded(Path(place), left)
+            left -= len(found[place])
+    if left < 0:
+        raise NotShippedError(
+            f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
+            "that goes to another process"
+        )
+    root = os.path.commonpath([os.path.dirname(place) for place in found])
+    names = {place: Path(os.path.relpath(place, root)).as_posix() for place in found}
+    files = {names[place]: content for place, content in found.items()}
+    return Shipped(score=names[_place(path)], root=root, files=files)
+
+
+def digest(content: Shipped, *more: object) -> str:
+    """A hash of a score and its files, and of what is done with them (64 hex digits)."""
+    whole = hashlib.sha256(repr((content["score"], *more)).encode())
+    for name, own in sorted(content["files"].items()):
+        whole.update(f"\0{len(own)} {name}\0".encode())
+        whole.update(own)
+    return whole.hexdigest()
+
+
+@contextmanager
+def unpacked(content: Shipped) -> Iterator[Path]:
+    """The path of the score, in a folder that goes when the context ends.
+
+    Raises NotShippedError where a name would lead out of that folder.
+    """
+    with tempfile.TemporaryDirectory(prefix="ergon-") as name:
+        folder = Path(os.path.realpath(name))
+        (folder / MARKER).touch()  # all below is one project
+        for own, data in content["files"].items():
+            place = PurePosixPath(own)
+            if place.is_absolute() or ".." in place.parts or "\\" in own or ":" in own:
+                raise NotShippedError(f"'{own}' is no file of a score")
+            path = folder.joinpath(*place.parts)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        if content["score"] not in content["files"]:
+            raise NotShippedError("the score is not among its files")
+        yield folder / content["score"]
+
+
+def at_home(sentence: str, path: Path, content: Shipped) -> str:
+    """A sentence of the other process, with the names that files have at home."""
+    there = str(path)[: -len(content["score"])].rstrip("/")
+    return sentence.replace(there, content["root"].rstrip("/"))
+
+
+def _place(name: str) -> str:
+    return os.path.abspath("stdin.yaml" if name == scores.STDIN else name)

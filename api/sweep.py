@@ -1,0 +1,398 @@
+"""Variants of a score, rendered: a folder of sounds and a table of what they are like."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import re
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from hashlib import sha256
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ergon.common.report import Report
+from ergon.exchange.safe import check_target, writing
+from ergon.exchange.wave_header import Bits
+
+from . import score as scores
+from .errors import OptionError, ScoreError
+from .options import AccuracyOptions, ReadOptions
+from .shipped import Shipped, digest, shipped
+from .sweep_table import FIGURES, SweepRow, Table
+from .sweep_variant import Outcome, compute, on_worker
+
+if TYPE_CHECKING:
+    from ergon.scores.edits.texts import Texts
+    from ergon.scores.edits.varying import Variant, Varied
+    from ergon.scores.reading.load import Loaded
+
+_NAME_MAX = 150  # characters of a file's name without its number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepOptions(AccuracyOptions):
+    """What varies, and what is made of it.
+
+    `vary` lists TARGET=VALUES, all combined or, `zip`ped, taken in pairs. `out` is the folder,
+    SCORE.sweep without it. Without `sound` only the table is written. `jobs` is the number of
+    processes, or `on` says where others are, as for a render. `rate` [Hz] and `bits` are those of
+    every render; with `force` files are overwritten that ergon did not write.
+    """
+
+    vary: Sequence[str] = ()
+    zip: bool = False
+    out: Path | str | None = None
+    sound: bool = True
+    jobs: int = 1
+    on: str | None = None
+    rate: float | None = None
+    bits: Bits | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What a sweep found: a row for each variant, the table and the picture of them.
+
+    `n_known` rows were there from an earlier run.
+    """
+
+    targets: tuple[str, ...]
+    rows: tuple[SweepRow, ...]
+    table: Path
+    picture: Path
+    n_known: int
+
+    @property
+    def n_failed(self) -> int:
+        """How many variants were refused, or diverged."""
+        return sum(row.status != "ok" for row in self.rows)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """A variant to compute: its number, the file of its sound ("" for none) and its hash."""
+
+    number: int
+    values: tuple[str, ...]
+    texts: Texts
+    file: str
+    digest: str
+
+
+def sweep(
+    score: str | Path, options: SweepOptions | None = None, *, report: Report | None = None
+) -> Sweep:
+    """Render the variants of a score into a folder, with a table (CSV) and a picture (SVG).
+
+    Every variant is checked before any is rendered. One that the engine refuses or that diverges is
+    a row with its sentence. What an earlier run has in the folder is kept. Raises ScoreError,
+    OptionError and FileRefusedError.
+    """
+    options, report = options or SweepOptions(), report or Report()
+    varied, combined = _varied(options)
+    loaded = scores.read(score, ReadOptions(text=options.text, trust=options.trust), report)
+    scores.piece_of(loaded)
+    folder = _folder(score, options)
+    table = Table(folder / "sweep.csv", tuple(one.target for one in varied))
+    check_target(table.path, force=options.force, inputs=loaded.inputs)
+    picture = folder / "sweep.svg"
+    check_target(picture, force=options.force, inputs=loaded.inputs)
+    made = _variants(score, options, loaded, varied, combined, report)
+    wanted = _wanted(str(score), options, made)
+    known = _known(table, wanted, folder)
+    for one in wanted:
+        if one.file and one.number not in known:
+            check_target(folder / one.file, force=options.force, inputs=loaded.inputs)
+    rows = dict(known)
+    missing = [one for one in wanted if one.number not in known]
+    title = scores.piece_of(loaded).title or Path(score).stem
+    try:
+        _compute(str(score), options, missing, folder, rows, table, report)
+    finally:  # what was computed before Ctrl-C is kept
+        whole = [rows[number] for number in sorted(rows)]
+        if whole:
+            table.write(whole, title, force=options.force)
+            _draw(picture, title, [one.target for one in varied], whole, options.force)
+    return Sweep(table.targets, tuple(whole), table.path, picture, len(known))
+
+
+def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]:
+    """What varies, and the values of each variant. Raises OptionError."""
+    from ergon.notation.text.edit import EditError
+    from ergon.scores.edits.varying import SEED, combined, parse
+
+    if not options.vary:
+        raise OptionError("vary", "is missing; write for instance bell.m.K=1kN/m..9kN/m:32")
+    try:
+        varied = [parse(text) for text in options.vary]
+        values = combined(varied, is_zipped=options.zip)
+    except EditError as error:
+        raise OptionError("vary", str(error)) from None
+    if options.seed is not None and any(one.target == SEED for one in varied):
+        raise OptionError("seed", "; the sweep varies it", excludes="vary")
+    if options.on is not None and (options.jobs > 1 or options.plan or options.trust):
+        other = "jobs" if options.jobs > 1 else "plan" if options.plan else "trust"
+        raise OptionError("on", "; leave one of the two out", excludes=other)
+    if options.jobs < 1:
+        raise OptionError("jobs", f"is {options.jobs}; it must be 1 or more")
+    return varied, values
+
+
+def _folder(score: str | Path, options: SweepOptions) -> Path:
+    if options.out is not None:
+        return Path(options.out)
+    if str(score) == scores.STDIN:
+        raise OptionError("out", "a score from stdin has no name for the folder; name one")
+    return Path(f"{Path(score).stem}.sweep")
+
+
+def _variants(
+    score: str | Path,
+    options: SweepOptions,
+    loaded: Loaded,
+    varied: Sequence[Varied],
+    combined: Sequence[tuple[str, ...]],
+    report: Report,
+) -> Iterator[Variant]:
+    """All variants, read and found good. Raises ScoreError and OptionError."""
+    from ergon.notation.text.edit import EditError
+    from ergon.scores.edits.varying import variants
+
+    targets = [one.target for one in varied]
+    try:
+        for variant in variants(_texts(score, options, loaded), targets, combined):
+            if variant.loaded.piece is None:
+                said = ", ".join(map("=".join, zip(targets, variant.values, strict=True)))
+                report.say(f"the variant {said} has mistakes; nothing is rendered")
+                found = variant.loaded
+                report.diagnostics(found.diagnostics, found.files, found.left_out)
+                raise ScoreError(found.diagnostics, found.files)
+            yield variant
+    except EditError as error:
+        raise OptionError("vary", str(error)) from None
+
+
+def _texts(score: str | Path, options: SweepOptions, loaded: Loaded) -> Texts:
+    from ergon.scores.edits.texts import Texts
+
+    path = str(score)
+    text = next(iter(loaded.files.values())).text if path == scores.STDIN else None
+    text = loaded.files[path].text if text is None else text
+    return Texts(path, text, bounds=scores.bounds(path, options.trust)).complete()
+
+
+def _wanted(score: str, options: SweepOptions, made: Iterator[Variant]) -> list[_Wanted]:
+    """The variants with the names of their files and their hashes."""
+    targets = [text.partition("=")[0].strip() for text in options.vary]
+    asked = _asked(options)
+    found, names = [], set[str]()
+    for number, variant in enumerate(made):
+        values = zip(targets, variant.values, strict=True)
+        name = stem = _file_name(", ".join(map("=".join, values)))
+        count = 1
+        while name.lower() in names:
+            count += 1
+            name = f"{stem}-{count}"
+        names.add(name.lower())
+        file = f"{name}.wav" if options.sound else ""
+        key = digest(shipped(score, variant.loaded), sorted(asked.items()), _version())
+        found.append(_Wanted(number, variant.values, variant.texts, file, key))
+    return found
+
+
+def _file_name(said: str) -> str:
+    """Values as a file may be named: `bell.m.K=1kN_m,seed=3`."""
+    name = re.sub(r"[^\w.=+,-]", "_", said.replace(", ", ","))
+    if len(name.encode()) <= _NAME_MAX:
+        return name
+    return f"{name[: _NAME_MAX // 2]}-{sha256(said.encode()).hexdigest()[:16]}"
+
+
+def _asked(options: SweepOptions) -> dict[str, Any]:
+    """Of RenderOptions, what each variant is computed with; files are named from where we are."""
+    names = ("method", "error", "cents", "draft", "seed", "rate", "bits")
+    own = {name: getattr(options, name) for name in names}
+    plan = None if options.plan is None else os.path.abspath(options.plan)
+    return {**own, "plan": plan, "threads": 1}
+
+
+def _version() -> str:
+    from ergon.exchange.cache_folder import of_this_version
+
+    return of_this_version("sweep")
+
+
+def _known(table: Table, wanted: Sequence[_Wanted], folder: Path) -> dict[int, SweepRow]:
+    """Rows of an earlier run, whose sounds are there if they are to be."""
+    earlier = table.read()
+    found = {}
+    for one in wanted:
+        row = earlier.get(one.digest)
+        if row is None or (one.file and row.status == "ok" and not _is_whole(folder, row)):
+            continue
+        if one.file and row.status == "ok" and row.file != one.file:
+            continue
+        found[one.number] = replace(row, values=one.values)
+    return found
+
+
+def _is_whole(folder: Path, row: SweepRow) -> bool:
+    if not row.file:
+        return False
+    hashed = sha256()
+    try:
+        with (folder / row.file).open("rb") as file:
+            while block := file.read(1 << 20):
+                hashed.update(block)
+    except OSError:
+        return False
+    return hashed.hexdigest() == row.sha256
+
+
+def _compute(
+    score: str,
+    options: SweepOptions,
+    missing: Sequence[_Wanted],
+    folder: Path,
+    rows: dict[int, SweepRow],
+    table: Table,
+    report: Report,
+) -> None:
+    """Compute what is missing; each row and its sound are written when they are known."""
+    if not missing:
+        return
+    asked = _asked(options)
+    pairs: Iterator[tuple[_Wanted, Outcome]]
+    jobs = min(options.jobs, len(missing))
+    if options.on is not None:
+        from .cluster import opened
+        from .cluster_worker import version
+
+        with opened(options.on, report) as cluster:
+            pool, own = cluster.executor(), version()
+
+            def run(content: Shipped, asked: dict[str, Any], file: str) -> Future[Outcome]:
+                return pool.submit(on_worker, own, content, asked, file)
+
+            most = 2 * cluster.count
+            pairs = _by(run, cluster.wait, cluster.result, most, score, asked, missing)
+            _keep(pairs, len(missing), folder, options, rows, table, report)
+        return
+    if jobs == 1:
+        pairs = (
+            (one, compute(shipped(score, one.texts.load()), asked, one.file)) for one in missing
+        )
+        _keep(pairs, len(missing), folder, options, rows, table, report)
+        return
+    with _processes(jobs) as pool:
+        pairs = _by(
+            partial(_submitted, pool), _wait, Future.result, 2 * jobs, score, asked, missing
+        )
+        _keep(pairs, len(missing), folder, options, rows, table, report)
+
+
+def _submitted(
+    pool: Executor, content: Shipped, asked: dict[str, Any], file: str
+) -> Future[Outcome]:
+    return pool.submit(compute, content, asked, file)
+
+
+def _wait(futures: Sequence[Future[Outcome]]) -> None:
+    wait(futures, return_when=FIRST_COMPLETED)
+
+
+def _by(
+    run: Callable[[Shipped, dict[str, Any], str], Future[Outcome]],
+    wait: Callable[[Sequence[Future[Outcome]]], None],
+    result: Callable[[Future[Outcome]], Outcome],
+    most: int,
+    score: str,
+    asked: dict[str, Any],
+    missing: Sequence[_Wanted],
+) -> Iterator[tuple[_Wanted, Outcome]]:
+    """Outcomes in the order in which they come; at most so many variants are on their way."""
+    left = iter(missing)
+    running: dict[Future[Outcome], _Wanted] = {}
+    while True:
+        while len(running) < most and (one := next(left, None)) is not None:
+            running[run(shipped(score, one.texts.load()), asked, one.file)] = one
+        if not running:
+            return
+        wait(list(running))
+        for future in [one for one in running if one.done()]:
+            yield running.pop(future), result(future)
+
+
+def _keep(
+    pairs: Iterator[tuple[_Wanted, Outcome]],
+    count: int,
+    folder: Path,
+    options: SweepOptions,
+    rows: dict[int, SweepRow],
+    table: Table,
+    report: Report,
+) -> None:
+    n_done, seconds = 0, 0.0
+    with report.progress("sweeping", count, 1.0) as progress:
+        for one, outcome in pairs:
+            figures = {name: outcome["figures"].get(name) for name in FIGURES}
+            sound, file = outcome["sound"], one.file if outcome["status"] == "ok" else ""
+            if file:
+                path = folder / file
+                with writing(path, binary=True, force=options.force) as to:
+                    to.write(sound)
+            rows[one.number] = SweepRow(
+                one.values,
+                outcome["status"],
+                file,
+                figures,
+                one.digest,
+                sha256(sound).hexdigest() if file else "",
+                outcome["reason"],
+            )
+            seconds += outcome["figures"].get("cpu_s") or 0.0
+            n_done += 1
+            table.keep([rows[number] for number in sorted(rows)], force=options.force)
+            progress.at(n_done)
+            report.event("variant", **asdict(rows[one.number]))
+
+
+@contextmanager
+def _processes(jobs: int) -> Iterator[Executor]:
+    """Processes that end with this one, and at once at Ctrl-C."""
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, context, initializer=_begin)
+    try:
+        yield pool
+    except BaseException:
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin() -> None:
+    """A process of a sweep has one thread, and Ctrl-C is its parent's."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _draw(
+    path: Path, title: str, targets: Sequence[str], rows: Sequence[SweepRow], force: bool
+) -> None:
+    from ergon.exchange.safe import write_text
+    from ergon.view.sweep import Point, picture
+
+    points = [
+        Point(row.values, {n: x for n, x in row.figures.items() if x is not None and isfinite(x)})
+        for row in rows
+    ]
+    write_text(path, picture(title, targets, points), force=force)

@@ -1,0 +1,107 @@
+"""The table of a sweep: a CSV file that a later run continues."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ergon.common.regular import read_bounded
+from ergon.exchange.safe import MARK, write_text
+
+# Columns, and what each is.
+FIGURES: Mapping[str, str] = {
+    "seconds": "length of the sound [s]",
+    "loudness_lufs": "integrated loudness [LUFS]",
+    "peak_db": "highest sample [dBFS]",
+    "centroid_hz": "mean frequency by power [Hz]",
+    "pitch_hz": "pitch of the loudest 0.2 s [Hz]",
+    "partial_hz": "strongest partial [Hz]",
+    "t60_s": "decay after the last loud blow [s]",
+    "cpu_s": "work of the render [CPU s]",
+    "x_real_time": "speed [× real time]",
+    "plan_cost": "work by the table of costs [s per s of sound]",
+    "error_db": "largest error of the plan [dB]",
+    "error_cents": "largest error of a pitch of the plan [cents]",
+}
+_HEAD, _TAIL = ("status", "file"), ("score_sha256", "file_sha256", "reason")
+_BYTES_MAX = 50_000_000
+_EVERY = 1.0  # [s] between two tables of an unfinished sweep
+
+
+@dataclass(frozen=True, slots=True)
+class SweepRow:
+    """A variant: its values as texts, what became of it ("ok", "refused", "diverged"), the file of
+    its sound and the `figures`; `digest` is the hash of the score, its files and the options,
+    `sha256` that of the file, `reason` the sentence where it failed.
+    """
+
+    values: tuple[str, ...]
+    status: str
+    file: str
+    figures: Mapping[str, float | None]
+    digest: str
+    sha256: str
+    reason: str
+
+
+class Table:
+    """The file of a sweep's table; `targets` are the columns of values."""
+
+    def __init__(self, path: Path, targets: tuple[str, ...]) -> None:
+        """Nothing is read or written yet."""
+        self.path, self.targets = path, targets
+        self._kept = float("-inf")
+
+    def read(self) -> dict[str, SweepRow]:
+        """The rows of an earlier run by their digest; none of a file that is not ours or broken."""
+        try:
+            data = read_bounded(self.path, _BYTES_MAX)
+        except OSError:
+            return {}
+        if MARK not in data[:1024] or len(data) > _BYTES_MAX:
+            return {}
+        lines = [line for line in data.decode(errors="replace").splitlines() if line[:1] != "#"]
+        rows: dict[str, SweepRow] = {}
+        try:
+            for fields in csv.DictReader(lines):
+                row = _row(fields)
+                rows[row.digest] = row
+        except (ValueError, KeyError, TypeError, csv.Error):
+            return {}
+        return rows
+
+    def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
+        """Write an unfinished table, not too often."""
+        now = time.monotonic()
+        if now - self._kept >= _EVERY:
+            self.write(rows, "", force=force)
+            self._kept = now
+
+    def write(self, rows: Sequence[SweepRow], title: str, *, force: bool) -> None:
+        """Write the whole table."""
+        out = io.StringIO()
+        facts = ["made by ergon", f"sweep of {' '.join(title.split())}"] if title else []
+        facts = facts or ["made by ergon", "a sweep that is not finished"]
+        facts += [f"{name}: {told}" for name, told in FIGURES.items()]
+        out.writelines(f"# {fact}\n" for fact in facts)
+        table = csv.writer(out, lineterminator="\n")
+        table.writerow((*self.targets, *_HEAD, *FIGURES, *_TAIL))
+        for row in rows:
+            figures = ["" if x is None else f"{x:.8g}" for x in map(row.figures.get, FIGURES)]
+            reason = " ".join(row.reason.split())
+            end = (row.digest, row.sha256, reason)
+            table.writerow((*row.values, row.status, row.file, *figures, *end))
+        write_text(self.path, out.getvalue(), force=force)
+
+
+def _row(fields: Mapping[str, str]) -> SweepRow:
+    figures = {name: float(fields[name]) if fields[name] else None for name in FIGURES}
+    name = fields["file"]
+    if name and Path(name).name != name:
+        raise ValueError(name)
+    end = (fields["score_sha256"], fields["file_sha256"], fields["reason"])
+    return SweepRow((), fields["status"], name, figures, *end)

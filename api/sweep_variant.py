@@ -1,0 +1,117 @@
+"""One variant of a sweep, computed by a process that may stand on another machine.
+
+What comes in and goes out is plain data: bytes, texts and numbers.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypedDict
+
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+
+from . import score as scores
+from .errors import DivergedError
+from .render import RenderOptions, prepare
+from .shipped import Shipped, at_home, unpacked
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from .render import Prepared
+
+Figures = dict[str, float | None]
+
+
+class Outcome(TypedDict):
+    """What became of a variant: its figures and sound file, or why there is none.
+
+    `status` is "ok", "refused" or "diverged"; `sound` is empty where it was not asked for.
+    """
+
+    status: str
+    reason: str
+    figures: Figures
+    sound: bytes
+
+
+def compute(content: Shipped, options: dict[str, Any], name: str) -> Outcome:
+    """Render a variant with the RenderOptions `options`; `name` is that of a file, "" for none."""
+    with unpacked(content) as path:
+        try:
+            figures, sound = _computed(str(path), RenderOptions(**options), name)
+        except ErgonError as error:
+            status = "diverged" if isinstance(error, DivergedError) else "refused"
+            reason = at_home(str(error), path, content)
+            return Outcome(status=status, reason=reason, figures={}, sound=b"")
+    return Outcome(status="ok", reason="", figures=figures, sound=sound)
+
+
+def on_worker(version: list[Any], content: Shipped, options: dict[str, Any], name: str) -> Outcome:
+    """Compute a variant on a worker of a cluster. Raises ClusterError where its ergon differs."""
+    from . import cluster_worker
+
+    cluster_worker.check_version(version)
+    with cluster_worker.lock:
+        return compute(content, options, name)
+
+
+def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, bytes]:
+    from ergon.rendering.measures import measures
+    from ergon.rendering.render import render_array
+
+    loaded = scores.read(path, options)
+    prepared = prepare(loaded, name or "-", options, Report())
+    stage = prepared.stage
+    job = replace(prepared.job, format=replace(prepared.job.format, bits="double"), stretches=None)
+    begun, cpu = time.perf_counter(), time.process_time()
+    with scores.computing(stage, loaded, Report()):
+        frames, done = render_array(stage, job, lambda _: None)
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - begun
+    found = measures(frames, stage.rate)
+    rows = stage.plan.rows() if stage.plan is not None else []
+    errors = [row.error_db for row in rows if row.error_db is not None]
+    audible = [row.audible for row in rows if row.audible is not None]
+    cents = [abs(one.cents) for one in audible if one.cents is not None]
+    figures: Figures = {
+        "seconds": len(frames) / stage.rate,
+        "loudness_lufs": done.loudness,
+        "peak_db": _decibels(done.peak),
+        "centroid_hz": found.centroid,
+        "pitch_hz": found.pitch,
+        "partial_hz": found.partial,
+        "t60_s": found.t60,
+        "cpu_s": cpu,
+        "x_real_time": len(frames) / stage.rate / wall,
+        "plan_cost": sum(row.cost for row in rows),
+        "error_db": max(errors, default=None),
+        "error_cents": max(cents, default=None),
+    }
+    return figures, _file(name, prepared, frames) if name else b""
+
+
+def _file(name: str, prepared: Prepared, frames: NDArray[np.float64]) -> bytes:
+    """The bytes of the file that `ergon render` writes."""
+    from ergon import _core
+    from ergon.exchange import sound
+
+    job, file = prepared.job, io.BytesIO()
+    writer = sound.writer(name, file, job.format, len(frames), job.stamp)
+    bits = job.format.bits
+    samples: Any = frames
+    if bits == "float":
+        samples = _core.single(frames, 1.0)
+    elif bits != "double":
+        samples = _core.pcm(frames, 1.0, bits)
+    writer.write(samples)
+    writer.close()
+    return file.getvalue()
+
+
+def _decibels(ratio: float) -> float | None:
+    return 20.0 * math.log10(ratio) if ratio > 0.0 else None

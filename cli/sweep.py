@@ -1,0 +1,102 @@
+"""`ergon sweep`: variants of a score as sounds, and what they are like."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ergon.api.sweep import SweepOptions
+from ergon.api.sweep import sweep as make_sweep
+
+from . import options
+from .console import Console, plural
+from .outcome import Diverged, Findings
+from .tables import table
+
+if TYPE_CHECKING:
+    from ergon.api.sweep_table import SweepRow
+
+_SHOWN = {
+    "loudness_lufs": "LUFS",
+    "centroid_hz": "centroid [Hz]",
+    "pitch_hz": "pitch [Hz]",
+    "t60_s": "T60 [s]",
+    "cpu_s": "work [CPU s]",
+    "error_db": "error [dB]",
+    "error_cents": "error [cents]",
+}
+
+
+@click.command()
+@options.score
+@click.option(
+    "--vary",
+    multiple=True,
+    required=True,
+    metavar="TARGET=VALUES",
+    help="What varies: bell.m.K=1kN/m..9kN/m:32 (`..:32 log` by equal ratios), seed=1..16, "
+    "bell.m.f=A3,C4; repeatable, then all are combined.",
+)
+@click.option("--zip", is_flag=True, help="Take the values in pairs, not all combined.")
+@click.option(
+    "-o",
+    "--output",
+    "out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="The folder of sounds, table and picture. Default: SCORE.sweep.",
+)
+@click.option("--sound/--no-sound", default=True, help="Whether sounds are written.")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 1024),
+    default=1,
+    show_default=True,
+    help="Number of processes; the sounds are the same for any number.",
+)
+@options.on
+@options.bits
+@options.seed
+@click.option(
+    "--rate",
+    type=click.FloatRange(1_000, 768_000),
+    help="Frames a second of all sounds [Hz], instead of the score's.",
+)
+@options.accuracy
+@options.draft
+@options.force
+@options.trust
+@options.speaking
+def sweep(console: Console, score_path: str, **given: Any) -> None:
+    """Render variants of a score, with a table and a picture of what they are like.
+
+    TARGET is what `set` of a session names, or seed. Every variant is checked before any is
+    rendered. What is stopped keeps what is whole; the same command computes only what is missing. A
+    variant that is refused or diverges is a row of the table with its reason.
+    """
+    found = make_sweep(score_path, SweepOptions(**given), report=console)
+    if not console.json:
+        console.data(_lines(found.targets, found.rows))
+    if found.n_known:
+        console.say(f"{plural(found.n_known, 'variant')} of an earlier run kept")
+    console.say(f"wrote {found.table} and {found.picture}")
+    failed = [row for row in found.rows if row.status != "ok"]
+    if failed:
+        told = f"{plural(len(failed), 'variant')} of {len(found.rows):,} failed; the first: "
+        outcome = Diverged if all(row.status == "diverged" for row in failed) else Findings
+        raise outcome(told + failed[0].reason)
+
+
+def _lines(targets: tuple[str, ...], rows: tuple[SweepRow, ...]) -> str:
+    shown = [name for name in _SHOWN if any(row.figures.get(name) is not None for row in rows)]
+    lines = [(*targets, *(_SHOWN[name] for name in shown), "")]
+    for row in rows:
+        figures = [_said(row.figures.get(name)) for name in shown]
+        lines.append((*row.values, *figures, "" if row.status == "ok" else row.status))
+    return table(lines)
+
+
+def _said(x: float | None) -> str:
+    return "-" if x is None else f"{x:.4g}"

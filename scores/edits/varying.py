@@ -1,0 +1,148 @@
+"""Variants of a score: `bell.m.K=1kN/m..9kN/m:32`, `seed=1..16`, their products and pairs."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import TextError, quote
+from ergon.scores.edits import matter, names
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.load import Loaded
+from ergon.scores.reading.piece import Piece
+
+VARIANTS_MAX = 10_000
+SEED = "seed"
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_RANGE = re.compile(
+    rf"(?P<low>{_NUMBER})(?P<unit>(?:[^\d.:][^.:]*)?)\.\.(?P<high>{_NUMBER})(?P<unit2>(?:[^\d.:\s][^.:\s]*)?)"
+    r"(?::(?P<count>\d+))?(?P<log>\s+log)?"
+)
+_EXAMPLE = "such as bell.m.K=1kN/m..9kN/m:32, seed=1..16 or bell.m.f=A3,C4"
+
+
+@dataclass(frozen=True, slots=True)
+class Varied:
+    """What varies, as `set` of a session names it, and the texts of its values."""
+
+    target: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """The values of one variant, in the order of what varies, and the score with them in it."""
+
+    values: tuple[str, ...]
+    texts: Texts
+    loaded: Loaded
+
+
+def parse(text: str) -> Varied:
+    """What `TARGET=VALUES` says: a list, or a range with its number of points. Raises EditError."""
+    target, equals, said = text.partition("=")
+    target, said = target.strip(), said.strip()
+    if not equals or not target or not said:
+        raise EditError(f"{quote(text)} is not TARGET=VALUES, {_EXAMPLE}")
+    if ".." in said:
+        return Varied(target, tuple(_range(target, said)))
+    values = tuple(word.strip() for word in said.split(","))
+    if not all(values):
+        raise EditError(f"{quote(text)} has an empty value; write {target}=1,2,5")
+    if twice := next((value for value in values if values.count(value) > 1), None):
+        raise EditError(f"{quote(text)} has the value {twice} twice")
+    return Varied(target, values)
+
+
+def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ...]]:
+    """The values of every variant: all products, or pairs. Raises EditError."""
+    targets = [one.target for one in varied]
+    if twice := next((name for name in targets if targets.count(name) > 1), None):
+        raise EditError(f"{twice} varies twice; give all its values at once")
+    lengths = [len(one.values) for one in varied]
+    if is_zipped and len(set(lengths)) > 1:
+        told = ", ".join(f"{one.target} has {len(one.values)}" for one in varied)
+        raise EditError(f"pairs need as many values of each: {told}")
+    count = lengths[0] if is_zipped else math.prod(lengths)
+    if count > VARIANTS_MAX:
+        raise EditError(f"these are {count:,} variants; a sweep has at most {VARIANTS_MAX:,}")
+    columns = [one.values for one in varied]
+    return list(zip(*columns, strict=True) if is_zipped else itertools.product(*columns))
+
+
+def variants(
+    texts: Texts, targets: Sequence[str], values: Sequence[tuple[str, ...]]
+) -> Iterator[Variant]:
+    """The score with each of the combined values in it; one with mistakes has no piece.
+
+    Raises EditError where a target is nothing that can be set.
+    """
+    begun = texts.load()
+    for own in values:
+        made, loaded = texts, begun
+        for target, value in zip(targets, own, strict=True):
+            if loaded.piece is None:
+                break
+            made = _with(made, loaded.piece, target, value)
+            loaded = made.load()
+        yield Variant(own, made, loaded)
+
+
+def _with(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
+    if target == SEED:
+        if not re.fullmatch(r"\d+", value):
+            raise EditError(f"seed={value}: a seed is a whole number")
+        return names.seed(texts, int(value))
+    if any(one.name == target for one in piece.automation):
+        raise EditError(f"{target} is led by `automation`: what is set would not be heard")
+    try:
+        return matter.set_value(texts, piece, target, value)
+    except TextError as error:
+        raise EditError(f"{target}={value}: {error}") from None
+
+
+def _range(target: str, said: str) -> Iterator[str]:
+    match = _RANGE.fullmatch(said)
+    if match is None:
+        raise EditError(f"{quote(f'{target}={said}')} is no range, {_EXAMPLE}")
+    unit, other = match["unit"].strip(), match["unit2"].strip()
+    if unit != other:
+        raise EditError(
+            f"{quote(f'{target}={said}')}: write both ends in one unit; "
+            f"these are {unit or 'none'} and {other or 'none'}"
+        )
+    low, high, is_log = float(match["low"]), float(match["high"]), match["log"] is not None
+    if match["count"] is None:
+        yield from (f"{x}{unit}" for x in _steps(target, said, low, high, is_log))
+        return
+    count = int(match["count"])
+    if not 2 <= count <= VARIANTS_MAX:
+        raise EditError(f"{target}: a range has from 2 to {VARIANTS_MAX:,} points, not {count}")
+    if low == high:
+        raise EditError(f"{target}: both ends of the range are {match['low']}{unit}")
+    if is_log and not low * high > 0.0:
+        raise EditError(f"{target}: a `log` range has both ends above 0, or both below")
+    for i in range(count):
+        t = i / (count - 1)
+        between = low * (high / low) ** t if is_log else low + (high - low) * t
+        x = (low, high)[i > 0] if i in (0, count - 1) else between
+        if target == SEED and x != int(x):
+            raise EditError(f"seed={said}: a seed is a whole number; write seed=1..16")
+        yield f"{x:.9g}{unit}"
+
+
+def _steps(target: str, said: str, low: float, high: float, is_log: bool) -> range:
+    if is_log or low != int(low) or high != int(high):
+        raise EditError(
+            f"{quote(f'{target}={said}')}: say how many points the range has, "
+            f"such as {target}={said.removesuffix('log').strip()}:8"
+        )
+    if not low < high or high - low >= VARIANTS_MAX:
+        raise EditError(
+            f"{quote(f'{target}={said}')}: a range rises, by less than {VARIANTS_MAX:,}"
+        )
+    return range(int(low), int(high) + 1)

@@ -1,0 +1,74 @@
+"""`--on`: what is refused before any process begins, and what `ergon plan` says of the shares."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ergon.api.shares import Piece, shares
+from ergon.cli import app
+
+GONGS = """\
+ergon: 1
+accuracy: {method: ca}
+instruments:
+  a: {modules: {p: {PLATE: {shape: hex, radius: 6, M: 50g, f: 300Hz, t60: 4s}}}, out: {SOX: p.3}}
+  b: {modules: {p: {PLATE: {shape: hex, radius: 5, M: 50g, f: 300Hz, t60: 4s}}}, out: {SOX: p.3}}
+  d: {BANK: {count: 2, f: 80Hz..1kHz, t60: 1s, M: 1g}, out: {SOX: d.all}}
+strikes: {s: {to: [a.p.0, b.p.0, d.all], at: 0.1s, impulse: 1mNs}}
+render: {tail: 0.1s}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(own_folder: Path) -> Path:
+    Path("a.yaml").write_text(GONGS)
+    return own_folder
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["render", "--on", "local:0"], "--on: local:0: the number is from 1 to 1024"),
+        (["render", "--on", "here"], "--on: 'here' is neither local:N nor an address"),
+        (["plan", "--on", "tcp://x y:1"], "is neither local:N nor an address"),
+        (["render", "--on", "local:2", "--motion"], "--on: excludes --motion"),
+        (["render", "--on", "local:2", "--trust"], "--on: excludes --trust"),
+        (
+            ["render", "--on", "local:2", "--freeze", "a"],
+            "a journal and --freeze are computed here",
+        ),
+        (["sweep", "--on", "local:2", "--jobs", "2", "--vary", "seed=1,2"], "excludes --jobs"),
+    ],
+)
+def test_mistakes(words: list[str], said: str, capsys: pytest.CaptureFixture[str]):
+    assert app.run([words[0], "a.yaml", *words[1:]]) == 2
+    assert said in capsys.readouterr().err
+    assert [path.name for path in Path().iterdir()] == ["a.yaml"]
+
+
+def test_a_plan_says_what_bounds_the_time(capsys: pytest.CaptureFixture[str]):
+    assert app.run(["plan", "a.yaml", "--on", "local:3"]) == 0
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line.startswith("on 3 workers: ")
+    assert "a cannot be split" in line
+    assert app.run(["plan", "a.yaml", "--on", "local:3", "--json"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    rows = dict.fromkeys("abd", 0.0)
+    for one in lines:
+        if one["event"] == "plan_row":
+            rows[one["parts"][0]] += one["cost"]
+    (told,) = (one for one in lines if one["event"] == "shares")
+    assert sorted(told["workers"]) == pytest.approx(sorted([rows["a"], rows["b"], 0.0]))
+    assert told["home"] == pytest.approx(rows["d"])
+    assert told["dearest"] == ["a"]
+    assert told["bound"] == pytest.approx(sum(rows.values()) / rows["a"])
+
+
+def test_shares_by_hand():
+    own = [Piece(("a",), 4.0), Piece(("b",), 3.0), Piece(("c", "d"), 2.0)]
+    found = shares(own, 10.0, 2)
+    assert sorted(found.loads) == [4.0, 5.0]
+    assert (found.home, found.whole, found.longest, found.bound) == (1.0, 10.0, 5.0, 2.5)
+    assert found.dearest == own[0]
+    assert shares([], 2.0, 4).longest == 2.0

@@ -1,0 +1,279 @@
+"""Islands that other processes compute: the bytes of one machine, in any order."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from sweep import few
+
+from ergon import _core
+from ergon.api import cluster, cluster_worker
+from ergon.api import score as scores
+from ergon.api.cluster_worker import Job
+from ergon.api.render import Prepared, RenderOptions, prepare
+from ergon.common.report import Report
+from ergon.exchange.stretch_store import StretchStore
+from ergon.rendering import remote, resumed
+from ergon.rendering.remote import Answer, ClusterError, RemoteSimulation, Request, grouped
+
+from .test_resumed import SCENES, text
+
+PIECE = """\
+ergon: 1
+accuracy: {accuracy}
+keys: {{k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}}}
+instruments:
+  wire: {{modules: {{s: {{STRING: {{masses: 8, M: 4g, f: D4, t60: 2s}}}},
+    b: {{BUT: {{between: [k1, s.3], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}}}}},
+    out: {{x: {{SOX: s.5}}}}}}
+  gong: {{modules: {{p: {{PLATE: {{shape: hex, radius: 2, M: 50g, f: 900Hz, t60: 1s,
+    hardening: 1e10N/m3}}}}}}, out: {{x: {{SOX: p.1}}, v: {{SOV: p.0}}}}}}
+  bell: {{modules: {{m: {{CEL: {{M: 2g, f: 440Hz, t60: 0.5s}}}},
+    n: {{CEL: {{M: 2g, f: 500Hz, t60: 0.5s}}}}, l: {{LNL: {{between: [m, n], law: "k*d + q*d**3",
+    k: 20N/m, q: 4e6N/m3}}}}}}, out: {{x: {{SOX: m}}}}}}
+  dust: {{modules: {{d: {{BANK: {{f: [300Hz, 400Hz, 555Hz], t60: 0.3s, M: 1g}}}}}},
+    out: {{x: {{SOX: d.0}}}}}}
+gestures: {{knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}}
+players: {{ada: {{key: k1}}}}
+parts: {{ada: [{{at: 1|1, play: knock, every: 1, times: 2}}]}}
+strikes:
+  a: {{to: [gong.p.centre, bell.m, dust.d.0], at: 0.1s, impulse: 1mNs..3mNs, every: 0.2s, times: 5}}
+render: {{tail: 0.3s, bits: float}}
+"""
+
+
+class Workers:
+    """Some copies of what a worker is, in this process; answers come in any order.
+
+    `spoil` changes an answer before it is taken.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        count: int,
+        seed: int = 0,
+        spoil: Callable[[Request, Answer], Answer] = lambda request, answer: answer,
+    ) -> None:
+        self.count, self.job, self.spoil = count, job, spoil
+        self._dice = random.Random(seed)
+        self._waiting: list[tuple[Request, Future[Answer]]] = []
+        self._ready: list[list[cluster_worker._Ready]] = [[] for _ in range(count)]
+        self.n_computed = 0
+
+    def submit(self, request: Request) -> Future[Answer]:
+        future: Future[Answer] = Future()
+        self._waiting.append((request, future))
+        return future
+
+    def wait(self, futures: Sequence[Future[Answer]]) -> None:
+        assert any(future.done() for future in futures) or self._waiting
+        request, future = self._waiting.pop(self._dice.randrange(len(self._waiting)))
+        memory = self._dice.choice(self._ready)
+        cluster_worker._ready[:] = memory
+        answer = cluster_worker.stretch(self.job, request)
+        memory[:] = cluster_worker._ready
+        self.n_computed += 1
+        future.set_result(self.spoil(request, answer))
+
+    def answer(self, future: Future[Answer]) -> Answer:
+        return future.result()
+
+    def heard(self, answer: Answer, n_frames: int) -> None:
+        assert n_frames > 0
+
+
+@pytest.fixture(autouse=True)
+def small(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stretches of 4,096 frames, of islands of any cost."""
+    monkeypatch.setenv("ERGON_CACHE", "plans")
+    monkeypatch.setattr(remote, "STRETCH", 4096)
+    monkeypatch.setattr(resumed, "_NS_PER_SAMPLE", 0.0)
+    monkeypatch.setattr(cluster_worker, "_ready", [])
+
+
+def prepared(score: str, **options: object) -> Prepared:
+    Path("a.yaml").write_text(score)
+    asked = RenderOptions(threads=1, **options)  # type: ignore[arg-type]
+    return prepare(scores.read("a.yaml", asked), "-", asked, Report())
+
+
+def job_of(home: Prepared) -> Job:
+    options = home.options
+    return cluster.job_of(home.loaded, home.stage, options.rate, options.seed)
+
+
+def frames(of: object, n_frames: int, block: int = 1000) -> NDArray[np.float64]:
+    out = np.zeros((n_frames, of.n_out))  # type: ignore[attr-defined]
+    for at in range(0, n_frames, block):
+        of.process(out[at : at + block])  # type: ignore[attr-defined]
+    return out
+
+
+def told(home: Prepared) -> str:
+    """What the gestures' reports say, to the last digit."""
+    names = [name for name in dir(_core.Report) if name[0] != "_"]
+    reports = home.stage.simulation.reports()
+    assert len(reports) == 2
+    return repr([[getattr(one, name) for name in names] for one in reports])
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "count"),
+    few([("{error: -50dB}", 3), ("{method: ca}", 1), ("{method: ca}", 4)], 1),
+)
+def test_the_samples_of_one_machine(accuracy: str, count: int):
+    score = PIECE.format(accuracy=accuracy)
+    one = prepared(score)
+    n_frames = one.stage.n_frames
+    expected = frames(one.stage.simulation, n_frames)
+    assert np.abs(expected).max(axis=0).min() > 0.0
+    for seed in range(2):
+        home = prepared(score)
+        workers = Workers(job_of(home), count, seed)
+        shared = RemoteSimulation(home.stage.simulation, workers, None, n_frames)
+        assert (frames(shared, n_frames, 700 + seed) == expected).all()
+        assert workers.n_computed >= n_frames // 4096
+        assert shared.n_computed == len(home.stage.simulation.storable()) * n_frames
+        # What islands tell of themselves at the end.
+        assert home.stage.simulation.finer() == one.stage.simulation.finer()
+        assert told(home) == told(one)
+
+
+@pytest.mark.parametrize("scene", few(SCENES, ("modes",)))
+def test_every_kind_of_body(scene: str):
+    score = text(scene).replace("{late}", "3.9")
+    one = prepared(score, draft=False)
+    n_frames = min(one.stage.n_frames, 30_000)
+    expected = frames(one.stage.simulation, n_frames)
+    home = prepared(score)
+    shared = RemoteSimulation(home.stage.simulation, Workers(job_of(home), 2), None, n_frames)
+    assert (frames(shared, n_frames) == expected).all()
+
+
+def test_options_of_the_render_go_with_it():
+    score = PIECE.format(accuracy="{error: -50dB}")
+    for options in ({"seed": 7, "rate": 22_050.0}, {"draft": True}, {"method": "ca"}):
+        one, home = prepared(score, **options), prepared(score, **options)
+        shared = RemoteSimulation(
+            home.stage.simulation, Workers(job_of(home), 2), None, one.stage.n_frames
+        )
+        n_frames = one.stage.n_frames
+        assert (frames(shared, n_frames) == frames(one.stage.simulation, n_frames)).all(), options
+
+
+def test_what_arrived_is_computed_once(tmp_path: Path):
+    """A render that ends in the middle goes on from there, and by fewer requests."""
+    score = PIECE.format(accuracy="{error: -50dB}")
+    one = prepared(score)
+    n_frames = one.stage.n_frames
+    expected = frames(one.stage.simulation, n_frames)
+    store = StretchStore(tmp_path / "stretches")
+    first, second = (prepared(score) for _ in range(2))
+    workers = Workers(job_of(first), 2)
+    frames(RemoteSimulation(first.stage.simulation, workers, store, n_frames), n_frames // 2)
+    done = workers.n_computed
+    again = Workers(job_of(second), 2)
+    shared = RemoteSimulation(second.stage.simulation, again, store, n_frames)
+    assert (frames(shared, n_frames) == expected).all()
+    assert shared.recalled > 0.4
+    assert 0 < again.n_computed < done
+
+
+def test_what_diverges_is_told_as_by_one_machine():
+    score = PIECE.format(accuracy="{method: ca}").replace("q: 4e6N/m3", "q: 1e17N/m3")
+    score = score.replace("render:", "  b: {to: [bell.m], at: 0.3s, impulse: 10Ns}\nrender:")
+    said = []
+    for is_shared in (False, True):
+        home = prepared(score)
+        of: object = home.stage.simulation
+        if is_shared:
+            workers = Workers(job_of(home), 2)
+            n_frames = home.stage.n_frames
+            of = RemoteSimulation(home.stage.simulation, workers, None, n_frames)
+        with pytest.raises(Exception, match="diverged") as found:
+            frames(of, home.stage.n_frames)
+        said.append(str(found.value))
+    assert "0.300 s" in said[0]
+    assert said[0] == said[1]
+
+
+def _other_key(job: Job, request: Request) -> None:
+    request["islands"][0]["key"] = "0" * 64
+
+
+def _no_island(job: Job, request: Request) -> None:
+    request["islands"][0]["number"] = 99
+
+
+def _cut_state(job: Job, request: Request) -> None:
+    request["islands"][0]["state"] = request["islands"][0]["state"][:-3]
+
+
+def _other_version(job: Job, request: Request) -> None:
+    job["version"] = ["0.0.7", *job["version"][1:]]
+
+
+def _other_plan(job: Job, request: Request) -> None:
+    job["plan_hash"] = "0" * 64
+
+
+def _a_way_out(job: Job, request: Request) -> None:
+    job["content"]["files"]["../evil.yaml"] = b"ergon: 1"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (_other_key, "it reads the same score otherwise; install the same ergon"),
+        (_no_island, "it has other islands"),
+        (_cut_state, "state"),
+        (_other_version, "and this machine ergon 0.0.7"),
+        (_other_plan, "it makes another plan of the same score"),
+        (_a_way_out, "'../evil.yaml' is no file of a score"),
+    ],
+)
+def test_what_differs_is_refused(change: Callable[[Job, Request], None], said: str):
+    home = prepared(PIECE.format(accuracy="{error: -50dB}"))
+    job = job_of(home)
+    workers = Workers(job, 1)
+    submit = workers.submit
+
+    def changed(request: Request) -> Future[Answer]:
+        change(job, request)
+        return submit(request)
+
+    workers.submit = changed  # type: ignore[method-assign]
+    shared = RemoteSimulation(home.stage.simulation, workers, None, home.stage.n_frames)
+    with pytest.raises(ClusterError, match=f"worker .*: .*{re.escape(said)}"):
+        frames(shared, 5000)
+
+
+def test_sounds_of_another_length_are_refused():
+    home = prepared(PIECE.format(accuracy="{error: -50dB}"))
+
+    def cut(request: Request, answer: Answer) -> Answer:
+        answer["sounds"][0] = answer["sounds"][0][8:]
+        return answer
+
+    workers = Workers(job_of(home), 2, spoil=cut)
+    shared = RemoteSimulation(home.stage.simulation, workers, None, home.stage.n_frames)
+    with pytest.raises(ClusterError, match="sent sounds of another length"):
+        frames(shared, 5000)
+
+
+def test_groups_are_even():
+    costs = [5.0, 3.0, 3.0, 2.0, 2.0, 1.0]
+    groups = grouped(costs, 3)
+    assert sorted(i for group in groups for i in group) == list(range(6))
+    # The least possible: 16 by 3.
+    assert max(sum(costs[i] for i in group) for group in groups) == 6.0
+    assert grouped([1.0], 4) == [[0]]
+    assert grouped([], 4) == []

@@ -1,0 +1,160 @@
+"""A sweep as a picture: a frame for each figure, over the first of what varies."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from .curve import Axis, axis
+from .svg import Frame, axes, document, short, text
+
+_PANELS: Mapping[str, str] = {
+    "loudness_lufs": "loudness [LUFS]",
+    "centroid_hz": "centroid [Hz]",
+    "pitch_hz": "pitch [Hz]",
+    "partial_hz": "strongest partial [Hz]",
+    "t60_s": "T60 [s]",
+    "cpu_s": "work [CPU s]",
+    "error_db": "error [dB]",
+    "error_cents": "error [cents]",
+}
+_WIDTH, _HIGH, _BETWEEN, _TOP = 460, 170, 62, 60
+_LEFT, _RIGHT = 70, 16
+_LIGHT, _DARK = (86, 180, 233), (0, 30, 90)  # of the first and the last curve
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_CURVES_NAMED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A variant: the texts of its values, and its figures by their names, all finite."""
+
+    values: tuple[str, ...]
+    figures: Mapping[str, float]
+
+
+def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
+    """The sweep as a whole SVG document.
+
+    Variants that differ in the first value alone are joined by a line; lines get darker from the
+    first to the last of the other values.
+    """
+    across = _across(points)
+    curves: dict[tuple[str, ...], list[Point]] = {}
+    for point in points:
+        curves.setdefault(point.values[1:], []).append(point)
+    if all(len(own) == 1 for own in curves.values()):  # pairs
+        curves = {(): list(points)}
+    shown = [name for name in _PANELS if any(name in point.figures for point in points)]
+    parts = [text(_LEFT, 20, short(title), weight="bold"), _key(list(curves), targets[1:])]
+    for number, name in enumerate(shown):
+        row, column = divmod(number, 2)
+        left, top = column * _WIDTH, _TOP + row * (_HIGH + _BETWEEN)
+        known = [point.figures[name] for point in points if name in point.figures]
+        frame = Frame(
+            left + _LEFT, top, left + _WIDTH - _RIGHT, top + _HIGH, across.axis, axis(known, 5)
+        )
+        parts += [
+            axes(frame, targets[0] + across.unit, ""),
+            text(left + _LEFT, top - 8, _PANELS[name]),
+        ]
+        for index, own in enumerate(curves.values()):
+            colour = _colour(index, len(curves))
+            at = [
+                (frame.across(across.of(p.values[0])), frame.down(p.figures[name]))
+                for p in own
+                if name in p.figures
+            ]
+            parts.append(_curve(at, colour))
+    rows = (len(shown) + 1) // 2
+    return document(2 * _WIDTH, _TOP + rows * (_HIGH + _BETWEEN), f"sweep of {title}", parts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Across:
+    """Where the values of the first target stand."""
+
+    axis: Axis
+    unit: str
+    places: Mapping[str, float]
+
+    def of(self, value: str) -> float:
+        return self.places[value]
+
+
+def _across(points: Sequence[Point]) -> _Across:
+    """Numbers in their own unit, on a logarithm where they are spaced so; else one by one."""
+    said = list(dict.fromkeys(point.values[0] for point in points))
+    found = [_NUMBER.match(value) for value in said]
+    units = {
+        value[match.end() :].strip() for value, match in zip(said, found, strict=True) if match
+    }
+    if all(found) and len(units) == 1:
+        numbers = [float(match[0]) for match in found if match]
+        (unit,) = units
+        own = f" [{unit}]" if unit else ""
+        if _is_geometric(numbers):
+            places = [math.log10(x) for x in numbers]
+            ticks = tuple(sorted(_few(places)))
+            names = tuple(f"{10.0**tick:.3g}" for tick in ticks)
+            return _Across(_room(places, ticks, names), own, dict(zip(said, places, strict=True)))
+        return _Across(axis(numbers, 6), own, dict(zip(said, numbers, strict=True)))
+    places = [float(i) for i in range(len(said))]
+    ticks = _few(places)
+    names = tuple(said[int(tick)] for tick in ticks)
+    return _Across(_room(places, ticks, names), "", dict(zip(said, places, strict=True)))
+
+
+def _room(places: Sequence[float], ticks: tuple[float, ...], names: tuple[str, ...]) -> Axis:
+    room = 0.04 * (max(places) - min(places)) or 0.5
+    return Axis(min(places) - room, max(places) + room, ticks, 0, names)
+
+
+def _few(places: Sequence[float], most: int = 6) -> tuple[float, ...]:
+    step = math.ceil(len(places) / most)
+    return tuple(places[::step])
+
+
+def _is_geometric(numbers: Sequence[float]) -> bool:
+    if len(numbers) < 3 or min(numbers) <= 0.0:
+        return False
+    ratios = [b / a for a, b in itertools.pairwise(numbers)]
+    differences = [b - a for a, b in itertools.pairwise(numbers)]
+    is_even = max(differences) - min(differences) <= 1e-6 * max(map(abs, differences))
+    return not is_even and max(ratios) <= (1.0 + 1e-6) * min(ratios)
+
+
+def _colour(index: int, count: int) -> str:
+    part = index / max(1, count - 1)
+    mixed = (round(a + part * (b - a)) for a, b in zip(_LIGHT, _DARK, strict=True))
+    return "#" + "".join(f"{one:02x}" for one in mixed)
+
+
+def _curve(at: Sequence[tuple[float, float]], colour: str) -> str:
+    if not at:
+        return ""
+    line = "L".join(f"{x:.1f} {y:.1f}" for x, y in at)
+    dots = "".join(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='2.2'/>" for x, y in at)
+    path = f"<path d='M{line}' fill='none' stroke='{colour}' stroke-width='1.2'/>"
+    return f"{path}\n<g fill='{colour}'>{dots}</g>"
+
+
+def _key(others: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
+    """Which line is which, where there are a few; of many the first and the last."""
+    if len(others) < 2:
+        return ""
+    named = others if len(others) <= _CURVES_NAMED else (others[0], others[-1])
+    words = [", ".join(map("=".join, zip(targets, own, strict=True))) for own in named]
+    parts, at = [], float(_LEFT)
+    for own, said in zip(named, words, strict=True):
+        colour = _colour(others.index(own), len(others))
+        parts.append(
+            f"<line x1='{at:g}' y1='32' x2='{at + 20:g}' y2='32' stroke='{colour}' "
+            "stroke-width='3'/>"
+        )
+        parts.append(text(at + 25, 36, said))
+        at += 45 + 7 * len(said)
+    return "\n".join(parts)
