@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 TO = 5000.0  # [Hz]
 _STATIC = 1e-5  # of the lowest mode: masses answer there as springs do, to the square of this
+_NOTHING = 1e-12  # of the energy of a blow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,8 +238,13 @@ def _point(
     mats = [own.mats[slot] for slot in slots]
     compliance = np.inf
     lowest = network.part_modes(name, count=1)
-    if not is_free(lowest.shapes, own).any():
-        f = _STATIC * float(abs(lowest.poles[0])) / (2 * np.pi)
+    # A mass that only a damper holds goes where it is pushed, and nothing else does: its pole is 0.
+    stands = modes.frequencies > 0
+    swinging = 2 * np.pi * min(modes.frequencies[stands], default=0.0)
+    slowest = float(abs(lowest.poles[0]) or swinging)
+    is_pushed_away = bool((shares[~stands] > _NOTHING).any()) or slowest == 0
+    if not is_pushed_away and not is_free(lowest.shapes, own).any():
+        f = _STATIC * slowest / (2 * np.pi)
         answer = network.admittance([name], mats, [mats], [f])[0, 0]
         compliance = float((answer / (2j * np.pi * f)).real)
     return PointStats(label, float(masses.sum()), compliance, shares, centroid)

@@ -110,3 +110,17 @@ def test_a_list_of_modes_tells_whose_mass_is_meant(own_folder: Path):
     shapes = part.modes.points["out"][:2].real
     assert np.abs(shapes) == pytest.approx(np.array([1, 0.5]) / np.sqrt(0.15), rel=1e-3)
     assert stats("bar").mode_masses == {}
+
+
+def test_a_mass_that_only_a_damper_holds_goes_where_it_is_pushed(own_folder: Path):
+    """What a spring holds beside it gives way as without it."""
+    Path("loose.yaml").write_text(
+        "ergon: 1\ninstruments:\n  one:\n    modules:\n"
+        "      m: {CEL: {M: 5g, f: 200Hz, t60: 1s}}\n      loose: {MAS: {M: 60g}}\n"
+        "      d: {FRO: {between: [m, loose], Z: 0.04Ns/m}}\n    out: {SOX: [m, loose]}\n"
+        "strikes: {a: {to: one.m, at: 0.02s, impulse: 2mNs}}\nrender: {tail: 1s}\n"
+    )
+    (part,) = ergon.stats("loose.yaml")
+    given = {point.name: point.compliance for point in part.points}
+    assert given["one.m"] == pytest.approx(1 / (5e-3 * (2 * np.pi * 200) ** 2), rel=1e-3)
+    assert sorted(np.isinf(x) for x in given.values()) == [False] * (len(given) - 1) + [True]
