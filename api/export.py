@@ -1,4 +1,4 @@
-"""Parts of a score for other programs: tables of modes."""
+"""Parts of a score for other programs: tables of modes, programs of Faust."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ergon.instruments.model import Target
+    from ergon.models.network import Part
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
@@ -76,6 +78,71 @@ def mode_tables(
     return tuple(
         _table(one, points, ca_rates.get(one.part)) for one, points in tables if one.masses
     )
+
+
+def faust_programs(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """Parts of a score as programs of Faust; without `parts` one program, of all parts together.
+
+    A program steps masses, springs, dampers and contacts sample by sample as the engine does, at
+    the rate of the score. Its inputs are forces [N] on what is struck and what an ENF pushes, and
+    the positions [m] of an ENX; its outputs are those of the parts. Links to other parts are left
+    out. Raises ScoreError, OptionError, and ModelError with the places of what is not written.
+    """
+    from ergon.models.faust_program import program
+    from ergon.models.network import stepped
+
+    options = options or ExportOptions()
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    title = Path(score).stem if str(score) != scores.STDIN else "score"
+    names = named(piece, options.parts)
+    wholes = [(name, (name,)) for name in names] if options.parts else [(title, names)]
+    made = []
+    for name, own in wholes:
+        parts, struck = _parts(piece, own), _struck(piece, own)
+        network = stepped(parts, struck, piece.rate)
+        warnings = tuple(f"{one} is left out" for one in network.left_out)
+        made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
+    return tuple(made)
+
+
+def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
+    from ergon.models.errors import ModelError
+    from ergon.models.network import Part
+
+    for name in names:
+        if name in piece.keys and piece.keys[name].reach != 1.0:
+            error = ModelError(f"{name}: a key behind a lever", piece.keys[name].place.line)
+            error.file = piece.keys[name].place.file
+            raise error
+    if piece.duet and len(names) == len(piece.keys) + len(piece.instruments):
+        error = ModelError("a link of a duet comes and goes; name PARTs", piece.duet[0].place.line)
+        error.file = piece.duet[0].place.file
+        raise error
+    found = []
+    for name in names:
+        if name in piece.keys:
+            found.append(Part(name, piece.keys[name].modules))
+        else:
+            one = piece.instruments[name]
+            found.append(Part(name, one.modules, one.outputs, one.ca_rate))
+    return found
+
+
+def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
+    """What is struck, the struck points of keys, and what links of other parts end on."""
+    from ergon.instruments.model import Target
+
+    keys = ((name, piece.keys[name]) for name in names if name in piece.keys)
+    found = [Target(name, key.struck, 0, 1, name, key.place) for name, key in keys]
+    found += [target for strike in piece.strikes for target in strike.to]
+    for owner, module in piece.modules():
+        ends = module.fields.get("between", ())
+        if any(end.part not in names for end in (*ends,)) or owner not in names:
+            found += ends
+    return [target for target in found if target.part in names]
 
 
 def _touched(

@@ -11,7 +11,7 @@ import click
 
 from ergon.api import score
 from ergon.api.errors import OptionError
-from ergon.api.export import ExportedPart, ExportOptions, mode_tables
+from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mode_tables
 from ergon.api.options import ReadOptions
 
 from . import options
@@ -25,9 +25,16 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 # What makes the files of parts, how their names end, and what may be asked of each.
-FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {"modal": mode_tables}
-_ENDINGS = {"modal": ".csv"}
-_OPTIONS = {"daw": ("--no-stems", "--bits"), "modal": ("PART", "--upto")}
+FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
+    "modal": mode_tables,
+    "faust": faust_programs,
+}
+_ENDINGS = {"modal": ".csv", "faust": ".dsp"}
+_OPTIONS = {
+    "daw": ("--no-stems", "--bits"),
+    "modal": ("PART", "--upto"),
+    "faust": ("PART",),
+}
 _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
 
@@ -39,7 +46,7 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
     type=click.Choice(["daw", *FORMATS]),
     default="daw",
     show_default=True,
-    help="What the files are for: a workstation, or tables of modes (CSV).",
+    help="What the files are for: a workstation, tables of modes (CSV), programs of Faust.",
 )
 @click.option(
     "-o",
@@ -78,6 +85,9 @@ def export(
 
     modal: PART.csv of each instrument and key: its modes, and how much of a stroke is heard of
     each.
+
+    faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers and contacts,
+    stepped sample by sample.
     """
     given = {"PART": parts or None, "--no-stems": stems, "--bits": bits, "--upto": upto}
     for name, value in given.items():
