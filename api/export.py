@@ -124,7 +124,8 @@ def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
     found = []
     for name in names:
         if name in piece.keys:
-            found.append(Part(name, piece.keys[name].modules))
+            key = piece.keys[name]
+            found.append(Part(name, key.modules, struck=key.struck))
         else:
             one = piece.instruments[name]
             found.append(Part(name, one.modules, one.outputs, one.ca_rate))
@@ -132,15 +133,11 @@ def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
 
 
 def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
-    """What is struck, the struck points of keys, and what links of other parts end on."""
-    from ergon.instruments.model import Target
-
-    keys = ((name, piece.keys[name]) for name in names if name in piece.keys)
-    found = [Target(name, key.struck, 0, 1, name, key.place) for name, key in keys]
-    found += [target for strike in piece.strikes for target in strike.to]
+    """What is struck in these parts, and what links between them and others end on."""
+    found = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
         ends = module.fields.get("between", ())
-        if any(end.part not in names for end in (*ends,)) or owner not in names:
+        if any(end.part not in names for end in ends) or owner not in names:
             found += ends
     return [target for target in found if target.part in names]
 
