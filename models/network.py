@@ -134,6 +134,9 @@ class _Builder:
                 parts[0].modules[0].place,
                 f"there are {len(self.to.points):,} masses, and at most {MOST:,} are written",
             )
+        if not any(part.outputs for part in parts):
+            names = ", ".join(part.name for part in parts)
+            self._refuse(parts[0].modules[0].place, f"nothing of {names} is heard: it has no out")
         if self.refused:
             raise _error(self.refused)
         self._start()
