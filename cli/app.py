@@ -93,7 +93,7 @@ COMMANDS: Table = {
     ),
     "metrology": ("metrology", "metrology", "Measure what a real key is made of."),
     "import": ("import_", "import_command", "Make a score of a model of another program."),
-    "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
+    "export": ("export", "export", "Write a piece, or its parts, for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "motion": ("motion", "motion", "Exchange files of what moved."),
     "fold": (

@@ -1,7 +1,8 @@
-"""`ergon export`: tempo map, marks and stems for a workstation."""
+"""`ergon export`: a piece for a workstation, or its parts for other programs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from ergon.api import score
+from ergon.api.errors import OptionError
+from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mode_tables
 from ergon.api.options import ReadOptions
 
 from . import options
@@ -21,11 +24,30 @@ if TYPE_CHECKING:
     from ergon.exchange.wave_header import Bits
     from ergon.scores.reading.piece import Piece
 
+# What makes the files of parts, how their names end, and what may be asked of each.
+FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
+    "modal": mode_tables,
+    "faust": faust_programs,
+}
+_ENDINGS = {"modal": ".csv", "faust": ".dsp"}
+_OPTIONS = {
+    "daw": ("--no-stems", "--bits"),
+    "modal": ("PART", "--upto"),
+    "faust": ("PART",),
+}
 _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
 
 @click.command()
 @options.score
+@click.argument("parts", metavar="[PART]...", nargs=-1)
+@click.option(
+    "--to",
+    type=click.Choice(["daw", *FORMATS]),
+    default="daw",
+    show_default=True,
+    help="What the files are for: a workstation, tables of modes (CSV), programs of Faust.",
+)
 @click.option(
     "-o",
     "--output",
@@ -36,14 +58,73 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
 )
 @click.option(
     "--stems/--no-stems",
-    default=True,
-    help="Whether to render the mix, and one file for each player.",
+    default=None,
+    help="Of daw: whether to render the mix, and one file for each player.",
 )
 @options.bits
+@click.option("--upto", metavar="FREQUENCY", help="Of modal: the highest mode (20kHz).")
 @options.force
 @options.trust
 @options.speaking
 def export(
+    console: Console,
+    score_path: str,
+    parts: tuple[str, ...],
+    to: str,
+    output: Path,
+    stems: bool | None,
+    bits: Bits | None,
+    upto: str | None,
+    force: bool,
+    trust: bool,
+) -> None:
+    """Write a piece, or its parts, for other programs.
+
+    daw: tempo.mid holds tempo, meters and markers; marks.csv the marks in bars and seconds; mix.wav
+    and stems/ the sound. All begin at the beginning of the piece: drag them to zero.
+
+    modal: PART.csv of each instrument and key: its modes, and how much of a stroke is heard of
+    each.
+
+    faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers and contacts,
+    stepped sample by sample.
+    """
+    given = {"PART": parts or None, "--no-stems": stems, "--bits": bits, "--upto": upto}
+    for name, value in given.items():
+        if value is not None and name not in _OPTIONS[to]:
+            raise Refused(f"{name} means nothing with --to {to}")
+    if to == "daw":
+        _for_workstation(console, score_path, output, stems is not False, bits, force, trust)
+        return
+    asked = ExportOptions(parts=parts, upto=upto, trust=trust)
+    try:
+        made = FORMATS[to](score_path, asked, report=console)
+    except OptionError as error:
+        if error.option != "parts":
+            raise
+        raise Refused(f"PART: {error.reason}") from None
+    _write(console, made, output, _ENDINGS[to], force)
+
+
+def _write(
+    console: Console, made: Sequence[ExportedPart], output: Path, ending: str, force: bool
+) -> None:
+    """A file for each part; none where one may not be written."""
+    from ergon.exchange.safe import check_target, write_text
+
+    if not made:
+        raise Refused("nothing in this score moves")
+    files = {output / f"{one.part}{ending}": one for one in made}
+    for path, one in files.items():
+        check_target(path, force=force, inputs=one.inputs)
+    for path, one in files.items():
+        for warning in one.warnings:
+            console.warn(f"{one.part}: {warning}")
+        write_text(path, one.text, force=force, inputs=one.inputs)
+        _say(console, path)
+
+
+def _for_workstation(
     console: Console,
     score_path: str,
     output: Path,
@@ -52,11 +133,6 @@ def export(
     force: bool,
     trust: bool,
 ) -> None:
-    """Write tempo map, marks and stems for other programs.
-
-    tempo.mid holds tempo, meters and markers; marks.csv the marks in bars and seconds; mix.wav and
-    stems/ the sound. All begin at the beginning of the piece: drag them to zero.
-    """
     from ergon.exchange.markers import markers_csv
     from ergon.exchange.safe import check_target, writing
 

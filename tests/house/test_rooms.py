@@ -30,7 +30,7 @@ MAY = {
     "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
     "metrology": {"view", "_core"},
     "bells": {"notation", "exchange", "_core"},
-    "models": {"notation"},
+    "models": {"notation", "instruments", "_core"},
     "movies": set(),
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {

@@ -1,0 +1,214 @@
+"""Parts of a score for other programs: tables of modes, programs of Faust."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .modes import modes_of
+from .options import ReadOptions
+from .parts import hertz, named
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.instruments.model import Target
+    from ergon.models.network import Part
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.built_network import BuiltNetwork
+
+    from .modes import PartModes
+
+_HITS = ("BUT", "LNL", "BRISTLE", "DRY")
+HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions(ReadOptions):
+    """Which parts are exported.
+
+    `parts` are names of instruments and keys; without one all are meant. Of a table of modes `upto`
+    is the highest frequency, a number [Hz] or a text such as "5kHz" (20 kHz where nothing is
+    given).
+    """
+
+    parts: Sequence[str] = ()
+    upto: float | str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedPart:
+    """A file for another program: its text, and what it leaves out, in sentences."""
+
+    part: str
+    text: str
+    warnings: tuple[str, ...]
+    inputs: tuple[Path, ...]
+
+
+def mode_tables(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """The modes of parts of a score, a CSV table for each part that has modes.
+
+    An impulse J [N·s] at a point moves another by the sum of J·A·exp(-d·t)·sin(2π·f·t + p) [m] over
+    the modes; the columns hold f [Hz], d [1/s] with its T60 [s], and A [m/(N·s)] and p [rad] from
+    each point that is struck or touched to each that is heard. Raises ScoreError and OptionError.
+    """
+    from ergon.scores.staging.stage import prepare
+
+    options = options or ExportOptions()
+    upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    names = named(piece, options.parts)
+    ca_rates = {name: one.ca_rate for name, one in piece.instruments.items()}
+    with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
+        built = prepare(piece).built
+        all_modes = [modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in names]
+        tables = [(one, {**one.points, **_touched(piece, built, one)}) for one in all_modes]
+    return tuple(
+        _table(one, points, ca_rates.get(one.part)) for one, points in tables if one.masses
+    )
+
+
+def faust_programs(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """Parts of a score as programs of Faust; without `parts` one program, of all parts together.
+
+    A program steps masses, springs, dampers and contacts sample by sample as the engine does, at
+    the rate of the score. Its inputs are forces [N] on what is struck and what an ENF pushes, and
+    the positions [m] of an ENX; its outputs are those of the parts. Links to other parts are left
+    out. Raises ScoreError, OptionError, and ModelError with the places of what is not written.
+    """
+    from ergon.models.faust_program import program
+    from ergon.models.network import stepped
+
+    options = options or ExportOptions()
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    title = Path(score).stem if str(score) != scores.STDIN else "score"
+    names = named(piece, options.parts)
+    wholes = [(name, (name,)) for name in names] if options.parts else [(title, names)]
+    made = []
+    for name, own in wholes:
+        parts, struck = _parts(piece, own), _struck(piece, own)
+        network = stepped(parts, struck, piece.rate)
+        warnings = tuple(f"{one} is left out" for one in network.left_out)
+        made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
+    return tuple(made)
+
+
+def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
+    from ergon.models.errors import ModelError
+    from ergon.models.network import Part
+
+    for name in names:
+        if name in piece.keys and piece.keys[name].reach != 1.0:
+            error = ModelError(f"{name}: a key behind a lever", piece.keys[name].place.line)
+            error.file = piece.keys[name].place.file
+            raise error
+    if piece.duet and len(names) == len(piece.keys) + len(piece.instruments):
+        error = ModelError("a link of a duet comes and goes; name PARTs", piece.duet[0].place.line)
+        error.file = piece.duet[0].place.file
+        raise error
+    found = []
+    for name in names:
+        if name in piece.keys:
+            key = piece.keys[name]
+            found.append(Part(name, key.modules, struck=key.struck))
+        else:
+            one = piece.instruments[name]
+            found.append(Part(name, one.modules, one.outputs, one.ca_rate))
+    return found
+
+
+def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
+    """What is struck in these parts, and what links between them and others end on."""
+    found = [target for strike in piece.strikes for target in strike.to]
+    for owner, module in piece.modules():
+        ends = module.fields.get("between", ())
+        if any(end.part not in names for end in ends) or owner not in names:
+            found += ends
+    return [target for target in found if target.part in names]
+
+
+def _touched(
+    piece: Piece, built: BuiltNetwork, found: PartModes
+) -> Mapping[str, NDArray[np.complex128]]:
+    """How much each mode moves at the ends of the part's own contacts and laws: its hammers."""
+    name_of, slots = built.network.name_of, {name: at for at, name in enumerate(found.masses)}
+    points = {}
+    for owner, module in piece.modules():
+        if owner != found.part or module.kind not in _HITS:
+            continue
+        for end in module.fields["between"]:
+            names = [name_of(mat) for mat in built.assembly.members(end)]
+            own = [slots[name] for name in names if name in slots]
+            if own:
+                label = names[0] if len(names) == 1 else end.text
+                points[label] = found.shapes[:, own].sum(axis=1)
+    return points
+
+
+def _table(
+    found: PartModes, at: Mapping[str, NDArray[np.complex128]], ca_rate: float | None
+) -> ExportedPart:
+    import numpy as np
+
+    swings = found.poles.imag > 0.0
+    warnings = []
+    if left_out := int(np.count_nonzero(~swings)):
+        noun = "mode that does" if left_out == 1 else "modes that do"
+        warnings.append(f"{left_out} {noun} not oscillate left out")
+    if found.n_laws:
+        warnings.append("laws of its links were taken at their slope at rest")
+    if found.n_contacts:
+        warnings.append("its contacts counted as open")
+    if not found.is_certified:
+        warnings.append("modes may be missing, for the search ended before all were known")
+    poles = found.poles[swings]
+    columns: dict[str, NDArray[np.float64]] = {
+        "frequency [Hz]": found.frequencies[swings],
+        "T60 [s]": found.t60[swings],
+        "decay [1/s]": 0.0 - poles.real,
+    }
+    swing = _swing(poles, ca_rate)
+    points = {label: moves[swings] for label, moves in at.items()}
+    for struck, heard in _ways(points):
+        gain = points[struck] * points[heard] / swing
+        columns[f"amplitude {struck} to {heard} [m/Ns]"] = np.abs(gain)
+        columns[f"phase {struck} to {heard} [rad]"] = np.angle(gain)
+    text = io.StringIO()
+    text.write(f"# modes of {found.part}, made by ergon\n")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("mode", *columns))
+    values = zip(*(column.tolist() for column in columns.values()), strict=True)
+    rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
+    return ExportedPart(found.part, text.getvalue(), tuple(warnings), found.inputs)
+
+
+def _swing(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
+    """By what the product of two shapes is divided, for the answer to one newton-second [1/s]."""
+    import numpy as np
+
+    if ca_rate is None:
+        return np.asarray(poles.imag)
+    # The shapes of a discrete network are those of its poles z - 1.
+    return np.asarray((np.exp(poles / ca_rate)).imag) / ca_rate
+
+
+def _ways(points: Mapping[str, object]) -> list[tuple[str, str]]:
+    """From each point that is struck or touched to each that is heard, or what there is of both."""
+    heard = [label for label in points if label.split(" ")[0] == "out"]
+    struck = [label for label in points if label not in heard]
+    return [(a, b) for a in struck or heard for b in heard or struck]

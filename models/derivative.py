@@ -1,0 +1,36 @@
+"""Speed and acceleration of what is sampled, by the polynomial through the newest samples."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import prod
+
+_SIDE = 8  # samples on each side
+
+
+def weights(order: int) -> list[float]:
+    """Of pairs of samples about their middle, the innermost first [1/frame^order] (8,).
+
+    For order 1 of differences of samples 1/2, 3/2, … frames from it; for order 2 of sums of samples
+    1, 2, … frames from it, less twice the middle one.
+    """
+    first = Fraction(1, 2) if order == 1 else Fraction(1)
+    at = [first + k for k in range(_SIDE)]
+    squares = [t * t for t in at]
+    found = []
+    for t, own in zip(at, squares, strict=True):
+        shares = prod((one / (one - own) for one in squares if one != own), start=Fraction(1))
+        found.append(float(shares / (2 * t if order == 1 else own)))
+    return found
+
+
+def differentiated(name: str, order: int, rate: float) -> str:
+    """A signal of Faust that stands still before it begins, differentiated by time."""
+    if order == 0:
+        return name
+    terms = []
+    for k, weight in enumerate(weights(order)):
+        before, after = f"{name}@{_SIDE + k + order - 1}", f"{name}@{_SIDE - 1 - k}"
+        pair = f"{after} - {before}" if order == 1 else f"{after} + {before} - 2.0*{name}@{_SIDE}"
+        terms.append(f"({weight * rate**order!r})*({pair})")
+    return " + ".join(terms)

@@ -1,0 +1,70 @@
+"""A CEL by itself at a rate: its ratios, and the step that leads into its first frame.
+
+M·x'' + Z·x' + K·x = 0 has a closed solution; ratios κ and ζ give its samples.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal, localcontext
+from math import inf, pi, sqrt
+
+from ergon import _core
+from ergon.common.decay import LN_1000
+
+
+def _loss(s: float) -> float:
+    """1 - exp(-s), to its last digit also where s is small."""
+    with localcontext() as context:
+        context.prec = 40
+        return float(1 - (-Decimal(s)).exp())
+
+
+def _poles(m: float, K: float, Z: float, f: float | None, t60: float | None) -> tuple[float, float]:
+    """(σ [1/s], ω² [1/s²]); ω² is below 0 beyond critical damping."""
+    if f is not None:
+        return LN_1000 / (t60 or inf), (2.0 * pi * f) ** 2
+    sigma = 0.5 * Z / m
+    return sigma, K / m - sigma * sigma
+
+
+def ratios(
+    m: float, K: float, Z: float, f: float | None, t60: float | None, rate: float
+) -> tuple[float, float]:
+    """κ and ζ that give the exact samples at `rate` [Hz]."""
+    sigma, squared = _poles(m, K, Z, f, t60)
+    s = sigma / rate
+    if squared >= 0.0:
+        half = _core.sin(0.5 * sqrt(squared) / rate)
+        loss = _loss(s)
+        return loss * loss + 4.0 * (1.0 - loss) * half * half, _loss(2.0 * s)
+    fast = sigma + sqrt(-squared)
+    slow = K / m / fast
+    return _loss(slow / rate) * _loss(fast / rate), _loss(2.0 * s)
+
+
+def last_step(
+    m: float,
+    K: float,
+    Z: float,
+    f: float | None,
+    t60: float | None,
+    rate: float,
+    u: float,
+    v: float,
+) -> float:
+    """x(0) - x(-1/rate) [m] of the free motion that is `u` [m] from its rest at 0, at `v` [m/s]."""
+    if u == 0.0 and v == 0.0:
+        return 0.0
+    sigma, squared = _poles(m, K, Z, f, t60)
+    T = 1.0 / rate
+    grown = _core.exp(sigma * T)
+    root = sqrt(abs(squared))
+    if squared > 0.0:
+        c, s = _core.cos(root * T), _core.sin(root * T) / root
+        return u - grown * (u * c - (v + sigma * u) * s)
+    if squared == 0.0:
+        return u - grown * (u - (v + sigma * u) * T)
+    fast = sigma + root
+    slow = K / m / fast
+    a = (v + fast * u) / (fast - slow)
+    return u - a * _core.exp(slow * T) - (u - a) * _core.exp(fast * T)

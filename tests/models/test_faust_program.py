@@ -1,0 +1,154 @@
+"""Scores as programs of Faust: what a program computes is what the engine steps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from faust_built import heard, needs_faust
+from oracle import mims
+from planned_sound import off_db, played
+
+from ergon.api.export import faust_programs
+from ergon.api.model import ModelOptions, import_model
+from ergon.cli import app
+
+pytestmark = pytest.mark.usefixtures("own_folder")
+RATE = 44_100
+SCORE = """\
+ergon: 1
+title: Networks
+instruments:
+  wire: {modules: {s: {STRING: {masses: 12, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.centre}}
+  sheet:
+    modules: {p: {PLATE: {radius: 2, M: 50g, f: 300Hz, t60: 1s, rim: fixed}}}
+    out: {SOX: p.centre}
+  sky: {modules: {b: {BANK: {count: 9, M: 2g, f: 200Hz..900Hz, t60: 1s}}}, out: {SOX: b.all}}
+  mesh:
+    units: ca
+    at: 44100Hz
+    modules:
+      m: {CEL: {M: 1, K: 0.01, Z: 0.001, X0: 1mm, V0: 1m/s}}
+      n: {MAS: {M: 2, X0: 2mm}}
+      g: {SOL: {X0: 1mm}}
+      l: {REF: {between: [m, n], K: 0.1, Z: 0.01, rest: 0.3mm}}
+      k: {RES: {between: [n, g], K: 0.2}}
+      z: {FRO: {between: [g, m], Z: 0.02}}
+    out: {SOX: m}
+  bell:
+    modules:
+      hammer: {CEL: {M: 20g, f: 1Hz, t60: 0.6s, X0: -2mm, V0: 1m/s}}
+      p: {CEL: {M: 1kg, f: 880Hz, t60: 3s, X0: 0.1mm, rest: 0.2mm}}
+      slow: {CEL: {M: 1kg, K: 1N/m, Z: 9Ns/m, X0: 1mm}}
+      hit: {BUT: {between: [hammer, p], K: 1e5N/m, gap: 1mm, exponent: 1.5, Z: 2Ns/m}}
+      up: {BUT: {between: [slow, p], K: 1e4N/m, gap: 0.3mm, side: above, clamp: true}}
+      tie: {REF: {between: [slow, p], K: 3e3N/m, Z: 0.1Ns/m, rest: 1mm}}
+    out: {a: {SOX: p}, b: {SOF: [hit, tie]}, v: {SOV: [slow, p]}, w: {SOA: p}}
+strikes:
+  a: {to: [wire.s.3], at: 0s, impulse: 1mNs}
+  b: {to: [sheet.p.7], at: 0s, impulse: 1mNs}
+  c: {to: [mesh.n], at: 0s, impulse: 1mNs}
+render: {tail: 1s}
+"""
+HAND = """
+@in1 posInput 0
+@in2 frcInput @m
+@m mass 1 0.01 0
+@g ground 0
+@s springDamper @g @m 0.01 0.001
+@c springDamper @in1 @m 0.02 0.003
+@out1 posOutput @m
+@out2 posOutput @in1
+"""
+
+
+@needs_faust
+def test_a_program_steps_what_the_engine_steps() -> None:
+    Path("s.yaml").write_text(SCORE)
+    exact = played(SCORE, method="ca")
+    (made,) = faust_programs("s.yaml")
+    assert "// input 1: force on wire.s.3 [N]" in made.text
+    assert "// output 7: bell.v [m/s]" in made.text
+    Path("s.dsp").write_text(made.text)
+    fed = np.zeros((len(exact), 3))
+    fed[0] = 1e-3 * RATE  # an impulse of 1 mNs within a sample
+    sound = heard(Path("s.dsp"), fed, RATE)
+    assert sound.shape == exact.shape == (RATE, 8)
+    sounding = np.abs(exact).max(axis=0) > 0
+    assert np.count_nonzero(sounding) == 7  # nothing strikes the bank
+    assert off_db(sound[:, sounding], exact[:, sounding]) < -220
+    assert not sound[:, ~sounding].any()
+
+
+@needs_faust
+def test_inputs_are_those_of_a_model_that_was_imported() -> None:
+    t = np.arange(4410) / RATE
+    path, push = 0.01 * np.sin(2 * np.pi * 90.0 * t) ** 2, 1e-4 * np.sin(2 * np.pi * 300.0 * t)
+    fed = np.float64(np.float32([path, push]))  # as files hold them
+    for name, samples in zip(("path.wav", "push.wav"), fed, strict=True):
+        soundfile.write(name, samples, RATE, subtype="FLOAT")
+    path, push = fed
+    exact = mims.played(HAND, "v2", len(t) / RATE, inputs={"in1": path, "in2": push})
+    Path("m.mdl").write_text(HAND)
+    asked = ModelOptions(dialect="v2", inputs={"in1": "path.wav", "in2": "push.wav"})
+    Path("m.yaml").write_text(import_model("m.mdl", asked).text)
+    (made,) = faust_programs("m.yaml")
+    assert "// input 1: position of model.in1 [m]\n// input 2: force on model.m [N]\n" in made.text
+    Path("m.dsp").write_text(made.text)
+    sound = heard(Path("m.dsp"), fed.T, RATE)
+    assert off_db(sound, exact) < -220
+
+
+def test_a_part_leaves_out_its_links_to_others(capsys: pytest.CaptureFixture[str]) -> None:
+    text = SCORE.replace(
+        "      hit: {BUT: {between: [hammer,", "      hit: {BUT: {between: [mesh.m,"
+    )
+    Path("s.yaml").write_text(text.replace("hit, tie", "tie"))
+    assert app.run(["export", "s.yaml", "bell", "wire", "--to", "faust", "-o", "d"]) == 0
+    err = capsys.readouterr().err
+    assert "bell: bell.hit, which joins mesh.m is left out" in err
+    program = Path("d/bell.dsp").read_text()
+    assert "// input 1: force on bell.p [N]" in program
+    assert "mesh_m" not in program
+    assert {path.name for path in Path("d").iterdir()} == {"bell.dsp", "wire.dsp"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "says"),
+    [
+        ("t60: 2s}}", "t60: 2s, hardening: 1e6N/m3}}", 4, "a STRING that hardens"),
+        ("t60: 2s}}", "t60: 2s, X0: 1mm}}", 4, "a STRING that starts elsewhere"),
+        ("count: 9", "count: 2000", 8, "2,000 masses, and at most 200"),
+        (
+            "{RES: {between: [n, g], K: 0.2}}",
+            "{LNL: {between: [n, g], law: d**3}}",
+            17,
+            "mesh.k: LNL",
+        ),
+        ("\n    out: {SOX: m}", "", 13, "nothing of mesh is heard"),
+        ("gap: 1mm, ", "gap: 1mm, contact: exact, ", 25, "a contact that is exact"),
+    ],
+)
+def test_what_is_not_written(
+    old: str, new: str, line: int, says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = SCORE.replace(old, new)
+    if "exact" in new:
+        text = text.replace("exponent: 1.5, Z: 2Ns/m", "exponent: 1.5")
+    Path("s.yaml").write_text(text)
+    only = ["mesh"] if "heard" in says else []
+    assert app.run(["export", "s.yaml", *only, "--to", "faust", "-o", "d"]) == 2
+    err = capsys.readouterr().err
+    assert f"s.yaml:{line}: " in err
+    assert says in err
+    assert not Path("d").exists()
+
+
+def test_all_that_is_not_written_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("s.yaml").write_text(
+        SCORE.replace("t60: 2s", "t60: 2s, X0: 1mm").replace("count: 9", "count: 2000")
+    )
+    assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
+    err = capsys.readouterr().err
+    assert "s.yaml:4: wire.s" in err
+    assert "s.yaml:8: sky.b" in err
