@@ -272,6 +272,9 @@ class _Builder:
 
     def _input(self, module: Module, name: str) -> None:
         to = module.fields["to"]
+        if (to.part, to.module) not in self.at:
+            self.to.left_out.append(f"{name}, which feeds {to.text}")
+            return
         if module.kind == "ENF":
             self._push(to)
             return
@@ -302,6 +305,9 @@ class _Builder:
             self._refuse(output.place, why)
             return
         if output.is_movement:
+            for target in output.targets:
+                if (target.part, target.module) not in self.at:
+                    self.to.left_out.append(f"{target.text}, which {name} hears")
             heard = [one for target in output.targets for one in self._members(target)]
             unit = ("m", "m/s", "m/s^2")[output.order]
             self.to.outputs.append(Heard(f"{name} [{unit}]", heard, order=output.order))

@@ -113,6 +113,19 @@ def test_a_part_leaves_out_its_links_to_others(capsys: pytest.CaptureFixture[str
     assert {path.name for path in Path("d").iterdir()} == {"bell.dsp", "wire.dsp"}
 
 
+def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("s.yaml").write_text(
+        "ergon: 1\ninstruments:\n  a:\n    modules:\n      m: {CEL: {M: 5g, f: 200Hz, t60: 1s}}\n"
+        "      push: {ENF: {to: b.m, from: -5N}}\n    out: {SOX: [m, b.m]}\n"
+        "  b: {modules: {m: {CEL: {M: 5g, f: 300Hz, t60: 1s}}}}\n"
+        "strikes: {s: {to: a.m, at: 0.02s, impulse: 2mNs}}\n"
+    )
+    assert app.run(["export", "s.yaml", "a", "--to", "faust", "-o", "d"]) == 0
+    err = capsys.readouterr().err
+    assert "a: a.push, which feeds b.m is left out" in err
+    assert "a: b.m, which a hears is left out" in err
+
+
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
