@@ -16,7 +16,7 @@ use crate::archive::{Archive, Damaged, State, state_of};
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::network::forest::{Forest, ends};
+use crate::network::forest::{Forest, joined};
 use crate::network::{Error, Network};
 use crate::scheme::{Scheme, top};
 use crate::state::PreviousState;
@@ -325,7 +325,7 @@ fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[Watch]) -> Vec<
     let n = scheme.n_mat();
     let mut forest = Forest::new(n);
     let moves = |mat: usize| scheme.w[mat] > 0.0;
-    for (_, a, b) in ends(network) {
+    for (a, b) in joined(network) {
         if moves(a) && moves(b) {
             forest.join(a, b);
         }

@@ -8,6 +8,7 @@ mod mats;
 pub(crate) mod mesh_partition;
 pub(crate) mod ports;
 mod runs;
+mod space;
 pub(crate) mod springs;
 mod taps;
 pub(crate) mod thread_team;

@@ -20,6 +20,7 @@ mod part_body;
 mod reachable;
 mod response;
 mod same;
+mod space;
 mod subset;
 
 pub use crate::dry::Dry;
@@ -31,6 +32,8 @@ pub use modes::{ModeRange, PartModes, Tone, TooManyModes};
 pub use output::{Output, Term};
 pub use parameters::{But, Contact, Side, Tie};
 pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
+pub(crate) use space::{AXES_MAX, distance, inverse};
+pub use space::{SpaceLaw, SpaceLink, SpacePoint, SpacePoints};
 pub(crate) use subset::Subset;
 
 use std::ops::Range;
@@ -80,6 +83,8 @@ pub struct Mats {
     pub place: Vec<[f64; 2]>,
     /// Index of the part                                 (n_mat)
     pub part: Vec<u32>,
+    /// Force that always acts on the MAT [N]             (n_mat; empty: none)
+    pub weight: Vec<f64>,
 }
 
 /// The law of a run of links.
@@ -95,6 +100,8 @@ pub enum LinkKind {
     Bristle(Bristle),
     /// Dry friction that holds rigidly; the Z of its run is F [N].
     Dry(Dry),
+    /// Spring or contact between points in space.
+    Space(SpaceLink),
 }
 
 /// Links of one kind whose ends advance together: link i joins MATs `a + i` and `b + i`.
@@ -259,11 +266,14 @@ impl Network {
 impl Network {
     /// Append a run of links, and give it the next index.
     fn push_run(&mut self, run: Run) {
-        let reach = run.len + run.a.max(run.b);
-        self.degree.resize(self.degree.len().max(reach), 0);
-        for i in 0..run.len {
-            self.degree[run.a + i] += 1;
-            self.degree[run.b + i] += 1;
+        for axis in 0..run.n_axes() {
+            let (a, b) = run.pair(0, axis);
+            let reach = run.len + a.max(b);
+            self.degree.resize(self.degree.len().max(reach), 0);
+            for i in 0..run.len {
+                self.degree[a + i] += 1;
+                self.degree[b + i] += 1;
+            }
         }
         self.runs.push(Run {
             first: self.n_lia,
@@ -288,6 +298,11 @@ pub(crate) struct Mat {
 }
 
 impl Mats {
+    /// Force that always acts on a MAT [N].
+    pub(crate) fn weight_of(&self, mat: usize) -> f64 {
+        self.weight.get(mat).copied().unwrap_or(0.0)
+    }
+
     fn push(&mut self, mat: Mat) {
         self.kind.push(mat.kind);
         self.m.push(mat.m);

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
-use crate::network::{Bristle, But, Contact, Dry, Error, Network, Output};
+use crate::network::{Bristle, But, Contact, Dry, Error, Network, Output, SpaceLink};
 use crate::units::Rate;
 
 /// The law of a planned run, with algorithmic numbers.
@@ -47,6 +47,8 @@ pub(crate) enum Kind {
         /// As of a law.
         rate: f64,
     },
+    /// Spring or contact between points in space.
+    Space(SpaceLink),
 }
 
 /// A run of links in algorithmic units: f = k·e + z·(e − e⁻) for springs.
@@ -75,6 +77,51 @@ impl Run {
         }
     }
 
+    /// How many axes its links act along.
+    pub(crate) fn n_axes(&self) -> usize {
+        match &self.kind {
+            Kind::Space(space) => space.n_axes,
+            _ => 1,
+        }
+    }
+
+    /// The MATs that its i-th link joins along an axis.
+    pub(crate) fn pair(&self, i: usize, axis: usize) -> (usize, usize) {
+        let ends = (self.a + i, self.b + i);
+        match &self.kind {
+            Kind::Space(space) => space.pair(ends, axis),
+            _ => ends,
+        }
+    }
+
+    /// The MATs that its i-th link joins, axis by axis.
+    pub(crate) fn pairs(&self, i: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
+        (0..self.n_axes()).map(move |axis| self.pair(i, axis))
+    }
+
+    /// How much longer than at rest its i-th link is at positions `x` [m].
+    pub(crate) fn elongation(&self, i: usize, x: impl Fn(usize) -> f64) -> f64 {
+        let (a, b) = (self.a + i, self.b + i);
+        match &self.kind {
+            Kind::Space(space) => space.apart((a, b), x).1 - self.rest,
+            _ => x(b) - x(a) - self.rest,
+        }
+    }
+
+    /// How much the ends of its i-th link move apart along it, where they are at `x` and each MAT moves by `moved` [m].
+    pub(crate) fn stretch(
+        &self,
+        i: usize,
+        x: impl Fn(usize) -> f64,
+        moved: impl Fn(usize) -> f64,
+    ) -> f64 {
+        let ends = (self.a + i, self.b + i);
+        match &self.kind {
+            Kind::Space(space) => space.stretch(ends, space.direction(ends, x), moved),
+            _ => moved(ends.1) - moved(ends.0),
+        }
+    }
+
     /// Whether it is a law, with or without memory.
     fn is_law(&self) -> bool {
         matches!(self.kind, Kind::Lnl { .. } | Kind::Bristle { .. })
@@ -97,7 +144,7 @@ impl Run {
     /// equation.
     pub(crate) fn can_substep(&self) -> bool {
         let is_one = match &self.kind {
-            Kind::Ref | Kind::Dry { .. } => false,
+            Kind::Ref | Kind::Dry { .. } | Kind::Space(_) => false,
             Kind::But(but) => but.contact != Contact::Magic,
             Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
         };
@@ -109,7 +156,9 @@ impl Run {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::Hardening(q) => (self.k, *q, self.z),
-            Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } => return None,
+            Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Space(_) => {
+                return None;
+            }
             Kind::Lnl { law, rate, .. } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;
                 (k, q, z.unwrap_or(0.0) * rate)
@@ -143,6 +192,8 @@ pub struct Scheme {
     pub(crate) w: Vec<f64>,
     /// Where the ground is [m]              (n_mat)
     pub(crate) rest: Vec<f64>,
+    /// Force that always acts [N]            (n_mat; empty: none)
+    pub(crate) weight: Vec<f64>,
     /// Which part the MAT belongs to        (n_mat)
     pub(crate) part: Vec<u32>,
     /// Springs whose single forces are not needed: computed in one pass.

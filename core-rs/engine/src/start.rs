@@ -56,7 +56,10 @@ pub(crate) fn forces(
     acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
     let mats = network.mats();
-    let mut force = vec![0.0; network.n_mat()];
+    let mut force = match &mats.weight[..] {
+        [] => vec![0.0; network.n_mat()],
+        weight => weight.to_vec(),
+    };
     for &(mat, push) in pushes {
         force[mat] += push;
     }
@@ -76,6 +79,20 @@ pub(crate) fn forces(
             LinkKind::Lnl(law) if law.is_shared() => law.tension(squares()),
             _ => 0.0,
         };
+        if let LinkKind::Space(space) = &run.kind {
+            for i in 0..run.len {
+                let ends = (run.a + i, run.b + i);
+                let (_, length) = space.apart(ends, |mat| x[mat]);
+                let direction = space.direction(ends, |mat| x[mat]);
+                let v = space.stretch(ends, direction, |mat| mats.v0[mat]) * ca_step;
+                let f = space.law.force([run.k, run.z], length - run.rest, v);
+                for ((a, b), along) in run.pairs(i).zip(direction) {
+                    force[a] += f * along;
+                    force[b] -= f * along;
+                }
+            }
+            continue;
+        }
         for i in 0..run.len {
             let (a, b) = (run.a + i, run.b + i);
             let e = x[b] - x[a] - run.rest;
@@ -86,7 +103,8 @@ pub(crate) fn forces(
                 LinkKind::Lnl(law) if law.is_shared() => tension * e,
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
-                LinkKind::Dry(_) => continue, // the last of the forces
+                // The last of the forces; done above.
+                LinkKind::Dry(_) | LinkKind::Space(_) => continue,
                 LinkKind::But(but) => {
                     let s = kernel::side(but);
                     kernel::push(but, run.k, run.z, s * e, s * v) * s

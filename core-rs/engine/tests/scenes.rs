@@ -28,6 +28,8 @@ mod plans;
 mod resting;
 #[path = "scenes/scene.rs"]
 mod scene;
+#[path = "scenes/space.rs"]
+mod space;
 #[path = "scenes/stiff.rs"]
 mod stiff;
 #[path = "scenes/takeover.rs"]

@@ -308,9 +308,12 @@ fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
     let part = &network.mats().part;
     let mut found = Vec::new();
     for run in network.runs() {
-        for (end, other) in [(run.a, run.b), (run.b, run.a)] {
-            if let Some(i) = mat.checked_sub(end).filter(|i| *i < run.len) {
-                found.push((run.first + i, other + i));
+        for axis in 0..run.n_axes() {
+            let (a, b) = run.pair(0, axis);
+            for (end, other) in [(a, b), (b, a)] {
+                if let Some(i) = mat.checked_sub(end).filter(|i| *i < run.len) {
+                    found.push((run.first + i, other + i));
+                }
             }
         }
     }

@@ -28,6 +28,7 @@ impl Island {
         let (script, state) = (&self.script, &self.state);
         let scheme = &script.scheme;
         let is_bare = scheme.runs.is_empty() && scheme.fused.is_empty() && scheme.exact.is_empty();
+        let is_bare = is_bare && scheme.weight.iter().all(|&weight| weight == 0.0);
         let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes(_));
         let is_left = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)

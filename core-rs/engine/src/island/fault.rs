@@ -172,20 +172,22 @@ impl Island {
                 .any(|&ours| ours)
         };
         let mut cut = vec![false; scheme.n_lia];
-        for run in scheme
-            .runs
-            .iter()
-            .chain(&scheme.exact)
-            .filter(|run| lets_go(run.a, run.b, run.len))
-        {
+        let run_lets_go = |run: &crate::scheme::Run| {
+            (0..run.n_axes()).any(|axis| {
+                let (a, b) = run.pair(0, axis);
+                lets_go(a, b, run.len)
+            })
+        };
+        let all = scheme.runs.iter().chain(&scheme.exact);
+        for run in all.filter(|run| run_lets_go(run)) {
             let span = run.first..run.first + run.len;
             state.body.link[span.clone()].fill(0.0);
             cut[span].fill(true);
         }
-        scheme.runs.retain(|run| !lets_go(run.a, run.b, run.len));
+        scheme.runs.retain(|run| !run_lets_go(run));
         let meets = |spring: &Spring| lets_go(spring.a, spring.b, spring.len);
         scheme.fused.retain(|spring| !meets(spring));
-        scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
+        scheme.exact.retain(|run| !run_lets_go(run));
         if let Some(mesh_partition) = &mut state.laws.mesh_partition {
             mesh_partition.cut_again(&scheme.fused);
         }

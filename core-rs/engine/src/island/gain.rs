@@ -6,6 +6,7 @@
 
 use super::{Fault, Island, OnFault};
 use crate::kernel;
+use crate::network::{AXES_MAX, SpaceLaw, SpaceLink};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
@@ -135,13 +136,53 @@ struct Taken {
     stretch: f64,
     force: f64,
     account: Account,
+    /// Of a link in space the same along each axis.
+    space: Option<TakenInSpace>,
 }
 
 crate::archive::state!(Taken {
     stretch,
     force,
-    account
+    account,
+    space
 });
+
+/// What a link in space did in the step before, along each axis.
+#[derive(Clone, Copy, Debug)]
+struct TakenInSpace {
+    link: SpaceLink,
+    /// [m a step], and the force that pulls its ends together [N].
+    stretch: [f64; AXES_MAX],
+    force: [f64; AXES_MAX],
+}
+
+crate::archive::option!(TakenInSpace, fixed);
+
+crate::archive::state!(TakenInSpace { stretch, force });
+
+impl TakenInSpace {
+    fn new(link: SpaceLink) -> Self {
+        let (stretch, force) = ([0.0; AXES_MAX], [0.0; AXES_MAX]);
+        Self {
+            link,
+            stretch,
+            force,
+        }
+    }
+
+    /// The work that the link took since the step before [J], where it pulls with `force` [N] now.
+    fn step(&mut self, ends: (usize, usize), force: f64, body: &Body) -> f64 {
+        let along = self.link.direction(ends, |mat| body.x[mat]);
+        let mut work = 0.0;
+        for (axis, along) in along.into_iter().enumerate().take(self.link.n_axes) {
+            let (a, b) = self.link.pair(ends, axis);
+            let stretch = body.d[b] - body.d[a];
+            work += 0.5 * (self.stretch[axis] + stretch) * self.force[axis];
+            (self.stretch[axis], self.force[axis]) = (stretch, force * along);
+        }
+        work
+    }
+}
 
 /// A link whose account is looked at.
 #[derive(Clone, Debug)]
@@ -185,6 +226,7 @@ impl Gains {
             let may = match &run.kind {
                 Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } | Kind::Dry { .. } => false,
                 Kind::But(_) => true,
+                Kind::Space(space) => space.law != SpaceLaw::Spring || run.len <= LONGEST,
                 Kind::Lnl { law, .. } => {
                     let is_told = law.is_shared() || law.is_active(ACTIVE.0, ACTIVE.1);
                     run.len <= LONGEST && !is_told
@@ -218,6 +260,10 @@ impl Gains {
             stretch: 0.0,
             force: 0.0,
             account: Account::default(),
+            space: match &run.kind {
+                Kind::Space(link) => Some(TakenInSpace::new(*link)),
+                _ => None,
+            },
         });
         let taken = taken.collect();
         (!links.is_empty()).then(|| {
@@ -254,6 +300,12 @@ impl Gains {
             if force == 0.0 && taken.force == 0.0 {
                 continue;
             }
+            if let Some(space) = &mut taken.space {
+                let work = space.step((taken.a, taken.b), force, body);
+                taken.account.take(work);
+                taken.force = force;
+                continue;
+            }
             let stretch = body.d[taken.b] - body.d[taken.a];
             let work = 0.5 * (taken.stretch + stretch) * taken.force;
             taken.account.take(work);
@@ -267,6 +319,9 @@ impl Gains {
             taken.account = Account::default();
             taken.stretch = body.d[taken.b] - body.d[taken.a];
             taken.force = body.link[taken.link];
+            if let Some(space) = &mut taken.space {
+                space.step((taken.a, taken.b), taken.force, body);
+            }
             (link.from, link.is_whole) = (elongations(&link.run, body), false);
         }
         self.is_fresh = false;
@@ -302,7 +357,10 @@ impl Watched {
 
 /// Elongations of a link now and a step before [m].
 fn elongations(run: &Run, body: &Body) -> [f64; 2] {
-    let now = body.x[run.b] - body.x[run.a] - run.rest;
+    let now = run.elongation(0, |mat| body.x[mat]);
+    if run.n_axes() > 1 {
+        return [now, run.elongation(0, |mat| body.x[mat] - body.d[mat])];
+    }
     [now, now - (body.d[run.b] - body.d[run.a])]
 }
 

@@ -99,9 +99,11 @@ crate::archive::state!(Ledger {
 
 /// Elongation of the i-th link of a run: now, and one step ago.
 fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
-    let (a, b) = (run.a + i, run.b + i);
-    let now = body.x[b] - body.x[a] - run.rest;
-    (now, now - (body.d[b] - body.d[a]))
+    let now = run.elongation(i, |mat| body.x[mat]);
+    if run.n_axes() > 1 {
+        return (now, run.elongation(i, |mat| body.x[mat] - body.d[mat]));
+    }
+    (now, now - (body.d[run.b + i] - body.d[run.a + i]))
 }
 
 /// The stiffness that the links of a run have in common: now, and one step ago.
@@ -136,6 +138,7 @@ fn elastic(run: &Run, e: f64) -> f64 {
             )
         }
         Kind::Lnl { law, .. } => law.spring(e),
+        Kind::Space(space) => space.law.elastic(run.k, e),
         Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
     }
 }
@@ -145,6 +148,9 @@ fn drag(run: &Run, e: f64, step: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
         Kind::Hardening(_) => run.z * step,
+        Kind::Space(space) => {
+            space.law.force([run.k, run.z], e, step) - space.law.elastic(run.k, e)
+        }
         Kind::Ref | Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
     }
 }
@@ -241,8 +247,10 @@ impl Ledger {
                 }
                 continue;
             }
+            // Where the frame's forces acted.
+            let then = |mat: usize| body.x[mat] - body.d[mat];
             for i in 0..run.len {
-                let stretch = s(run.b + i) - s(run.a + i);
+                let stretch = run.stretch(i, then, s);
                 if spring {
                     if run.z != 0.0 {
                         self.lost.add(0.25 * run.z * stretch * stretch);
@@ -256,7 +264,7 @@ impl Ledger {
                 let risen = stored - self.potential[run.first + i];
                 self.potential[run.first + i] = stored;
                 if finer.is_some() {
-                    let step = body.d[run.b + i] - body.d[run.a + i];
+                    let step = run.stretch(i, then, |mat| body.d[mat]);
                     self.lost.add(now * drag(run, e, step) * step);
                     continue;
                 }
@@ -285,6 +293,10 @@ impl Ledger {
         let mut sum = Sum::default();
         for i in (0..scheme.n_mat()).filter(|&i| scheme.w[i] != 0.0) {
             let (x, d, rest) = (body.x[i], body.d[i], scheme.rest[i]);
+            if let Some(weight) = scheme.weight.get(i) {
+                // By the same work 0.5·(x[n+1] − x[n−1])·F a step as other forces do.
+                sum.add(-weight * (x - 0.5 * d));
+            }
             let own = 0.5 * d * d + 0.5 * scheme.kappa[i] * (x - rest) * (x - d - rest)
                 - 0.25 * scheme.zeta[i] * d * d;
             sum.add(own / scheme.w[i]);

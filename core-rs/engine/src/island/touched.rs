@@ -1,6 +1,6 @@
 //! The strongest push of each contact since somebody last looked.
 
-use crate::network::{LinkKind, Network};
+use crate::network::Network;
 
 /// One contact that pushed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,7 +28,7 @@ pub(super) struct Touches {
 impl Touches {
     pub(super) fn of(network: &Network) -> Self {
         let runs = network.runs().iter();
-        let contacts = runs.filter(|run| matches!(run.kind, LinkKind::But(_)));
+        let contacts = runs.filter(|run| run.kind.is_contact());
         let links: Vec<u32> = contacts
             .flat_map(|run| (run.first..run.first + run.len).map(|link| link as u32))
             .collect();

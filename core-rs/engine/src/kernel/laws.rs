@@ -1,6 +1,7 @@
 //! Scratch memory for the loops that evaluate laws.
 
 use super::mesh_partition::MeshPartition;
+use super::space::SpaceScratch;
 use crate::law::Scratch;
 use crate::scheme::{Kind, Scheme};
 
@@ -16,6 +17,8 @@ pub(crate) struct Laws {
     pub(crate) mesh_partition: Option<MeshPartition>,
     /// One for each law                                  (n_laws)
     pub(crate) scratch: Vec<Scratch>,
+    /// Forces of a run of links in space.
+    pub(crate) space: SpaceScratch,
     /// For native code; shared by all laws               (largest)
     pub(crate) native: Vec<f64>,
 }
@@ -29,6 +32,7 @@ impl Laws {
             room: vec![0.0; scheme.fused.iter().map(|run| run.len).max().unwrap_or(0)],
             mesh_partition: None,
             scratch: Vec::new(),
+            space: SpaceScratch::new(scheme),
             native: Vec::new(),
         };
         let mut longest: Vec<usize> = Vec::new();

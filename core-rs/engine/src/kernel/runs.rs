@@ -2,8 +2,8 @@
 //! passes (forces, ends a, ends b), so that each pass vectorises although the runs of a mesh overlap themselves.
 
 use super::Laws;
-use super::springs;
 use super::thread_team::ThreadTeam;
+use super::{space, springs};
 use crate::law::Hardening;
 use crate::maths::power_law;
 use crate::maths::wide::wide;
@@ -29,7 +29,14 @@ pub(crate) fn links(
         force.fill(0.0);
         springs::total(&scheme.fused, x, d, &mut laws.room, force);
     }
+    for (force, weight) in body.force.iter_mut().zip(&scheme.weight) {
+        *force += weight;
+    }
     for run in &scheme.runs {
+        if let Kind::Space(link) = &run.kind {
+            space::forces(run, link, gates, body, &mut laws.space);
+            continue;
+        }
         let ends = Ends::of(run, &body.x, &body.d);
         let f = &mut body.link[run.first..run.first + run.len];
         match &run.kind {
@@ -57,7 +64,8 @@ pub(crate) fn links(
                     }
                 }
             }
-            Kind::Dry { .. } => f.fill(0.0), // solved later, with the exact contacts
+            // Dry friction is solved later, with the exact contacts; links in space are done above.
+            Kind::Dry { .. } | Kind::Space(_) => f.fill(0.0),
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
                 Some(by) => hardening(by, *rate, run.rest, &ends, f),
                 None => {
@@ -157,7 +165,8 @@ pub(super) fn scatter(run: &Run, body: &mut Body) {
 }
 
 wide! {
-    fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
+    /// Add forces to MATs from `a` on, and subtract them from MATs from `b` on.
+    pub(super) fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
         for (force, f) in force[a..a + f.len()].iter_mut().zip(f) {
             *force += f;
         }
@@ -209,6 +218,7 @@ pub(crate) fn potential(run: &Run, e: f64) -> f64 {
             }
         }
         Kind::Lnl { law, .. } => law.potential(e),
+        Kind::Space(space) => space.law.potential(run.k, e),
         Kind::Bristle { .. } | Kind::Dry { .. } => 0.0, // no function of the elongation
     }
 }

@@ -546,6 +546,63 @@ impl Network {
         Ok(index)
     }
 
+    /// Add one coordinate of a point in space at [x, v]: fixed where its mass is 0.
+    pub(super) fn push_coordinate(&mut self, m: f64, z: f64, [x0, v0]: [f64; 2]) {
+        let kind = match (m > 0.0, z > 0.0) {
+            (false, _) => MatKind::Sol,
+            (true, false) => MatKind::Mas,
+            (true, true) => MatKind::Cel,
+        };
+        let (z, v0) = if m > 0.0 { (z, v0) } else { (0.0, 0.0) };
+        let part = self.current();
+        self.mats.push(Mat {
+            kind,
+            m,
+            k: 0.0,
+            z,
+            rest: 0.0,
+            x0,
+            v0,
+            place: [0.0; 2],
+            part,
+        });
+    }
+
+    /// Name the coordinates of `n` points along an axis.
+    pub(super) fn name_coordinates(
+        &mut self,
+        first: usize,
+        n: usize,
+        is_numbered: bool,
+        name: &str,
+        axis: usize,
+    ) {
+        let name = self.full_name(name);
+        self.names
+            .add_coordinates(first, n, is_numbered, name, axis);
+    }
+
+    /// Let gravity act on MATs, with `g` [m/s²] along their axis; on fixed points it has no effect.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the first MAT where `g` is not finite.
+    pub fn weigh(&mut self, mats: std::ops::Range<usize>, g: f64) -> Result<(), Error> {
+        if !g.is_finite() {
+            return Err(Error::Refused {
+                module: self.mat_name(mats.start),
+                message: format!("gravity is {g} m/s²: it must be a finite number"),
+            });
+        }
+        self.mats.weight.resize(self.n_mat(), 0.0);
+        for mat in mats.filter(|&mat| self.mats.kind[mat].moves()) {
+            let part = self.parts.get(self.mats.part[mat] as usize);
+            // The number M of a discrete network is m/T².
+            let step = part.and_then(|part| part.ca_rate).map_or(1.0, Rate::step);
+            self.mats.weight[mat] = self.mats.m[mat] * g * step * step;
+        }
+        Ok(())
+    }
+
     pub(super) fn add_run(
         &mut self,
         kind: LinkKind,

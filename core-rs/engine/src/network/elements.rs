@@ -18,6 +18,8 @@ pub enum ElementKind {
     Bristle,
     /// Dry friction, which is left out.
     Dry,
+    /// A link in space, which is left out; its ends are their first coordinates.
+    Space,
 }
 
 /// A spring and damper between two masses, or between one and what is held.
@@ -98,6 +100,7 @@ impl Network {
                     (ElementKind::Bristle, run.k, bristle.damping_at_rest())
                 }
                 LinkKind::Dry(_) => (ElementKind::Dry, 0.0, 0.0),
+                LinkKind::Space(_) => (ElementKind::Space, run.k, run.z),
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
             };
             let slot = |mat: usize| moving.binary_search(&mat).ok();

@@ -1,6 +1,6 @@
 //! MATs that links join, by union-find.
 
-use super::Network;
+use super::{AXES_MAX, Network};
 
 /// A forest over the MATs.
 pub(crate) struct Forest(Vec<u32>);
@@ -28,8 +28,53 @@ impl Forest {
     }
 }
 
-/// Every link with its two ends.
+/// Every link with its two ends; one in space along each axis.
 pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let runs = network.runs().iter();
-    runs.flat_map(|run| (0..run.len).map(|i| (run.first + i, run.a + i, run.b + i)))
+    runs.flat_map(|run| {
+        (0..run.len).flat_map(move |i| run.pairs(i).map(move |(a, b)| (run.first + i, a, b)))
+    })
+}
+
+/// Every two MATs of which the one is felt where the other is: both ends of a link, and coordinates of one of its ends.
+pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let runs = network.runs().iter().filter(|run| run.n_axes() > 1);
+    let coordinates = runs.flat_map(|run| {
+        (0..run.len).flat_map(move |i| {
+            let (a, b) = run.pair(i, 0);
+            let others = run.pairs(i).skip(1);
+            others.flat_map(move |(other_a, other_b)| [(a, other_a), (b, other_b)])
+        })
+    });
+    ends(network).map(|(_, a, b)| (a, b)).chain(coordinates)
+}
+
+/// The MATs of every link, axis by axis: in turn of its first end and of its second.
+pub(crate) fn links(network: &Network) -> impl Iterator<Item = (usize, LinkMats)> + '_ {
+    let runs = network.runs().iter();
+    runs.flat_map(|run| {
+        (0..run.len).map(move |i| {
+            let mut mats = LinkMats::default();
+            run.pairs(i).for_each(|(a, b)| mats.extend([a, b]));
+            (run.first + i, mats)
+        })
+    })
+}
+
+/// The MATs of one link.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LinkMats {
+    mats: [usize; 2 * AXES_MAX],
+    len: usize,
+}
+
+impl LinkMats {
+    fn extend(&mut self, pair: [usize; 2]) {
+        self.mats[self.len..self.len + 2].copy_from_slice(&pair);
+        self.len += 2;
+    }
+
+    pub(crate) fn all(&self) -> &[usize] {
+        &self.mats[..self.len]
+    }
 }

@@ -1,5 +1,8 @@
 //! Names of modules: a generator's members share one, `string` → `string.12`.
 
+/// The names of coordinates.
+const AXES: [char; 3] = ['x', 'y', 'z'];
+
 /// Consecutive modules under one name.
 #[derive(Clone, Debug, PartialEq)]
 struct Group {
@@ -10,6 +13,8 @@ struct Group {
     /// Number of the first member.
     from: usize,
     name: String,
+    /// What stands behind the number: the axis of a coordinate.
+    axis: Option<char>,
     /// Which member is the middle one.
     centre: usize,
 }
@@ -27,13 +32,18 @@ fn find(groups: &[Group], index: usize) -> Option<&Group> {
 }
 
 fn show(groups: &[Group], index: usize) -> String {
-    match find(groups, index) {
-        Some(group) if group.numbered => {
-            format!("{}.{}", group.name, group.from + index - group.first)
-        }
-        Some(group) => group.name.clone(),
-        None => format!("#{index}"),
+    let Some(group) = find(groups, index) else {
+        return format!("#{index}");
+    };
+    let mut name = group.name.clone();
+    if group.numbered {
+        name += &format!(".{}", group.from + index - group.first);
     }
+    if let Some(axis) = group.axis {
+        name.push('.');
+        name.push(axis);
+    }
+    name
 }
 
 /// The groups of the modules `kept` (rising indices), with indices counted anew.
@@ -83,7 +93,28 @@ impl Names {
             numbered,
             from: 0,
             name,
+            axis: None,
             centre,
+        });
+    }
+
+    /// Coordinates of points along one axis.
+    pub(super) fn add_coordinates(
+        &mut self,
+        first: usize,
+        len: usize,
+        numbered: bool,
+        name: String,
+        axis: usize,
+    ) {
+        self.mats.push(Group {
+            first,
+            len,
+            numbered,
+            from: 0,
+            name,
+            axis: Some(AXES[axis]),
+            centre: len / 2,
         });
     }
 
@@ -94,6 +125,7 @@ impl Names {
             numbered,
             from: 0,
             name,
+            axis: None,
             centre: 0,
         });
     }

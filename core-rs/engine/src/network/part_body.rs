@@ -38,7 +38,10 @@ impl Body {
         let end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
         for one in &elements.each {
-            if matches!(one.kind, ElementKind::But | ElementKind::Dry) {
+            if matches!(
+                one.kind,
+                ElementKind::But | ElementKind::Dry | ElementKind::Space
+            ) {
                 continue;
             }
             let [a, b] = one.ends;

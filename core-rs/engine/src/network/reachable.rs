@@ -1,7 +1,7 @@
 //! The part of a network that a hand can move, linearised at the greatest stiffness that the hand can meet.
 
 use super::{Contact, LinkKind, MatKind, Network, Run};
-use crate::network::forest::{Forest, ends};
+use crate::network::forest::{Forest, links};
 
 /// Contacts and hardening laws are linearised for penetrations up to this depth [m].
 pub const PRESS_DEPTH: f64 = 1e-3;
@@ -48,11 +48,15 @@ impl Network {
         let is_held = |other: usize| other != mat && moment.held.contains(&other);
         let goes = |other: usize| other == mat || self.mats.kind[other].moves();
         let (mut through, mut own) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
-        for (_, a, b) in ends(self).filter(|&(link, ..)| !is_off(link)) {
-            if goes(a) && goes(b) {
-                through.join(a, b);
-                if !is_held(a) && !is_held(b) {
-                    own.join(a, b);
+        for (_, mats) in links(self).filter(|&(link, _)| !is_off(link)) {
+            // Coordinates of one point feel each other through a link in space.
+            let mut going = mats.all().iter().copied().filter(|&mat| goes(mat));
+            let Some(first) = going.next() else { continue };
+            let mut own_first = (!is_held(first)).then_some(first);
+            for other in going {
+                through.join(first, other);
+                if !is_held(other) {
+                    own.join(*own_first.get_or_insert(other), other);
                 }
             }
         }
@@ -62,17 +66,17 @@ impl Network {
         let others = others.count();
         let root = own.root(mat);
         let mut is_here: Vec<bool> = (0..self.n_mat()).map(|i| own.root(i) == root).collect();
-        let all: Vec<_> = ends(self)
-            .filter(|&(link, a, b)| !is_off(link) && (is_here[a] || is_here[b]))
+        let all: Vec<_> = links(self)
+            .filter(|(link, mats)| !is_off(*link) && mats.all().iter().any(|&mat| is_here[mat]))
             .collect();
-        for &(_, a, b) in &all {
-            (is_here[a], is_here[b]) = (true, true);
+        for mat in all.iter().flat_map(|(_, mats)| mats.all()) {
+            is_here[*mat] = true;
         }
         let mats: Vec<u32> = (0..self.n_mat() as u32)
             .filter(|&i| is_here[i as usize])
             .collect();
-        let links: Vec<u32> = all.iter().map(|&(link, ..)| link as u32).collect();
-        let mut found = self.subset(&mats, &[], &links);
+        let own_links: Vec<u32> = all.iter().map(|&(link, _)| link as u32).collect();
+        let mut found = self.subset(&mats, &[], &own_links);
         let local = |whole: usize| mats.binary_search(&(whole as u32)).ok();
         for &(whole, tie) in &moment.ties {
             if let Some(mat) = local(whole) {
@@ -120,8 +124,13 @@ impl Network {
                 inverse_mass(run.a) + inverse_mass(run.b),
                 per_mass,
             );
-            (run.kind, run.k, run.z, run.rest) = (LinkKind::Ref, k, z, 0.0);
+            (run.k, run.z, run.rest) = (k, z, 0.0);
+            // Along no axis a link in space is stiffer than along its own line: it stays one that acts along all.
+            if run.n_axes() == 1 {
+                run.kind = LinkKind::Ref;
+            }
         }
+        mats.weight.clear();
         for values in [&mut mats.rest, &mut mats.x0, &mut mats.v0] {
             values.fill(0.0);
         }
@@ -161,7 +170,7 @@ impl Network {
 /// `compliance` is the sum of 1/M of both ends [1/kg]; `per_mass` converts the algorithmic K of a magic contact.
 fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64) {
     match &run.kind {
-        LinkKind::Ref => (run.k, run.z),
+        LinkKind::Ref | LinkKind::Space(_) => (run.k, run.z),
         // Held within `depth` by a spring that reaches F there.
         LinkKind::Dry(_) => (run.z / depth, 0.0),
         LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),

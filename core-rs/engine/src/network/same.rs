@@ -18,7 +18,8 @@ impl Network {
         };
         let mut pairs = own.part.iter().zip(&their.part);
         own.kind == their.kind
-            && [&own.m, &own.k, &own.z, &own.rest] == [&their.m, &their.k, &their.z, &their.rest]
+            && [&own.m, &own.k, &own.z, &own.rest, &own.weight]
+                == [&their.m, &their.k, &their.z, &their.rest, &their.weight]
             && pairs.all(|(&a, &b)| parts(a as usize, b as usize))
             && self.runs.len() == other.runs.len()
             && self.runs.iter().zip(&other.runs).all(run)

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Error, LinkKind, Mat, MatKind, Network, Output, Run, Term};
+use super::{Error, LinkKind, Mat, MatKind, Network, Output, Run, SpaceLink, Term};
 use crate::law::{Hardening, Law};
 
 /// A part of another network, the whole. The lists give the index in the whole for each local index, rising.
@@ -54,6 +54,11 @@ impl Network {
         for &mat in &subset.mats {
             let mat = self.mat_at(mat as usize);
             subset.network.mats.push(mat);
+        }
+        if !self.mats.weight.is_empty() {
+            let weights = subset.mats.iter();
+            let weights = weights.map(|&mat| self.mats.weight_of(mat as usize));
+            subset.network.mats.weight = weights.collect();
         }
         for run in &self.runs {
             // Few runs reach a small subset: check before searching link by link.
@@ -136,24 +141,43 @@ impl Network {
 
     /// Add the links of one run that lie inside, as runs; links whose ends stay consecutive share a run.
     fn cut(&self, run: &Run, links: &[u32], subset: &mut Subset) {
-        let mut open: Option<(usize, usize, usize)> = None;
+        let mut open: Option<Stretch> = None;
         for i in 0..run.len {
-            let (Some(a), Some(b)) = (subset.mat(run.a + i), subset.mat(run.b + i)) else {
+            let Some((a, b, space)) = subset.local(run, i) else {
                 continue;
             };
             if links.binary_search(&((run.first + i) as u32)).is_err() {
                 continue;
             }
             subset.links.push((run.first + i) as u32);
-            open = Some(match open {
-                Some((a0, b0, len)) if (a, b) == (a0 + len, b0 + len) => (a0, b0, len + 1),
+            match &mut open {
+                Some(before) if before.is_followed_by(a, b, space.as_ref()) => before.len += 1,
                 before => {
-                    subset.push(run, before);
-                    (a, b, 1)
+                    let next = Stretch {
+                        a,
+                        b,
+                        len: 1,
+                        space,
+                    };
+                    subset.push(run, before.replace(next));
                 }
-            });
+            }
         }
         subset.push(run, open);
+    }
+}
+
+/// Links of a run that stay consecutive.
+struct Stretch {
+    a: usize,
+    b: usize,
+    len: usize,
+    space: Option<SpaceLink>,
+}
+
+impl Stretch {
+    fn is_followed_by(&self, a: usize, b: usize, space: Option<&SpaceLink>) -> bool {
+        (a, b) == (self.a + self.len, self.b + self.len) && space == self.space.as_ref()
     }
 }
 
@@ -166,15 +190,33 @@ impl Subset {
             .is_some_and(|&mat| (mat as usize) < first + len)
     }
 
-    fn push(&mut self, run: &Run, stretch: Option<(usize, usize, usize)>) {
-        if let Some((a, b, len)) = stretch {
-            self.network.push_run(Run {
-                a,
-                b,
-                len,
-                ..run.clone()
-            });
+    /// Where the ends of the i-th link of a run of the whole are, and what it is in space; `None` where one is not here.
+    fn local(&self, run: &Run, i: usize) -> Option<(usize, usize, Option<SpaceLink>)> {
+        let (a, b) = (self.mat(run.a + i)?, self.mat(run.b + i)?);
+        let LinkKind::Space(space) = &run.kind else {
+            return Some((a, b, None));
+        };
+        let mut own = *space;
+        for axis in 1..space.n_axes {
+            let (other_a, other_b) = run.pair(i, axis);
+            own.offsets[0][axis - 1] = self.mat(other_a)? - a;
+            own.offsets[1][axis - 1] = self.mat(other_b)? - b;
         }
+        Some((a, b, Some(own)))
+    }
+
+    fn push(&mut self, run: &Run, stretch: Option<Stretch>) {
+        let Some(Stretch { a, b, len, space }) = stretch else {
+            return;
+        };
+        let kind = space.map_or_else(|| run.kind.clone(), LinkKind::Space);
+        self.network.push_run(Run {
+            kind,
+            a,
+            b,
+            len,
+            ..*run
+        });
     }
 
     fn listen(&mut self, outputs: &[Output], guests: &[u32]) {

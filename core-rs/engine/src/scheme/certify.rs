@@ -11,7 +11,7 @@ use std::collections::HashSet;
 use nalgebra::DMatrix;
 
 use super::{Kind, Run, Scheme};
-use crate::network::{Error, Network};
+use crate::network::{Error, Network, SpaceLaw};
 use crate::spectrum;
 use crate::units::Rate;
 
@@ -64,6 +64,13 @@ fn weight(run: &Run, c: f64) -> f64 {
     match &run.kind {
         Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
         Kind::Dry { .. } => 0.0, // it takes no more than what moves
+        // Along its line a link in space is as stiff as this, and less across: its matrix is K·nnᵀ + (f/ℓ)(1 − nnᵀ), with
+        // f/ℓ ≤ K. So springs along all axes are stiffer than it is in any position.
+        Kind::Space(space) => match space.law {
+            SpaceLaw::Spring => run.k + c * run.z,
+            SpaceLaw::Contact { exponent, .. } if exponent == 1.0 => run.k + c * run.z,
+            SpaceLaw::Contact { .. } => c * run.z,
+        },
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
@@ -134,8 +141,10 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
     // A body that resists bending has negative links; each counts as if it were positive.
     for (run, weight) in links() {
         for i in 0..run.len {
-            sums[run.a + i] += weight.abs();
-            sums[run.b + i] += weight.abs();
+            for (a, b) in run.pairs(i) {
+                sums[a] += weight.abs();
+                sums[b] += weight.abs();
+            }
         }
     }
     if let Some(mat) = sums.iter().position(|sum| !sum.is_finite()) {
@@ -145,7 +154,10 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         });
     }
     let at = |i: usize| sums[i] * scheme.w[i];
-    let edges = links().flat_map(|(run, _)| (0..run.len).map(|i| at(run.a + i) + at(run.b + i)));
+    let edges = links().flat_map(|(run, _)| {
+        let pairs = (0..run.len).flat_map(|i| run.pairs(i));
+        pairs.map(|(a, b)| at(a) + at(b))
+    });
     Ok((0..n).map(at).chain(edges).fold(0.0, f64::max))
 }
 
@@ -160,8 +172,7 @@ fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64], beyond: f64) -> Top {
             y[i] = (scheme.kappa[i] + c * scheme.zeta[i]) * v[i];
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
-            for i in 0..run.len {
-                let (a, b) = (run.a + i, run.b + i);
+            for (a, b) in (0..run.len).flat_map(|i| run.pairs(i)) {
                 let f = weight * (scaled[b] - scaled[a]);
                 y[a] -= f * root[a];
                 y[b] += f * root[b];

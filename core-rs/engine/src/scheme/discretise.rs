@@ -28,6 +28,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         w: vec![0.0; n],
         ground: mats.k.clone(),
         rest: mats.rest.clone(),
+        weight: mats.weight.clone(),
         part: mats.part.clone(),
         fused: Vec::new(),
         runs: Vec::new(),
@@ -96,6 +97,11 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         };
         match &run.kind {
             LinkKind::Ref => scheme.runs.push(planned),
+            LinkKind::Space(space) => {
+                scheme.linear = false;
+                planned.kind = Kind::Space(*space);
+                scheme.runs.push(planned);
+            }
             LinkKind::Lnl(law) => {
                 scheme.linear = false;
                 // Runs that share a law share its room.

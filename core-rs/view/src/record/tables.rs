@@ -1,6 +1,6 @@
 //! The tables that follow the manifest: points, names, links, shapes.
 
-use ergon_engine::network::{LinkKind, Network};
+use ergon_engine::network::Network;
 use ergon_engine::simulation::{How, Look, Oscillation, Point};
 
 use super::{Run, Setup, chunks};
@@ -53,9 +53,9 @@ fn links(look: &Look, network: &Network) -> Bytes {
         by_mat[point.mat] = Some(at as u32);
     }
     let springs = network.runs().iter();
-    let springs = springs.filter(|run| !matches!(run.kind, LinkKind::But(_)));
+    let springs = springs.filter(|run| !run.kind.is_contact());
     let pairs: Vec<(u32, u32)> = springs
-        .flat_map(|run| (0..run.len).map(|i| (run.a + i, run.b + i)))
+        .flat_map(|run| (0..run.len).flat_map(move |i| run.pairs(i)))
         .filter_map(|(a, b)| Some((by_mat[a]?, by_mat[b]?)))
         .collect();
     let mut table = Bytes::default();

@@ -81,7 +81,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
     let mut linear = mesh.scheme.clone();
     linear.runs.retain(|run| match &run.kind {
         Kind::Ref | Kind::Hardening(_) => true,
-        Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } => false,
+        Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Space(_) => false,
         Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
     Ok(top(&linear, network, 0.0, super::EXPLICIT)?.lambda)
@@ -251,7 +251,11 @@ fn psi(run: &Run, e: f64) -> f64 {
             let (p, above) = (side(but) * e, but.exponent + 1.0);
             sqrt(2.0 * run.k * power_law(p.max(0.0), above) / above)
         }
-        Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
+        Kind::Ref
+        | Kind::Hardening(_)
+        | Kind::Bristle { .. }
+        | Kind::Dry { .. }
+        | Kind::Space(_) => 0.0,
     }
 }
 
@@ -292,8 +296,10 @@ fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
             };
             (s * slope, if p > 0.0 { run.z } else { 0.0 }, 0.0)
         }
-        Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } | Kind::Dry { .. } => {
-            (0.0, 0.0, force_of(run, e, de))
-        }
+        Kind::Ref
+        | Kind::Hardening(_)
+        | Kind::Bristle { .. }
+        | Kind::Dry { .. }
+        | Kind::Space(_) => (0.0, 0.0, force_of(run, e, de)),
     }
 }

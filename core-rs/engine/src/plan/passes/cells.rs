@@ -26,7 +26,8 @@ pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate:
         return false;
     };
     let (mats, mat) = (network.mats(), mat as usize);
-    if !island.links.is_empty() || island.is_handled || !mats.kind[mat].moves() {
+    let is_weighed = mats.weight_of(mat) != 0.0;
+    if !island.links.is_empty() || island.is_handled || is_weighed || !mats.kind[mat].moves() {
         return false;
     }
     if mats.kind[mat] == MatKind::Mas {

@@ -1,7 +1,7 @@
 //! Islands: modules that can move each other, found by union-find over the links. Fixed and imposed
 //! points end an island: no force moves them.
 
-use crate::network::forest::{Forest, ends};
+use crate::network::forest::{Forest, ends, joined, links};
 use crate::network::{MatKind, Network, Term};
 use crate::start::forces;
 use crate::timeline::{DriveKind, Source, Timeline};
@@ -28,7 +28,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     let n = network.n_mat();
     let is_free = free(network, timeline);
     let mut forest = Forest::new(n);
-    for (_, a, b) in ends(network) {
+    for (a, b) in joined(network) {
         // Two held points that a link joins stay together: the link is theirs.
         if is_free[a] == is_free[b] {
             forest.join(a, b);
@@ -58,8 +58,10 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         island.is_heard |= heard.mats[mat];
         island.is_moved |= is_moved;
     }
-    for (link, a, b) in ends(network) {
-        let (own, other) = if is_free[a] { (a, b) } else { (b, a) };
+    for (link, mats) in links(network) {
+        let [.., last] = mats.all() else { continue };
+        let own = mats.all().iter().copied().find(|&mat| is_free[mat]);
+        let own = own.unwrap_or(*last);
         let island = &mut found[index[forest.root(own)] as usize];
         island.links.push(link as u32);
         island.is_heard |= heard.links[link];
@@ -69,7 +71,8 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
                 .gates
                 .iter()
                 .any(|gate| gate.links().contains(&link));
-        if is_free[own] && !is_free[other] {
+        let held = mats.all().iter().filter(|&&mat| !is_free[mat]);
+        for &other in held.filter(|_| is_free[own]) {
             island.guests.push(other as u32);
             island.is_moved |= moved[other];
             island.is_handled |= moved[other];

@@ -39,12 +39,14 @@ pub(crate) enum NoModes {
     Stiff,
     /// Rounding in its eigenvalue problem would be heard.
     Inexact,
+    /// A constant force acts on its masses.
+    Weight,
     /// So many points of it are touched that its complex modes cost more than stepping it.
     Ports,
 }
 
 impl NoModes {
-    const ALL: [Self; 14] = [
+    const ALL: [Self; 15] = [
         Self::NotLinear,
         Self::Coupled,
         Self::OtherRate,
@@ -58,6 +60,7 @@ impl NoModes {
         Self::Pinned,
         Self::Stiff,
         Self::Inexact,
+        Self::Weight,
         Self::Ports,
     ];
 
@@ -87,6 +90,7 @@ impl NoModes {
             Self::Ports => {
                 "others touch so many of its points that modes would cost more than steps"
             }
+            Self::Weight => "gravity acts on it",
             Self::ForceHeard => "an output listens to a force inside it",
         }
     }
@@ -130,6 +134,9 @@ impl Linear {
         let is_discrete = truth(network, &free, rate)?;
         if free.len() > MASSES_MAX {
             return Err(NoModes::Large);
+        }
+        if free.iter().any(|&mat| mats.weight_of(mat) != 0.0) {
+            return Err(NoModes::Weight);
         }
         let n = free.len();
         let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();

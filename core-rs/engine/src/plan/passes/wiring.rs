@@ -52,7 +52,10 @@ impl Wiring {
             has_key[mats.part[key.struck] as usize] = true;
         }
         let mut may: Vec<bool> = (0..n)
-            .map(|i| mats.kind[i].moves() && !is_driven[i] && !has_key[mats.part[i] as usize])
+            .map(|i| {
+                let is_free = mats.kind[i].moves() && mats.weight_of(i) == 0.0;
+                is_free && !is_driven[i] && !has_key[mats.part[i] as usize]
+            })
             .collect();
         timeline
             .ergons

@@ -384,7 +384,8 @@ impl<'a> Map<'a> {
 fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item = Link> + use<>> {
     let (k, z) = match &run.kind {
         Kind::Ref | Kind::Hardening(_) => (run.k, run.z),
-        Kind::Dry { .. } => return None,
+        // A slow part has none in space.
+        Kind::Dry { .. } | Kind::Space(_) => return None,
         Kind::But(_) if !closed || (is_fine && run.can_substep()) => {
             return None;
         }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::{Contact, How, Look, NOWHERE, Oscillation, Point, SeenBody, Source};
 use crate::bank::Oscillator;
 use crate::island::inside::BodyPlan;
-use crate::network::{LinkKind, MatKind, Network};
+use crate::network::{MatKind, Network};
 use crate::plan::{BankPlan, IslandPlan, ModalTransform, ModeShapes, Plan, whole};
 use crate::units::Rate;
 
@@ -61,7 +61,7 @@ pub(super) struct Maker<'a> {
 impl<'a> Maker<'a> {
     pub(super) fn new(network: &'a Network, rate: f64) -> Self {
         let n = network.n_mat();
-        let contacts = network.runs().iter().filter(|run| is_contact(&run.kind));
+        let contacts = network.runs().iter().filter(|run| run.kind.is_contact());
         let contacts = contacts.flat_map(|run| {
             (0..run.len).map(|i| Contact {
                 name: network.link_name(run.first + i),
@@ -160,7 +160,7 @@ impl<'a> Maker<'a> {
             .map(|(at, contact)| (contact.name.as_str(), at))
             .collect();
         let mut contacts = vec![NOWHERE; network.n_lia()];
-        for run in network.runs().iter().filter(|run| is_contact(&run.kind)) {
+        for run in network.runs().iter().filter(|run| run.kind.is_contact()) {
             let links = run.first..run.first + run.len;
             for (contact, link) in contacts[links.clone()].iter_mut().zip(links) {
                 if let Some(&known) = by_name.get(network.link_name(link).as_str()) {
@@ -386,10 +386,6 @@ fn kind(how: How) -> (u8, usize) {
         How::Modal(body) => (2, body),
         How::NotComputed { is_moved } => (3, usize::from(is_moved)),
     }
-}
-
-fn is_contact(kind: &LinkKind) -> bool {
-    matches!(kind, LinkKind::But(_))
 }
 
 fn moving(network: &Network) -> Vec<usize> {
