@@ -117,6 +117,13 @@ def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
             error = ModelError(f"{name}: a key behind a lever", piece.keys[name].place.line)
             error.file = piece.keys[name].place.file
             raise error
+    for name in names:
+        if name in piece.instruments and piece.instruments[name].space is not None:
+            error = ModelError(
+                f"{name}: an instrument in space", piece.instruments[name].place.line
+            )
+            error.file = piece.instruments[name].place.file
+            raise error
     if piece.duet and len(names) == len(piece.keys) + len(piece.instruments):
         error = ModelError("a link of a duet comes and goes; name PARTs", piece.duet[0].place.line)
         error.file = piece.duet[0].place.file

@@ -29,7 +29,10 @@ def hertz(option: str, value: float | str) -> float:
 
 
 def named(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
-    """The parts that are asked for, all without a name. Raises OptionError."""
+    """The parts that are asked for; without a name all that move along one axis.
+
+    Raises OptionError.
+    """
     from ergon.notation.text.spelling import nearest
 
     known = (*piece.keys, *piece.instruments)
@@ -39,7 +42,20 @@ def named(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
             there = f"there are {', '.join(known)}" if known else "the score has none"
             reason = f"did you mean '{close}'?" if close else there
             raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
-    return tuple(dict.fromkeys(asked)) or known
+        on_one_axis("parts", piece, name)
+    flat = (name for name in known if name not in piece.instruments or not _space_of(piece, name))
+    return tuple(dict.fromkeys(asked)) or tuple(flat)
+
+
+def on_one_axis(option: str, piece: Piece, name: str) -> None:
+    """Refuse a part in space: its stiffness depends on where it is. Raises OptionError."""
+    if name in piece.instruments and _space_of(piece, name):
+        reason = f"{name} is an instrument in space, which has no modes of its own: its stiffness "
+        raise OptionError(option, f"{reason}depends on where its points are")
+
+
+def _space_of(piece: Piece, name: str) -> bool:
+    return piece.instruments[name].space is not None
 
 
 def point(piece: Piece, option: str, text: str) -> Target:

@@ -11,7 +11,9 @@ from ergon import _core
 from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
-from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start
+from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start, member_count
+from ergon.instruments.space import Space
+from ergon.instruments.space import add as add_points
 from ergon.instruments.spread import singles
 
 _Fields = Mapping[str, Any]
@@ -27,6 +29,7 @@ class Assembly:
     links: dict[tuple[str, str], range] = field(default_factory=dict)
     bodies: dict[tuple[str, str], range] = field(default_factory=dict)
     seed: int = 0
+    _axes: dict[str, int] = field(default_factory=dict)  # of parts in space
     # Why modules are left out. None: the first that the engine refuses is raised.
     refused: list[_core.EngineError] | None = None
 
@@ -38,6 +41,7 @@ class Assembly:
         ca_rate: float | None = None,
         reach: float = 1.0,
         every: int = 1,
+        space: Space | None = None,
     ) -> None:
         """Add a part's <M> points. Raises EngineError unless what is refused is gathered.
 
@@ -47,12 +51,18 @@ class Assembly:
         is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
         """
         self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
+        if space is not None:
+            self._axes[name] = space.axes
         for module in modules:
             if module.kind in HOLDERS:
                 fields = _seen(module.fields, reach)
                 n_links = self.network.n_lia
                 with self._gathering():
-                    first = _MATS[module.kind](self, module.name, fields)
+                    if space is None:
+                        first = _MATS[module.kind](self, module.name, fields)
+                    else:
+                        first = add_points(self.network, module.kind, module.name, fields)
+                        self._weigh(first, module, space)
                     self.mats[name, module.name] = first
                     if module.kind in GENERATORS:
                         self.bodies[name, module.name] = range(n_links, self.network.n_lia)
@@ -86,12 +96,35 @@ class Assembly:
             self.links[name, module.name] = range(first, self.network.n_lia)
 
     def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
-        """Add one link between two <M> points; returns its index."""
+        """Add one link between two <M> points, or two points in space; returns its index."""
+        if a.points and b.points:
+            index = self._link_in_space(module, a, b)
+            self.links[part, module.name] = range(index, index + 1)
+            return index
         make = _LINKS[module.kind]
         ends = self.mat(a), self.mat(b)
         index = make(self, module.name, *ends, _seen(module.fields, reach), reach)
         self.links[part, module.name] = range(index, index + 1)
         return index
+
+    def _link_in_space(self, module: Module, a: Target, b: Target) -> int:
+        fields = module.fields
+        first, second = ((self.members(end)[0], end.points) for end in (a, b))
+        axes = self._axes[a.part]
+        if module.kind == "BUT":
+            own = _pick(fields, "K", "Z", "gap", "exponent", "clamp")
+            return self.network.space_but(module.name, first, second, axes=axes, **own)
+        own = _pick(fields, "K", "Z")
+        rest = fields.get("rest")
+        if rest is None:
+            rest = self.network.distance(first, second, axes)
+        return self.network.space_ref(module.name, first, second, axes=axes, rest=rest, **own)
+
+    def _weigh(self, first: int, module: Module, space: Space) -> None:
+        """Let gravity pull the points of a module, against their last axis."""
+        count = member_count(module.kind, module.fields)
+        if space.gravity:
+            self.network.weigh(first + (space.axes - 1) * count, count, -space.gravity)
 
     @contextmanager
     def _gathering(self) -> Iterator[None]:

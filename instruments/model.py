@@ -7,8 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ergon.instruments.space import Space
 from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
+
+# How an instrument is written: one axis in SI units or under `units: ca`, two or three axes.
+Form = Literal["si", "ca", "space"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +21,8 @@ class Target:
 
     `module` is "" where it bears the name of its part. Members of a generator run from `first`,
     `count` of them; (0, 1) for a single module; `first` is "centre" for a generator's middle MAT.
+    Where whole points in space are named, `points` is how many their module has; of a coordinate
+    `first` counts axis by axis.
     """
 
     part: str
@@ -25,6 +31,7 @@ class Target:
     count: int
     text: str
     place: Place
+    points: int = field(default=0, metadata={"hash_omits_empty": True})
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,3 +144,14 @@ class Instrument:
     every: int = 1
     pitch: float | None = field(default=None, compare=False)
     placing: Placing | None = field(default=None, metadata={"hash_omits_empty": True})
+    space: Space | None = field(default=None, metadata={"hash_omits_empty": True})
+
+    @property
+    def form(self) -> Form:
+        """The form of the tables in which its modules are written."""
+        return "space" if self.space else "si" if self.ca_rate is None else "ca"
+
+    @property
+    def axes(self) -> int:
+        """How many axes its masses move along."""
+        return self.space.axes if self.space else 1

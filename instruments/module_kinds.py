@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from ergon.instruments import space
 from ergon.instruments.bodies import DECAY, Bending
 from ergon.instruments.materials import MATERIAL
 from ergon.instruments.modal import (
@@ -17,6 +18,7 @@ from ergon.instruments.modal import (
     MODES_PITCHES,
     PLACES,
 )
+from ergon.instruments.model import Form
 from ergon.instruments.spread import GAP
 from ergon.instruments.stiff import INHARMONICITY, STRETCHING
 from ergon.notation.tables import value_kinds as k
@@ -47,7 +49,7 @@ Family = Literal["mat", "link", "generator", "input"]
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A module kind: its family, its table in SI units and its table under `units: ca`.
+    """A module kind: its family and its table in each form of an instrument that has it.
 
     `gliding`: the parameters that may change while a piece plays; a generator changes as a whole.
     `scaled`: of a link, the fields that the engine's factors of K and of Z multiply.
@@ -55,10 +57,14 @@ class Kind:
 
     name: str
     family: Family
-    table: Record
-    ca_table: Record
+    tables: Mapping[Form, Record]
     gliding: tuple[str, ...] = ()
     scaled: tuple[str, str] = ("K", "Z")
+
+    @property
+    def table(self) -> Record:
+        """Its table in SI units; in space, of a kind that is nowhere else."""
+        return self.tables.get("si") or self.tables["space"]
 
 
 def _law(text: str) -> str:
@@ -368,18 +374,22 @@ _SCALED = {"BRISTLE": ("sigma0", "Fc"), "DRY": ("K", "F")}
 
 
 def _all() -> dict[str, Kind]:
-    kinds = []
+    kinds: dict[str, Kind] = {}
     ca = _mats_and_links(True)
     for name, (table, gliding) in _mats_and_links(False).items():
         family: Family = "link" if "between" in table.by_name else "mat"
-        scaled = _SCALED.get(name, ("K", "Z"))
-        kinds.append(Kind(name, family, table, ca[name][0], gliding, scaled))
+        forms: dict[Form, Record] = {"si": table, "ca": ca[name][0]}
+        kinds[name] = Kind(name, family, forms, gliding, _SCALED.get(name, ("K", "Z")))
     ca = _generators(True)
     for name, (table, gliding) in _generators(False).items():
-        kinds.append(Kind(name, "generator", table, ca[name][0], gliding))
+        kinds[name] = Kind(name, "generator", {"si": table, "ca": ca[name][0]}, gliding)
+    for name, (own, table) in space.tables(BETWEEN).items():
+        known = kinds.get(name, Kind(name, own, {}))
+        kinds[name] = replace(known, tables={**known.tables, "space": table})
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
-    kinds += [Kind(name, "input", table, table) for name, table in inputs.items()]
-    return {kind.name: kind for kind in kinds}
+    for name, table in inputs.items():
+        kinds[name] = Kind(name, "input", {"si": table, "ca": table, "space": table})
+    return kinds
 
 
 KINDS = _all()
@@ -401,9 +411,9 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
 }
 
 
-def tables(ca: bool, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
-    """Tables by kind, in SI units or under `units: ca`."""
-    return {name: KINDS[name].ca_table if ca else KINDS[name].table for name in names}
+def tables(form: Form, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
+    """Tables by kind, of the kinds that an instrument of a form may have."""
+    return {name: KINDS[name].tables[form] for name in names if form in KINDS[name].tables}
 
 
 def partly(table: Record) -> Record:
@@ -413,7 +423,9 @@ def partly(table: Record) -> Record:
 
 
 def member_count(kind: str, fields: Mapping[str, Any]) -> int:
-    """How many MATs a module has."""
+    """How many members a module has: MATs, or in space points."""
+    if "axes" in fields:
+        return space.count(kind, fields)
     if kind == "MODES":
         return len(fields["places"])
     if kind == "PLATE":

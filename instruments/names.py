@@ -10,6 +10,7 @@ from typing import Literal
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
+from ergon.instruments.space import AXES
 from ergon.instruments.spread import size as n_links
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
@@ -17,7 +18,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 
 _MEMBERS = re.compile(rf"(.*?)(?:\.({PATTERN}))?")
 
-Wanted = Literal["mat", "mats", "link", "links"]
+Wanted = Literal["mat", "mats", "point", "points", "link", "links"]
 
 
 @dataclass(slots=True)
@@ -30,6 +31,7 @@ class Part:
     prefix: str = ""  # of the file that it comes from
     broken: frozenset[str] = frozenset()  # modules that were refused: their names are silent
     selves: frozenset[str] = frozenset()  # names that mean itself: what it was copied from is one
+    axes: int = 1  # of an instrument in space two or three
 
     @property
     def mats(self) -> list[str]:
@@ -91,15 +93,19 @@ class PartNames:
     ) -> Target | None:
         """What a name reaches, from inside `part` if given; None after a report.
 
-        `mat` and `link` are one module, `mats` and `links` may be several.
+        `mat`, `point` and `link` are one, `mats`, `points` and `links` may be several. A point is
+        one in space, of which each coordinate is a MAT: `ball.bob.x`.
         """
         match = _MEMBERS.fullmatch(name)
         prefix = prefix or (part.prefix if part else "")
         path = self.spelled(match[1] if match else str(name), prefix)
         found = self._find(path, part, prefix)
         some = match[2] if match else None
+        axis = None
         if found is None and some is None:
             found, some = self._place(path, part, prefix)
+        if found is None and match is not None and match[2] is None:
+            found, some, axis = self._coordinate(path, part, prefix)
         if found is None and (family := self.family(path, prefix)) is not None:
             examples = ", ".join([*family[0].values()][:4])
             message = (
@@ -122,7 +128,73 @@ class PartNames:
         ):
             self._wrong_family(name, module, wanted, who)
             return None
+        if owner.axes > 1 and module.kind not in LINKS:
+            return self._in_space(name, owner, module, some, axis, wanted, who)
+        if wanted in ("point", "points"):
+            message = f"{who}: {quote(name)} is no point in space; a link of an instrument in "
+            message += "space joins two; write the link in an instrument of one axis"
+            self.collector.error("E304", message, name.place)
+            return None
         return self._members(name, owner, module, some, wanted, who)
+
+    def _coordinate(
+        self, path: str, part: Part | None, prefix: str
+    ) -> tuple[tuple[Part, str | None] | None, str | None, int | None]:
+        """A part in space and its module of which a path names a coordinate, members, and axis."""
+        head, _, tail = path.rpartition(".")
+        match = _MEMBERS.fullmatch(head)
+        if tail not in AXES or match is None:
+            return None, None, None
+        found = self._find(match[1], part, prefix)
+        if found is None or found[0].axes == 1:
+            return None, None, None
+        return found, match[2], AXES.index(tail)
+
+    def _in_space(
+        self,
+        name: Name,
+        owner: Part,
+        module: Module,
+        some: str | None,
+        axis: int | None,
+        wanted: Wanted,
+        who: str,
+    ) -> Target | None:
+        """Points of a module, or one coordinate of them; None after a report."""
+        count = member_count(module.kind, module.fields)
+        called = ".".join(filter(None, (owner.name, module.name)))
+        first, size, problem = 0, 1, ""
+        if some is None and count > 1:
+            problem = f"{called} has {count:,} points; write some of them: {called}.0, {called}.all"
+        elif some is not None and count == 1:
+            problem = f"{called} is one {module.kind}; it has no members"
+        elif some is not None:
+            try:
+                start, size = members(some, count, called)
+                first = count // 2 if start == "centre" else start
+            except TextError as error:
+                problem = error.message
+        is_point = wanted in ("point", "points")
+        bare = str(name) if axis is None else str(name).rpartition(".")[0]
+        axes = AXES[: owner.axes]
+        if problem:
+            pass
+        elif is_point and axis is not None:
+            problem = f"{quote(name)} is one axis of a point; a link in space joins points: {bare}"
+        elif not is_point and axis is None:
+            examples = ", ".join(f"{bare}.{one}" for one in axes)
+            problem = f"{quote(name)} is a point in space; write one of its axes: {examples}"
+        elif axis is not None and axis >= owner.axes:
+            problem = f"{owner.name} has the axes {' and '.join(axes)}"
+        elif size > 1 and wanted in ("mat", "point"):
+            problem = f"one is expected here, but {size:,} are named"
+        if problem:
+            self.collector.error("E304", f"{who}: {problem}", name.place)
+            return None
+        if is_point:
+            return Target(owner.name, module.name, first, size, str(name), name.place, count)
+        first += count * (axis or 0)
+        return Target(owner.name, module.name, first, size, str(name), name.place)
 
     def _place(
         self, path: str, part: Part | None, prefix: str
@@ -226,7 +298,8 @@ class PartNames:
             return member_count(module.kind, module.fields)
         quiet = replace(self, collector=Collector())
         ends = module.fields["between"] or ()
-        found = (quiet.target(end, "mats", "", owner) for end in ends)
+        wanted: Wanted = "points" if owner.axes > 1 else "mats"
+        found = (quiet.target(end, wanted, "", owner) for end in ends)
         return n_links([end for end in found if end is not None])
 
     def _unknown(self, name: Name, path: str, who: str, part: Part | None) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
-from ergon.instruments.model import Instrument, Module, Output, Places, Placing
+from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
+from ergon.instruments.space import AXES, PLACE, VELOCITY, Space
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
@@ -35,12 +37,12 @@ from ergon.notation.text.values import Place
 MODULES_DOC = "the network: names, each with one kind of module"
 
 
-def module_table(ca: bool) -> Record:
+def module_table(form: Form) -> Record:
     """`m: {CEL: {…}}`: a name has one kind.
 
     What is missing may come by `like:` or `from:`, so `whole` asks for it when these are followed.
     """
-    kinds = {name: partly(table) for name, table in tables(ca).items()}
+    kinds = {name: partly(table) for name, table in tables(form).items()}
     return Record("module", "one module", (), kinds=kinds, kind_required=True)
 
 
@@ -60,7 +62,7 @@ _SOF = Record(
     "SOF",
     "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
     (Field("nearest", k.PATH, "a layout of loudspeakers"),),
-    kinds={kind: _HEARD for kind in tables(False)},
+    kinds={kind: _HEARD for kind in tables("si")},
 )
 _LISTENERS: dict[str, Shape] = {
     "SOX": _HEARD,
@@ -124,15 +126,15 @@ class Outputs(Shape):
         return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED
 
 
-def member_table(ca: bool) -> Record:
+def member_table(form: Form) -> Record:
     """What one note of an instrument may have that the others have not."""
     fields = (
-        Field("modules", NamesOf(module_table(ca), "module"), "fields of its modules"),
+        Field("modules", NamesOf(module_table(form), "module"), "fields of its modules"),
         Field("f", k.PITCHES, "another pitch for a single generator"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field("M", k.MASS, "another mass for a single generator"),
     )
-    kinds = {name: partly(table) for name, table in tables(ca, HOLDERS).items()}
+    kinds = {name: partly(table) for name, table in tables(form, HOLDERS).items()}
     return Record("member", "what one note has of its own", fields, kinds=kinds)
 
 
@@ -179,8 +181,8 @@ PLACING = Record(
 )
 
 
-def instrument_table(ca: bool) -> Record:
-    """The fields of an instrument, in SI units or under `units: ca`."""
+def instrument_table(form: Form) -> Record:
+    """The fields of an instrument of a form."""
     fields = (
         Field(
             "like",
@@ -188,71 +190,83 @@ def instrument_table(ca: bool) -> Record:
             "begin with another one's modules and outputs",
         ),
         Field("from", Reference("file/name"), "an instrument of a file that `use:` names"),
-        Field("modules", NamesOf(module_table(ca), "module"), MODULES_DOC),
+        Field("modules", NamesOf(module_table(form), "module"), MODULES_DOC),
         Field("out", Outputs(), "what is heard of it", shown="nothing"),
         Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
         Field("transpose", INTERVAL, "how much higher than what it begins with, or is written"),
         Field("notes", Notes(), "one of it at each note; its members are called by them"),
-        Field("members", Members(member_table(ca)), "what single members have of their own"),
+        Field("members", Members(member_table(form)), "what single members have of their own"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field("M", k.MASS, "another mass for a single generator"),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
         Field("at", k.RATE, "the rate of that network"),
         Field("place", PLACING, "where it lies among loudspeakers, for `nearest`"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
+        Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
+        Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
     )
-    kinds = {name: partly(table) for name, table in tables(ca, HOLDERS).items()}
+    kinds = {name: partly(table) for name, table in tables(form, HOLDERS).items()}
     return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds)
 
 
 @dataclass(frozen=True)
 class InstrumentShape(Shape):
-    """An instrument; its `units:` say how its numbers are read."""
+    """An instrument; its `units:` and `space:` say how its numbers are read."""
 
-    si: Record
-    ca: Record
+    forms: Mapping[Form, Record]
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         return self.chosen(node).read(node, name, context)
 
     def schema(self) -> dict[str, Any]:
-        """As JSON Schema: fields that only `units: ca` has are there too."""
-        return _with_more(self.si.schema(), self.ca.schema())
+        """As JSON Schema: fields that only one form has are there too."""
+        first, *others = (table.schema() for table in self.forms.values())
+        return reduce(_with_more, others, first)
 
     def words(self) -> str:
         """In words."""
-        return self.si.words()
+        return self.forms["si"].words()
 
     def chosen(self, node: Node) -> Shape:
-        """The table of the units that are written."""
-        units = node.get("units") if isinstance(node, document.Mapping) else None
-        is_ca = isinstance(units, document.Scalar) and units.text == "ca"
-        return self.ca if is_ca else self.si
+        """The table of the form that is written."""
+        return self.forms[form(node)]
+
+
+def form(node: Node) -> Form:
+    """The form of an instrument as it is written."""
+
+    def text(field: str) -> str:
+        found = node.get(field) if isinstance(node, document.Mapping) else None
+        return found.text.strip() if isinstance(found, document.Scalar) else ""
+
+    if text("space") not in ("", "1"):
+        return "space"
+    return "ca" if text("units") == "ca" else "si"
 
 
 def _with_more(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    """A schema with the properties that another has beside its own."""
-    found = {
-        key: _with_more(value, other[key])
-        if isinstance(value, dict) and isinstance(other.get(key), dict)
-        else value
-        for key, value in one.items()
+    """A schema with the properties of two; where these differ either is right."""
+    own, more = one.get("properties"), other.get("properties")
+    if own is None or more is None:
+        return one if one == other else {"anyOf": [one, other]}
+    found = dict(one)
+    found["properties"] = {
+        **more,
+        **{name: _with_more(it, more[name]) if name in more else it for name, it in own.items()},
     }
-    if "properties" in found:
-        found["properties"] = {**other.get("properties", {}), **found["properties"]}
     return found
 
 
-INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))
+INSTRUMENT = InstrumentShape({one: instrument_table(one) for one in ("si", "ca", "space")})
 
 
-def whole(kind: str, values: Values) -> bool:
+def whole(kind: str, values: Values, axes: int = 1) -> bool:
     """Whether all fields that a module needs are there, once `like:` is followed; reports."""
-    own = KINDS[kind]
+    tables = KINDS[kind].tables
     # Under `units: ca` some kinds have more fields, and others of them are needed.
-    is_more = values.record.by_name.keys() != own.table.by_name.keys()
-    table = own.ca_table if is_more else own.table
+    is_more = values.record.by_name.keys() != KINDS[kind].table.by_name.keys()
+    table = tables["space" if axes > 1 else "ca" if is_more else "si"]
     required = [field for field in table.fields if field.required]
     for field in required:
         if field.name not in values.nodes:
@@ -261,19 +275,19 @@ def whole(kind: str, values: Values) -> bool:
     return all(field.name in values.given for field in required)
 
 
-def modules(values: Values) -> tuple[Module, ...]:
+def modules(values: Values, axes: int = 1) -> tuple[Module, ...]:
     """The modules of a key or an instrument; one that was refused is left out."""
     bodies = (values["modules"] or {}).items()
     made = (
-        (name, body.kind, _followed(body.kind, body.given[body.kind]))
+        (name, body.kind, _followed(body.kind, body.given[body.kind], axes))
         for name, body in bodies
         if body is not MISSING
     )
     return tuple(
         own
         for name, kind, body in made
-        if body is not None and whole(kind, body)
-        for own in grounded(module(name, kind, body))
+        if body is not None and whole(kind, body, axes)
+        for own in grounded(module(name, kind, body, axes))
     )
 
 
@@ -287,14 +301,18 @@ def grounded(own: Module) -> tuple[Module, ...]:
     return ground, replace(own, fields={**own.fields, "to": None, "between": ends})
 
 
-def _followed(kind: str, values: Values) -> Values | None:
+def _followed(kind: str, values: Values, axes: int = 1) -> Values | None:
     """The fields of a module with those that follow from others; None after a report."""
+    if axes > 1:
+        return values
     follow = {"BANK": listed, "MODES": placed}.get(kind)
     return made_of(kind, values) if follow is None else follow(values)
 
 
-def module(name: str, kind: str, values: Values) -> Module:
+def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
     """A module with all its fields, defaults filled in; checks what fields mean together."""
+    if axes > 1:
+        return _in_space(name, kind, values, axes)
     # What a body is made of stands in its other fields by now.
     matter = (*MATTER, "masses") if kind == "PLATE" else MATTER if kind == "STRING" else ()
     fields = {f.name: values[f.name] for f in values.record.fields if f.name not in matter}
@@ -310,6 +328,22 @@ def module(name: str, kind: str, values: Values) -> Module:
     if isinstance(wire := fields.get("stretching"), Stretched):
         fields["stretching"] = wire.of(fields["masses"], fields["ends"])
     for check in _CHECKS.get(kind, ()):
+        check(kind, values)
+    return Module(name, kind, fields, values.place, Places(values.nodes))
+
+
+def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
+    fields = {field.name: values[field.name] for field in values.record.fields}
+    for field in values.record.fields:
+        value = fields[field.name]
+        if field.shape in (PLACE, VELOCITY) and value is not None and len(value) != axes:
+            called = " and ".join((", ".join(AXES[: axes - 1]), AXES[axes - 1]))
+            message = f"{values.context.of(field.name)}: the number of items is {len(value)}, but "
+            values.error("E106", f"{message}must be {axes}: {called}", field.name)
+            fields[field.name] = (0.0,) * axes
+    if kind in HOLDERS:
+        fields["axes"] = axes
+    for check in _CHECKS.get(kind, ()) if kind in ("RES", "FRO", "REF") else ():
         check(kind, values)
     return Module(name, kind, fields, values.place, Places(values.nodes))
 
@@ -435,12 +469,14 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
 def instrument(values: Values) -> Instrument:
     """An instrument from what was written, once `like:` and `from:` are followed."""
     made: list[Module] = []
+    space = _space(values)
+    axes = 1 if space is None else space.axes
     if values.kind:
         body = values.given[values.kind]
-        if body is not MISSING:
+        if body is not MISSING and axes == 1:
             body = _retuned(values, body)
-        if body is not MISSING and body is not None and whole(values.kind, body):
-            made.append(module("", values.kind, body))
+        if body is not MISSING and body is not None and whole(values.kind, body, axes):
+            made.append(module("", values.kind, body, axes))
     elif extra := [
         name
         for name in values.written("t60", "M")
@@ -452,7 +488,7 @@ def instrument(values: Values) -> Instrument:
         values.error("E111", message, extra[0])
     elif values.written("f") and (f := values["f"]) is not None and f[0] != f[1]:
         values.error("E202", f"{values.context.of('f')}: only a BANK has a range", "f")
-    made += modules(values)
+    made += modules(values, axes)
     if not values.kind and not values.written("modules"):
         values.error("E103", f"{values.context.of('')} has no modules")
     if values.kind and values.written("modules"):
@@ -467,7 +503,32 @@ def instrument(values: Values) -> Instrument:
     )
     pitch = None if values.kind else named_pitch(values)
     own = tuple(made), outputs, _ca_rate(values), values.place
-    return Instrument(values.context.name, *own, pitch=pitch, placing=_placing(values["place"]))
+    placing = _placing(values["place"])
+    return Instrument(values.context.name, *own, pitch=pitch, placing=placing, space=space)
+
+
+# What an instrument of one axis has, and one in space has not.
+_ONE_AXIS = ("f", "t60", "M", "transpose", "notes", "members", "units", "at", "place", "rate")
+
+
+def _space(values: Values) -> Space | None:
+    """How an instrument lies in space; None where its masses move along one axis. Reports."""
+    axes = values["space"] if "space" in values.given else 1
+    is_written = values.record is INSTRUMENT.forms["space"]
+    if is_written and axes == 1:  # refused already
+        axes = len(AXES)
+    if axes > 1 and not is_written:
+        message = f"{values.context.of('')} begins with an instrument in space; write "
+        values.error("E103", f"{message}`space: {axes}` in it too")
+    if axes == 1:
+        if values.written("gravity"):
+            message = f"{values.context.of('gravity')}: only an instrument in space has this field"
+            values.error("E111", f"{message}; write space: 2 or 3", "gravity")
+        return None
+    for name in values.written(*_ONE_AXIS):
+        message = f"{values.context.of(name)}: an instrument in space has no such field"
+        values.error("E111", message, name)
+    return Space(axes, values["gravity"] or 0.0)
 
 
 def _placing(values: Values | None) -> Placing | None:

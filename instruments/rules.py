@@ -11,7 +11,7 @@ from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
 from ergon.instruments.module_kinds import GENERATORS, LINKS, Start, member_count
-from ergon.instruments.names import Part, PartNames
+from ergon.instruments.names import Part, PartNames, Wanted
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -33,11 +33,11 @@ def modules(
         fields = dict(module.fields)
         if module.kind in LINKS:
             ends = fields["between"] = _ends(module, part, part_names, who)
-            if "gap" in fields:
+            if "gap" in fields and part.axes == 1:
                 fields["gap"] = spread.gaps(module, spread.size(ends), who, part_names.collector)
         elif module.kind in ("ENX", "ENF"):
             _drive(module, part, part_names, takes, fields, driven, who)
-        elif module.kind in GENERATORS:
+        elif module.kind in GENERATORS and part.axes == 1:
             _starts(module, who, part_names.collector)
         resolved = replace(module, fields=fields)
         result.append(lawful(resolved, laws, bodies.get(module.name), who, part_names.collector))
@@ -62,7 +62,8 @@ def lawful(
 def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[Target, ...]:
     """An <L> point joins exactly one <M> point, and a link joins two different ones."""
     names = module.fields["between"] or ()
-    found = (part_names.target(name, "mats", who, part) for name in names)
+    wanted: Wanted = "points" if part.axes > 1 else "mats"
+    found = (part_names.target(name, wanted, who, part) for name in names)
     ends = tuple(end for end in found if end is not None)
     spread.is_fitting(ends, who, part_names.collector)
     return ends

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ergon.instruments.model import Module
+from ergon.instruments.model import Form, Module
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.spread import GAP
 from ergon.notation.tables import value_kinds as k
@@ -96,29 +96,28 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     """Every field with a quantity, of every module that is written: members share theirs."""
     for key in piece.keys.values():
         for module in key.modules:
-            yield from _fields(key.name, module, False)
+            yield from _fields(key.name, module, "si")
     for instrument in piece.instruments.values():
         if whole(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
         for module in instrument.modules:
-            yield from _fields(instrument.name, module, instrument.ca_rate is not None)
+            yield from _fields(instrument.name, module, instrument.form)
     for name, members in piece.families.items():
         if (member := piece.instruments.get(members[0])) is not None:
             for module in member.modules:
-                yield from _fields(name, module, member.ca_rate is not None)
+                yield from _fields(name, module, member.form)
 
 
-def _fields(part: str, module: Module, ca: bool) -> Iterator[tuple[str, Text]]:
-    kind = KINDS[module.kind]
+def _fields(part: str, module: Module, form: Form) -> Iterator[tuple[str, Text]]:
     path = ".".join(filter(None, (part, module.name)))
     if module.kind == "BANK":  # each member has its own
         yield from ((f"{path}.{name}", FACTOR) for name in PARAMETERS["BANK"])
-    for field_ in (kind.ca_table if ca else kind.table).fields:
+    for field_ in KINDS[module.kind].tables[form].fields:
         shape = k.POSITION if field_.shape is GAP else field_.shape  # one for all of its points
         if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _AT_THE_BEGINNING:
             yield f"{path}.{field_.name}", shape
     for name in module.fields.get("constants", ()):
-        yield f"{path}.{name}", k.NUMBER if ca else k.CONSTANT
+        yield f"{path}.{name}", k.NUMBER if form == "ca" else k.CONSTANT
 
 
 # Fields of one number, which can glide.

@@ -184,7 +184,8 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
             said, kind = _fields(values, module, target)
             is_ca = section == "instruments" and values["units"] == "ca"
             owner = _Owner(part, section, own, path, module, kind, said, is_ca)
-            known = KINDS[kind].table if kind else KEY
+            is_space = section == "instruments" and values["space"] > 1
+            known = KINDS[kind].tables["space" if is_space else "si"] if kind else KEY
             if name not in known.by_name and name not in said.free:
                 fields = ", ".join([*known.by_name, *said.free])
                 raise EditError(
@@ -202,7 +203,7 @@ def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values
         if notes.number(note) == wanted:
             written = overlay.member(own, wanted or 0)
             if written is None:
-                written = Values(member_table(False), own.node, own.context)
+                written = Values(member_table("si"), own.node, own.context)
             else:
                 note = next(w for w in own["members"] if notes.number(w) == wanted)
             return note, overlay.at(values, note), written

@@ -75,7 +75,8 @@ class TunablePart:
         modules = [_with(module, values) for module in own.modules]
         assembly = Assembly(seed=self.piece.seed)
         points = [module for module in modules if module.kind in HOLDERS]
-        assembly.part(self.name, points, ca_rate=ca_rate, reach=reach)
+        space = own.space if isinstance(own, Instrument) else None
+        assembly.part(self.name, points, ca_rate=ca_rate, reach=reach, space=space)
         links = [module for module in modules if self._is_inside(module)]
         assembly.joins(self.name, links, ca_rate=ca_rate, reach=reach)
         for other, module in self.piece.modules():

@@ -83,7 +83,10 @@ class Matter:
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules)
-        self._part_names.parts[name] = Part(name, modules, struck, entry.prefix, broken, selves)
+        axes = part_object.axes if isinstance(part_object, Instrument) else 1
+        self._part_names.parts[name] = Part(
+            name, modules, struck, entry.prefix, broken, selves, axes
+        )
         self._written[name] = entry, values
         self.by_name[name] = part_object
 
@@ -163,7 +166,7 @@ class Matter:
             part = self._part_names.parts[name]
             takes = self._names.tables["takes"]
             modules = self._resolved(part, takes)
-            total += sum(member_count(m.kind, m.fields) for m in modules)
+            total += sum(member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in modules)
             for module in modules:
                 if isinstance(source := module.fields.get("from"), Name) and source in takes:
                     self._movements.take(source, takes[source])

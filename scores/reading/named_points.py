@@ -18,7 +18,8 @@ def named_point(piece: Piece, text: str) -> Target:
         for name, own in piece.keys.items()
     }
     for name, made in piece.instruments.items():
-        parts[name] = Part(name, {module.name: module for module in made.modules})
+        own = {module.name: module for module in made.modules}
+        parts[name] = Part(name, own, axes=made.axes)
     found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "point")
     if found is None:
         mistake = collector.finish()[0]

@@ -65,7 +65,7 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     for name, key in piece.keys.items():
         assembly.part(name, key.modules, reach=key.reach, every=key.every)
     for name, made in piece.instruments.items():
-        assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every)
+        assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every, space=made.space)
     for name, key in piece.keys.items():
         assembly.joins(name, key.modules, reach=key.reach)
     for name, made in piece.instruments.items():

@@ -21,7 +21,7 @@ def implausible(piece: Piece) -> list[Diagnostic]:
     scene = _Scene.of(piece)
     found: list[Diagnostic] = []
     for instrument in piece.instruments.values():
-        if instrument.ca_rate is not None:
+        if instrument.form != "si":
             continue
         for module in instrument.modules:
             name = ".".join(filter(None, (instrument.name, module.name)))
@@ -85,6 +85,9 @@ class _Scene:
 
     def gaps(self, name: str, but: Module) -> Iterator[Diagnostic]:
         """W327 where a contact is pressed from the beginning, W329 where it is too wide."""
+        ends = (self.modules[end.part, end.module] for end in but.fields["between"])
+        if any("axes" in end.fields for end in ends):
+            return  # points in space come from where they are
         sign = 1.0 if but.fields["side"] == "below" else -1.0
         place = but.places.get("gap", but.place)
         pressed, nearest = -inf, -inf  # of one over a range that of its points which is deepest
@@ -160,7 +163,7 @@ class _Scene:
         if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
             return inf
         mass = module.fields["M"]
-        if module.kind in ("STRING", "PLATE"):
+        if module.kind in ("STRING", "PLATE", "CHAIN", "CLOTH"):
             mass /= member_count(module.kind, module.fields)
         key = self.keys.get(end.part)
         mass = mass if key is None else mass / (key.reach * key.reach)

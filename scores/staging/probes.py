@@ -104,7 +104,7 @@ def _point(target: Target, output: int, module: Module) -> Point:
 
 def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for part, module in piece.modules():
-        if module.kind == "BUT":
+        if module.kind == "BUT" and not module.fields["between"][0].points:
             yield from _named(part, module)
 
 
@@ -126,7 +126,7 @@ def _single(piece: Piece) -> Iterable[Target]:
     """Modules of one mass, and the members of others that outputs of the piece listen to."""
     for part, module in piece.modules():
         is_one = module.kind in HOLDERS and member_count(module.kind, module.fields) == 1
-        if is_one and module.kind != "SOL":
+        if is_one and module.kind != "SOL" and "axes" not in module.fields:
             yield Target(part, module.name, 0, 1, "", module.place)
     for instrument in piece.instruments.values():
         for output in instrument.outputs:

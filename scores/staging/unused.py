@@ -89,4 +89,4 @@ def _moved(piece: Piece) -> Iterator[str]:
         if module.kind in ("ENX", "ENF") and isinstance(to, Target):
             yield to.part
         if module.fields.get("X0") or module.fields.get("V0"):
-            yield part
+            yield part  # in space X0 is written always, and springs and gravity move

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use ergon_engine::generator::{
     self, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
 };
-use ergon_engine::network::{self, Bristle, But, Dry, ElementKind, ModeRange, Term, Tie};
+use ergon_engine::network::{
+    self, Bristle, But, Dry, ElementKind, ModeRange, SpaceLaw, SpacePoint, SpacePoints, Term, Tie,
+};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use numpy::{IntoPyArray, PyArray1};
@@ -51,6 +53,12 @@ impl Links {
             )),
         }
     }
+}
+
+/// How many links in space follow one another, and how many axes they have.
+struct SpaceLinks {
+    count: usize,
+    axes: usize,
 }
 
 /// (first, count, weight) of modules in an output.
@@ -165,6 +173,87 @@ impl Network {
             }
         };
         self.0.cel(name, M, tie, rest, X0, V0).map_err(from_engine)
+    }
+
+    /// Points in space, axis by axis: X0 and V0 have one value for each axis and point.
+    #[pyo3(signature = (name, *, axes, M, X0, V0, Z=0.0, numbered=true))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn points(
+        &mut self,
+        name: &str,
+        axes: usize,
+        M: Vec<f64>,
+        X0: Vec<f64>,
+        V0: Vec<f64>,
+        Z: f64,
+        numbered: bool,
+    ) -> PyResult<usize> {
+        let points = SpacePoints {
+            n_axes: axes,
+            masses: &M,
+            x0: &X0,
+            v0: &V0,
+            z: Z,
+        };
+        self.0.points(name, numbered, points).map_err(from_engine)
+    }
+
+    /// Gravity of g [m/s²] along the axis of `count` MATs from `first` on.
+    fn weigh(&mut self, first: usize, count: usize, g: f64) -> PyResult<()> {
+        if count == 0 {
+            return Ok(());
+        }
+        self.there(first)?;
+        self.there(first + count - 1)?;
+        self.0.weigh(first..first + count, g).map_err(from_engine)
+    }
+
+    /// The distance of two points in space at the beginning [m]; each is (first coordinate, stride).
+    fn distance(&self, a: (usize, usize), b: (usize, usize), axes: usize) -> PyResult<f64> {
+        for (first, stride) in [a, b] {
+            self.there(first + axes.clamp(1, 3).saturating_sub(1) * stride)?;
+        }
+        let [a, b] = [a, b].map(|(first, stride)| SpacePoint { first, stride });
+        Ok(self.0.distance((a, b), axes))
+    }
+
+    /// Springs between `count` pairs of points in space that follow one another; an end is (first coordinate, stride).
+    #[pyo3(signature = (name, a, b, *, axes, rest, count=1, K=0.0, Z=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn space_ref(
+        &mut self,
+        name: &str,
+        a: (usize, usize),
+        b: (usize, usize),
+        axes: usize,
+        rest: f64,
+        count: usize,
+        K: f64,
+        Z: f64,
+    ) -> PyResult<usize> {
+        let links = SpaceLinks { count, axes };
+        self.space(name, (a, b), links, SpaceLaw::Spring, [K, Z, rest])
+    }
+
+    /// Contacts between `count` pairs of points in space that follow one another, closed where they are nearer than `gap`.
+    #[pyo3(signature = (name, a, b, *, axes, gap, count=1, K=0.0, Z=0.0, exponent=1.0, clamp=false))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn space_but(
+        &mut self,
+        name: &str,
+        a: (usize, usize),
+        b: (usize, usize),
+        axes: usize,
+        gap: f64,
+        count: usize,
+        K: f64,
+        Z: f64,
+        exponent: f64,
+        clamp: bool,
+    ) -> PyResult<usize> {
+        let law = SpaceLaw::Contact { exponent, clamp };
+        let links = SpaceLinks { count, axes };
+        self.space(name, (a, b), links, law, [K, Z, gap])
     }
 
     /// A row of MAS, tuned so that its lowest mode is f.
@@ -577,6 +666,7 @@ impl Network {
             ElementKind::Lnl => "LNL",
             ElementKind::Bristle => "BRISTLE",
             ElementKind::Dry => "DRY",
+            ElementKind::Space => "SPACE",
         };
         Ok(Elements {
             kinds: found.each.iter().map(kind).collect(),
@@ -677,6 +767,20 @@ impl Network {
             }
         })?
         .map_err(from_engine)
+    }
+
+    fn space(
+        &mut self,
+        name: &str,
+        (a, b): ((usize, usize), (usize, usize)),
+        links: SpaceLinks,
+        law: SpaceLaw,
+        numbers: [f64; 3],
+    ) -> PyResult<usize> {
+        let [a, b] = [a, b].map(|(first, stride)| SpacePoint { first, stride });
+        self.0
+            .space_links(name, (a, b), links.count, links.axes, law, numbers)
+            .map_err(from_engine)
     }
 
     fn there(&self, index: usize) -> PyResult<()> {

@@ -453,6 +453,65 @@ class Network:
         held at rest and free to turn. `t60` may be (f [Hz], t60 [s]) of two modes or more,
         within 1 %. `K` and `Z` of each link may stand for `f` and `t60`.
         """
+    def points(
+        self,
+        name: str,
+        *,
+        axes: int,
+        M: Sequence[float],
+        X0: Sequence[float],
+        V0: Sequence[float],
+        Z: float = 0.0,
+        numbered: bool = True,
+    ) -> int:
+        """Points in space of mass M [kg] each, 0 for fixed ones; the index of the first MAT.
+
+        X0 [m] and V0 [m/s] are (axes · n,), axis by axis, as the coordinates are: that of point i
+        along axis j is MAT first + j · n + i. `Z` [N·s/m] is the viscosity around each. Coordinates
+        are named NAME.3.x, of a single point that is not `numbered` NAME.x. Raises EngineError.
+        """
+    def weigh(self, first: int, count: int, g: float) -> None:
+        """Let gravity g [m/s²] act along the axis of `count` MATs from `first` on.
+
+        Raises EngineError where g is not finite.
+        """
+    def distance(self, a: tuple[int, int], b: tuple[int, int], axes: int) -> float:
+        """Distance [m] of two points in space at the beginning; each is (first MAT, stride)."""
+    def space_ref(
+        self,
+        name: str,
+        a: tuple[int, int],
+        b: tuple[int, int],
+        *,
+        axes: int,
+        rest: float,
+        count: int = 1,
+        K: float = 0.0,
+        Z: float = 0.0,
+    ) -> int:
+        """Springs K [N/m] and dampers Z [N·s/m] along the distance of points; the first LIA's index.
+
+        They join `count` pairs of points that follow one another, have no force at a distance of
+        `rest` [m], and begin with the ends a and b, each (first MAT, stride). Raises EngineError.
+        """
+    def space_but(
+        self,
+        name: str,
+        a: tuple[int, int],
+        b: tuple[int, int],
+        *,
+        axes: int,
+        gap: float,
+        count: int = 1,
+        K: float = 0.0,
+        Z: float = 0.0,
+        exponent: float = 1.0,
+        clamp: bool = False,
+    ) -> int:
+        """Contacts of points nearer than `gap` [m]; ends and result as `space_ref` has them.
+
+        They push by K·p^exponent + Z·dp/dt at depth p [m]; with `clamp` they never pull.
+        """
     def bank(
         self,
         name: str,

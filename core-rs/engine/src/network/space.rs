@@ -233,6 +233,15 @@ impl Network {
         Ok(first)
     }
 
+    /// The distance of two points at the beginning [m].
+    pub fn distance(&self, (a, b): (SpacePoint, SpacePoint), n_axes: usize) -> f64 {
+        let apart = |axis: usize| {
+            let at = |end: SpacePoint| self.mats.x0[end.first + axis * end.stride];
+            if axis < n_axes { at(b) - at(a) } else { 0.0 }
+        };
+        distance(apart(0), apart(1), apart(2))
+    }
+
     /// Add springs or contacts between `n` pairs of points in space that follow one another; returns the index of the first.
     ///
     /// # Errors
@@ -259,8 +268,12 @@ impl Network {
         {
             return Err(self.refused(name, "the exponent of a contact must be from 1 to 8"));
         }
-        let last = |end: SpacePoint| end.first + (n_axes - 1) * end.stride + n;
-        if !(2..=AXES_MAX).contains(&n_axes) || last(a).max(last(b)) > self.n_mat() || n == 0 {
+        let is_there = |end: SpacePoint| {
+            let offset = end.stride.checked_mul(n_axes.saturating_sub(1));
+            let last = offset.and_then(|offset| offset.checked_add(end.first)?.checked_add(n));
+            last.is_some_and(|last| last <= self.n_mat())
+        };
+        if !(2..=AXES_MAX).contains(&n_axes) || n == 0 || !is_there(a) || !is_there(b) {
             return Err(self.refused(name, "joins a module that does not exist"));
         }
         if a.first == b.first {

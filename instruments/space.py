@@ -1,0 +1,228 @@
+"""Modules of an instrument in space: points with two or three coordinates, rows and cloths of them.
+
+Links of such an instrument measure the distance of two points, and act along the line between them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ergon import _core
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.shapes import ListOf, choice
+
+AXES = ("x", "y", "z")
+MAX_POINTS = 500_000  # of one CHAIN or CLOTH: one and a half million coordinates
+
+PLACE = ListOf(k.POSITION, 2, 3)
+VELOCITY = ListOf(k.SPEED, 2, 3)
+SIDES = ListOf(k.integer(1, 2_000, "40"), 2, 2)
+
+_Vector = tuple[float, ...]
+Family = Literal["mat", "link", "generator"]
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """How many axes an instrument has, and the gravity [m/s²] against the last of them."""
+
+    axes: int
+    gravity: float
+
+
+def tables(between: Field) -> dict[str, tuple[Family, Record]]:
+    """Of each kind its family and its table."""
+    mass = Field("M", k.MASS, "mass", required=True)
+    whole = Field("M", k.MASS, "mass of all its points together", required=True)
+    x0 = Field("X0", PLACE, "position at the beginning, axis by axis", required=True)
+    v0 = Field("V0", VELOCITY, "velocity at the beginning, axis by axis", shown="at rest")
+    drag = Field("drag", k.DAMPING, "viscosity of what surrounds each point", 0.0)
+    stiff = Field("K", k.STIFFNESS, "stiffness")
+    damp = Field("Z", k.DAMPING, "viscosity", 0.0)
+    rest = Field(
+        "rest",
+        k.DISTANCE,
+        "distance at which the spring has no force",
+        shown="the distance at the beginning",
+    )
+    springs = (
+        Field("K", k.STIFFNESS, "stiffness of each spring", required=True),
+        Field("Z", k.DAMPING, "viscosity of each spring", 0.0),
+    )
+    chain = (
+        Field("masses", k.integer(2, MAX_POINTS, "20"), "how many points", required=True),
+        whole,
+        Field("from", PLACE, "where the first point begins", required=True),
+        Field("to", PLACE, "where the last point begins", required=True),
+        *springs,
+        rest,
+        Field("ends", choice("fixed", "free", "left"), "which of its end points are held", "fixed"),
+        drag,
+    )
+    cloth = (
+        Field("sides", SIDES, "points across, and up", required=True),
+        whole,
+        Field("at", PLACE, "where its first corner begins", required=True),
+        Field("across", PLACE, "from there to the corner at the end of a row", required=True),
+        Field("up", PLACE, "from there to the corner at the end of a column", required=True),
+        *springs,
+        Field("shear", k.STIFFNESS, "stiffness of the springs across each mesh, both ways", 0.0),
+        Field(
+            "held", choice("nothing", "corners", "top", "rim"), "which points are held", "nothing"
+        ),
+        drag,
+    )
+    contact = (
+        between,
+        Field("K", k.STIFFNESS, "stiffness", required=True),
+        damp,
+        Field(
+            "gap",
+            k.DISTANCE,
+            "distance of the two points at which they touch: the sum of two radii",
+            required=True,
+        ),
+        Field("exponent", k.EXPONENT, "power of the depth (1.5: Hertz)", 1.0),
+        Field("clamp", k.TRUTH, "never pull at the exit", False),
+    )
+    return {
+        "MAS": ("mat", Record("module", "a point mass in space", (mass, x0, v0, drag))),
+        "SOL": ("mat", Record("module", "a fixed point in space", (x0,))),
+        "CHAIN": ("generator", Record("module", "points in a row, joined by springs", chain)),
+        "CLOTH": ("generator", Record("module", "a net of points and springs", cloth)),
+        "RES": ("link", Record("module", "a spring along a distance", (between, stiff, rest))),
+        "FRO": ("link", Record("module", "a damper along a distance", (between, damp))),
+        "REF": (
+            "link",
+            Record("module", "a spring and damper along a distance", (between, stiff, damp, rest)),
+        ),
+        "BUT": ("link", Record("module", "a contact of two spheres", contact)),
+    }
+
+
+def count(kind: str, fields: Mapping[str, Any]) -> int:
+    """How many points a module has."""
+    if kind == "CLOTH":
+        across, up = fields["sides"]
+        return int(across * up)
+    return int(fields.get("masses") or 1)
+
+
+def add(network: _core.Network, kind: str, name: str, fields: Mapping[str, Any]) -> int:
+    """Add the points of a module, and the springs of a generator; the index of the first MAT.
+
+    Raises EngineError.
+    """
+    return {"CHAIN": _chain, "CLOTH": _cloth}.get(kind, _point)(network, name, fields)
+
+
+def _point(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
+    axes = fields["axes"]
+    return network.points(
+        name,
+        axes=axes,
+        M=[fields.get("M", 0.0)],
+        X0=fields["X0"],
+        V0=fields.get("V0") or (0.0,) * axes,
+        Z=fields.get("drag", 0.0),
+        numbered=False,
+    )
+
+
+def _points(
+    network: _core.Network,
+    name: str,
+    fields: Mapping[str, Any],
+    places: Sequence[_Vector],
+    held: Sequence[bool],
+) -> int:
+    axes, n = fields["axes"], len(places)
+    each = fields["M"] / max(1, n - sum(held))
+    return network.points(
+        name,
+        axes=axes,
+        M=[0.0 if is_held else each for is_held in held],
+        X0=[place[axis] for axis in range(axes) for place in places],
+        V0=[0.0] * (axes * n),
+        Z=fields["drag"],
+    )
+
+
+def _chain(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
+    n, axes = fields["masses"], fields["axes"]
+    start, stop = fields["from"], fields["to"]
+    places = [_between(start, stop, i / (n - 1)) for i in range(n)]
+    held = [False] * n
+    held[0] = fields["ends"] in ("fixed", "left")
+    held[-1] = fields["ends"] == "fixed"
+    first = _points(network, name, fields, places, held)
+    rest = math.dist(start, stop) / (n - 1) if fields["rest"] is None else fields["rest"]
+    network.space_ref(
+        f"{name}.link" if name else "link",
+        (first, n),
+        (first + 1, n),
+        axes=axes,
+        count=n - 1,
+        rest=rest,
+        K=fields["K"],
+        Z=fields["Z"],
+    )
+    return first
+
+
+def _cloth(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
+    """Row by row: springs along each row, along each column, and across each mesh."""
+    (across, up), axes = fields["sides"], fields["axes"]
+    n = across * up
+    corner, right, upwards = fields["at"], fields["across"], fields["up"]
+    places = [
+        tuple(
+            corner[axis]
+            + right[axis] * (i / max(1, across - 1))
+            + upwards[axis] * (j / max(1, up - 1))
+            for axis in range(axes)
+        )
+        for j in range(up)
+        for i in range(across)
+    ]
+    held = [_is_held(fields["held"], i, j, across, up) for j in range(up) for i in range(across)]
+    first = _points(network, name, fields, places, held)
+    link = f"{name}.link" if name else "link"
+
+    def join(low: int, high: int, count: int, stiffness: float, damping: float) -> None:
+        if count < 1 or stiffness == 0.0 == damping:
+            return
+        network.space_ref(
+            link,
+            (first + low, n),
+            (first + high, n),
+            axes=axes,
+            count=count,
+            rest=math.dist(places[low], places[high]),
+            K=stiffness,
+            Z=damping,
+        )
+
+    spring, shear = (fields["K"], fields["Z"]), fields["shear"]
+    for j in range(up):
+        join(j * across, j * across + 1, across - 1, *spring)
+    if up > 1:
+        join(0, across, n - across, *spring)
+    for j in range(up - 1):
+        join(j * across, (j + 1) * across + 1, across - 1, shear, 0.0)
+        join(j * across + 1, (j + 1) * across, across - 1, shear, 0.0)
+    return first
+
+
+def _between(start: _Vector, stop: _Vector, share: float) -> _Vector:
+    return tuple(a + (b - a) * share for a, b in zip(start, stop, strict=True))
+
+
+def _is_held(held: str, i: int, j: int, across: int, up: int) -> bool:
+    sides, ends = i in (0, across - 1), j in (0, up - 1)
+    is_top = j == up - 1
+    return {"corners": sides and ends, "top": is_top, "rim": sides or ends}.get(held, False)
