@@ -43,7 +43,9 @@ def named(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
             reason = f"did you mean '{close}'?" if close else there
             raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
         on_one_axis("parts", piece, name)
-    flat = (name for name in known if name not in piece.instruments or not _space_of(piece, name))
+    flat = [n for n in known if n not in piece.instruments or not _space_of(piece, n)]
+    if known and not flat and not asked:
+        on_one_axis("parts", piece, known[0])
     return tuple(dict.fromkeys(asked)) or tuple(flat)
 
 

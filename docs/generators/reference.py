@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ergon.instruments.materials import MATERIALS, OWN_MATERIAL
-from ergon.instruments.module_kinds import KINDS
+from ergon.instruments.module_kinds import HOLDERS, KINDS, LINKS, tables
 from ergon.instruments.read import INSTRUMENT, PLACING
 from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
@@ -20,7 +20,7 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("rates", s.RATES),
     ("tempo", s.TEMPO),
     ("keys", s.KEY),
-    ("instruments", INSTRUMENT.si),
+    ("instruments", INSTRUMENT.forms["si"]),
     ("instruments: place", PLACING),
     ("laws", s.LAW),
     ("gestures", s.GESTURE),
@@ -41,6 +41,9 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("files of `layout:`", s.LAYOUT),
     ("files of `layout:`: speakers by angles", s.SPEAKER),
 )
+
+
+_MATTER = (*HOLDERS, *LINKS)
 
 
 def _default(field: Field) -> str:
@@ -106,9 +109,13 @@ def text() -> str:
         lines += _section(title, record)
     lines += ["## Modules", ""]
     for kind in KINDS.values():
-        lines += _section(f"`{kind.name}`", kind.table, "###")
+        if "si" in kind.tables:
+            lines += _section(f"`{kind.name}`", kind.table, "###")
     lines += _section("`gap`", PROFILE, "###")
     lines += _section("`material`", OWN_MATERIAL, "###")
+    lines += ["## Modules of an instrument in space", ""]
+    for name, table in tables("space", _MATTER).items():
+        lines += _section(f"`{name}` in space", table, "###")
     lines += _materials()
     return "\n".join(lines).rstrip() + "\n"
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from ergon.instruments.model import Instrument, Module, Output, Target
 from ergon.instruments.module_kinds import HOLDERS, member_count
+from ergon.instruments.space import AXES
 from ergon.instruments.spread import singles
 from ergon.scores.reading.piece import Piece, Route
 
@@ -96,9 +97,11 @@ def _identity(target: Target) -> tuple[str, str, int | str]:
 
 
 def _point(target: Target, output: int, module: Module) -> Point:
-    is_one = member_count(module.kind, module.fields) == 1
-    member = "" if is_one else str(target.first)
-    name = ".".join(filter(None, (target.part, target.module, member)))
+    count, first, axis = member_count(module.kind, module.fields), target.first, ""
+    if "axes" in module.fields and isinstance(first, int):
+        first, axis = first % count, AXES[first // count]
+    member = "" if count == 1 else str(first)
+    name = ".".join(filter(None, (target.part, target.module, member, axis)))
     return Point(name, output, module.kind == "SOL")
 
 

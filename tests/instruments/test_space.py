@@ -1,0 +1,252 @@
+"""Instruments in space: their motion beside DOP853 and closed forms, names of points, mistakes."""
+
+import numpy as np
+import pytest
+from checked import check, found
+from oracle import matter
+from scipy.optimize import fsolve
+
+from ergon.scores.staging.stage import stage
+
+G = 9.81
+
+
+def heard(text: str, rate: int = 44_100) -> np.ndarray:
+    """Outputs of a score, stepped by CA (n_frames, n_out)."""
+    lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
+    made = stage(check(lines + text).piece, planned=True)
+    sound = np.empty((made.n_frames, made.simulation.n_out))
+    made.simulation.process(sound)
+    return sound
+
+
+TANGLE = """\
+ergon: 1
+instruments:
+  t:
+    space: %d
+    gravity: 9.81m/s2
+    modules:
+%s
+    out: {%s}
+render: {bits: float, tail: 0.1s}
+"""
+
+
+def tangle(
+    seed: int, axes: int, damping: float = 0.02
+) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
+    """A fixed point and five masses, most pairs joined by a spring or a contact."""
+    draw = np.random.default_rng(seed)
+    n = 6
+    x0 = draw.uniform(-0.05, 0.05, (n, axes)).round(4)
+    v0 = draw.uniform(-0.5, 0.5, (n, axes)).round(3)
+    mass = draw.uniform(2e-3, 2e-2, n).round(5)
+    mass[0], v0[0] = 0.0, 0.0
+    lines = [f"      m0: {{SOL: {{X0: {x0[0].tolist()}}}}}"]
+    for i in range(1, n):
+        place, speed = x0[i].tolist(), v0[i].tolist()
+        lines.append(f"      m{i}: {{MAS: {{M: {mass[i]}, X0: {place}, V0: {speed}}}}}")
+    links = []
+    for b in range(n):
+        for a in range(b):
+            length = float(np.linalg.norm(x0[b] - x0[a]))
+            stiff, damp = round(draw.uniform(50, 400), 2), round(draw.uniform(0, damping), 4)
+            ends = f"between: [m{a}, m{b}], K: {stiff}, Z: {damp}"
+            if (a + b) % 3 == 1:
+                gap = round(length * draw.uniform(0.5, 1.1), 5)
+                lines.append(f"      c{a}{b}: {{BUT: {{{ends}, gap: {gap}, exponent: 1.5}}}}")
+                links.append(matter.Link(a, b, stiff, damp, gap, True, 1.5))
+            elif (a + b) % 3 == 2:
+                lines.append(f"      s{a}{b}: {{REF: {{{ends}}}}}")
+                links.append(matter.Link(a, b, stiff, damp, length))
+    names = "xyz"[:axes]
+    outputs = ", ".join(f"m{i}{c}: {{SOX: m{i}.{c}}}" for i in range(1, n) for c in names)
+    return (
+        TANGLE % (axes, "\n".join(lines), outputs),
+        {"x0": x0, "v0": v0, "mass": mass},
+        links,
+    )
+
+
+@pytest.mark.parametrize(
+    ("seed", "axes", "damping", "order"), [(1, 2, 0.02, 1), (2, 3, 0.0, 2), (3, 3, 0.0, 2)]
+)
+def test_it_moves_as_dop853_does(seed: int, axes: int, damping: float, order: int):
+    """By the second order of the step; where damping lags half a step behind, by the first."""
+    text, given, links = tangle(seed, axes, damping)
+    errors = []
+    for rate in (44_100, 88_200):
+        ours = heard(text, rate)
+        when = np.arange(0, len(ours), rate // 4410) / rate
+        exact = matter.solve(**given, links=links, when=when, gravity=G)
+        apart = ours[:: rate // 4410] - exact[:, 1:].reshape(len(when), -1)
+        errors.append(np.abs(apart).max())
+    size = np.abs(exact).max()
+    assert errors[1] < 1e-4 * size
+    assert 0.75 * 2**order < errors[0] / errors[1] < 1.25 * 2**order
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_fifty_tangles(seed: int):
+    text, given, links = tangle(seed + 100, 2 + seed % 2)
+    ours = heard(text, 352_800)
+    when = np.arange(0, len(ours), 80) / 352_800
+    exact = matter.solve(**given, links=links, when=when, gravity=G)
+    apart = ours[::80] - exact[:, 1:].reshape(len(when), -1)
+    assert np.abs(apart).max() < 1e-4 * np.abs(exact).max()
+
+
+def test_a_chain_comes_to_rest_as_a_catenary_of_its_links():
+    n, mass, stiff, width, length = 9, 0.02, 400.0, 0.4, 0.06
+    text = f"""\
+ergon: 1
+instruments:
+  rope:
+    space: 2
+    gravity: {G}
+    CHAIN: {{masses: {n}, M: {mass}, from: [0, 0], to: [{width}, 0], K: {stiff}, Z: 0.5,
+      rest: {length}, drag: 0.05}}
+    out: {{{", ".join(f"{c}{i}: {{SOX: rope.{i}.{c}}}" for i in range(1, n - 1) for c in "xy")}}}
+strikes: {{a: {{to: rope.1..7.y, at: 0, impulse: 1mNs}}}}
+render: {{bits: float, tail: 4s}}
+"""
+    rest = heard(text, 8_000)[-1].reshape(-1, 2)
+    each = np.full(n, mass / (n - 2))
+    links = [matter.Link(i, i + 1, stiff, 0.0, length) for i in range(n - 1)]
+
+    def left(inner: np.ndarray) -> np.ndarray:
+        x = np.array([(0.0, 0.0), *inner.reshape(-1, 2), (width, 0.0)])
+        return matter.forces(x, np.zeros_like(x), each, links, G)[1:-1].ravel()
+
+    across = np.linspace(0, width, n)[1:-1]
+    guess = np.stack([across, -0.1 * np.sin(np.pi * across / width)], 1)
+    exact = fsolve(left, guess.ravel(), xtol=1e-13).reshape(-1, 2)
+    assert exact[:, 1].min() < -0.05
+    np.testing.assert_allclose(rest, exact, atol=1e-9)
+
+
+def test_a_link_of_one_axis_joins_a_coordinate():
+    """A mass that hangs on a spring between its y and a CEL: an oscillator of two masses."""
+    text = """\
+ergon: 1
+instruments:
+  ball:
+    space: 2
+    modules: {m: {MAS: {M: 10g, X0: [3cm, 0], V0: [0, 0.1m/s]}}}
+    out: {x: {SOX: m.x}, y: {SOX: m.y}}
+  bell:
+    modules:
+      c: {CEL: {M: 20g, K: 500N/m}}
+      s: {RES: {between: [ball.m.y, c], K: 300N/m}}
+    out: {SOX: c}
+render: {bits: float, tail: 0.1s}
+"""
+    rate = 176_400
+    x, y, bell = heard(text, rate).T
+    stiffness = np.array([[300.0, -300.0], [-300.0, 800.0]])
+    roots = np.diag([0.01**-0.5, 0.02**-0.5])
+    squares, modes = np.linalg.eigh(roots @ stiffness @ roots)
+    at_first = modes.T @ np.linalg.inv(roots) @ np.array([0.1, 0.0])
+    t = np.arange(len(y))[:, None] / rate
+    exact = (at_first * np.sin(np.sqrt(squares) * t) / np.sqrt(squares)) @ (roots @ modes).T
+    np.testing.assert_allclose(np.stack([y, bell], 1), exact, atol=1e-6 * np.abs(exact).max())
+    assert set(x) == {0.03}
+
+
+def test_a_cloth_keeps_its_mass_and_its_links():
+    text = """\
+ergon: 1
+instruments:
+  net:
+    space: 3
+    CLOTH: {sides: [4, 3], M: 60g, at: [0, 0, 0], across: [3cm, 0, 0], up: [0, 4cm, 0],
+      K: 1kN/m, shear: 200N/m, held: corners}
+    out: {z: {SOX: net.5.z}}
+strikes: {a: {to: net.5.z, at: 0, impulse: 1mNs}}
+render: {tail: 10ms}
+"""
+    made = stage(check(text).piece)
+    network = made.built.network
+    # 3 rows of 3 springs, 4 columns of 2, 12 across the 6 meshes.
+    assert (network.n_mat, network.n_lia) == (36, 9 + 8 + 12)
+    sound = np.empty((made.n_frames, made.simulation.n_out))
+    made.simulation.process(sound)
+    # 60 g on eight points, of which one was struck.
+    speed = np.diff(sound[:, 0])[0] * 44_100
+    assert speed == pytest.approx(1e-3 / (0.06 / 8), rel=1e-9)
+
+
+HEAD = "ergon: 1\ninstruments:\n"
+CHAIN = "{CHAIN: {masses: 4, M: 1g, from: [0, 0, 0], to: [1m, 0, 0], K: 1}}"
+BOB = "      bob: {MAS: {M: 1g, X0: [0, 0, 1m]}}\n      nail: {SOL: {X0: [0, 0, 0]}}\n"
+SPACE = HEAD + "  b:\n    space: 3\n    modules:\n" + BOB
+CELL = "  c:\n    modules:\n      m: {CEL: {M: 1g, f: A3}}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "said"),
+    [
+        (f"{SPACE}    out: {{SOX: bob}}\n", "E304", "write one of its axes: bob.x, bob.y, bob.z"),
+        (f"{SPACE}    out: {{SOX: bob.w}}\n", "E301", "nothing is called 'bob.w'"),
+        (
+            f"{SPACE}      s: {{RES: {{between: [bob.x, nail], K: 1}}}}\n",
+            "E304",
+            "'bob.x' is one axis of a point; a link in space joins points: bob",
+        ),
+        (
+            f"{SPACE}      s: {{RES: {{between: [bob, c.m], K: 1}}}}\n{CELL}",
+            "E304",
+            "'c.m' is no point in space",
+        ),
+        (
+            f"{SPACE}{CELL}      s: {{RES: {{between: [m, b.bob], K: 1}}}}\n",
+            "E304",
+            "'b.bob' is a point in space; write one of its axes: b.bob.x, b.bob.y, b.bob.z",
+        ),
+        (f"{SPACE}    f: A3\n", "E111", "an instrument in space has no such field"),
+        (f"{SPACE}    units: ca\n", "E111", "an instrument in space has no such field"),
+        (f"{HEAD}{CELL}    gravity: 9.81m/s2\n", "E111", "write space: 2 or 3"),
+        (
+            f"{HEAD}  b:\n    space: 2\n    modules:\n{BOB}",
+            "E106",
+            "the number of items is 3, but must be 2: x and y",
+        ),
+        (
+            f"{HEAD}  b:\n    space: 4\n    modules:\n{BOB}",
+            "E202",
+            "space",
+        ),
+        (f"{SPACE}      s: {{LNL: {{between: [bob, nail], law: d}}}}\n", "E10", "LNL"),
+        (f"{SPACE}      s: {{REF: {{between: [bob, nail]}}}}\n", "E103", "needs K or Z"),
+        (f"{SPACE}      s: {{BUT: {{between: [bob, nail], K: 1}}}}\n", "E103", "'gap'"),
+        (f"{SPACE}      n: {{SOL: {{}}}}\n", "E103", "'X0'"),
+        (
+            f"{SPACE}      r: {CHAIN}\n    out: {{SOX: r.y}}\n",
+            "E304",
+            "b.r has 4 points",
+        ),
+        (
+            f"{SPACE}  d:\n    like: b\n    modules: {{bob: {{MAS: {{M: 2g}}}}}}\n",
+            "E103",
+            "write `space: 3` in it too",
+        ),
+    ],
+)
+def test_mistakes_have_a_sentence(text: str, code: str, said: str):
+    reports = found(text)
+    assert any(own.startswith(code) and said in sentence for own, _, sentence in reports), reports
+
+
+def test_like_takes_the_matter_over():
+    text = SPACE + "  d: {like: b, space: 3, gravity: 2}\n"
+    piece = check(text + "render: {tail: 1s}\n").piece
+    assert piece.instruments["d"].space == type(piece.instruments["d"].space)(3, 2.0)
+    assert [m.name for m in piece.instruments["d"].modules] == ["bob", "nail"]
+
+
+def test_too_stiff_a_link_is_refused_with_its_module():
+    text = SPACE + "      s: {RES: {between: [bob, nail], K: 10000kN/m}}\n    out: {SOX: bob.x}\n"
+    with pytest.raises(Exception, match=r"b\.bob\.[xyz]"):
+        stage(check(text + "render: {tail: 1s}\n").piece)
