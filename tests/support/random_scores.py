@@ -16,13 +16,16 @@ class Score:
 
     gesture = "go"
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, with_space: bool = False) -> None:
         self.dice = random.Random(seed)
+        self.matter = ""  # an instrument in space
         self.points: list[str] = []  # MATs that links may join
         self.moving: list[str] = []  # those that may be heard and struck
         self.modules: list[str] = []
         for _ in range(self.dice.randint(1, 4)):
             self.body(f"m{len(self.modules)}")
+        if with_space:
+            self.space()
         for _ in range(self.dice.randint(0, 6)):
             self.link(f"l{len(self.modules)}")
         self.link("hand", first="k")
@@ -88,6 +91,32 @@ class Score:
         kind = "BUT" if first and self.dice.random() < 0.7 else self.dice.choice(tuple(kinds))
         self.modules.append(f"{name}: {{{kind}: {{between: [{a}, {b}], {kinds[kind]}}}}}")
 
+    def space(self) -> None:
+        """An instrument in space; links on one axis may join some of its coordinates."""
+        axes = self.dice.choice((2, 3))
+
+        def place() -> str:
+            return f"[{', '.join(f'{self.dice.uniform(-5, 5):.3g}cm' for _ in range(axes))}]"
+
+        stiff = f"K: {self.by_ratio(1, 1e3)}N/m, Z: {self.by_ratio(1e-3, 0.1)}Ns/m"
+        lines = [f"ball: {{MAS: {{M: {self.by_ratio(1e-3, 0.1)}kg, X0: {place()}}}}}"]
+        lines.append(f"nail: {{SOL: {{X0: {place()}}}}}")
+        generator = self.dice.choice(
+            (
+                f"CHAIN: {{masses: 5, M: 10g, from: {place()}, to: {place()}, {stiff}}}",
+                f"CLOTH: {{sides: [3, 2], M: 10g, at: {place()}, across: {place()}, "
+                f"up: {place()}, {stiff}, shear: 5N/m}}",
+            )
+        )
+        lines.append(f"net: {{{generator}}}")
+        lines.append(f"s: {{REF: {{between: [ball, nail], {stiff}}}}}")
+        lines.append(f"c: {{BUT: {{between: [ball, net.all], {stiff}, gap: 1cm}}}}")
+        gravity = self.dice.choice(("", "    gravity: 9.81m/s2\n"))
+        modules = "\n".join(f"      {line}" for line in lines)
+        self.matter = f"  matter:\n    space: {axes}\n{gravity}    modules:\n{modules}\n"
+        self.matter += "    out: {x: {SOX: ball.x}, y: {SOV: net.1.y}}\n"
+        self.points += ["matter.ball.x", "matter.net.1.y"]
+
     def drive(self) -> None:
         """A point that goes where a file says, or a force that a file gives."""
         to = self.dice.choice(self.moving)
@@ -110,6 +139,7 @@ class Score:
             "keys: {k: {M: 300g, K: 60N/m, Z: 1Ns/m}}\n"
             f"laws:\n{laws}\n  bow: {{damping: {LAWS['bow']}}}\n"
             f"instruments:\n  thing:\n    modules:\n{modules}\n    out: {{{heard}}}\n"
+            f"{self.matter}"
             f"gestures:\n  go: {{notation: 0mm@0 smooth 4mm@40ms throw 0mm@90ms,"
             f" touch: {touch}, ergons: {ergons}}}\n"
             f"strikes: {{tap: {{to: thing.{struck}, at: 20ms, impulse: 1mNs}}}}\n"
@@ -119,6 +149,6 @@ class Score:
         )
 
 
-def score(seed: int) -> str:
+def score(seed: int, with_space: bool = False) -> str:
     """The text of one score."""
-    return Score(seed).text
+    return Score(seed, with_space).text

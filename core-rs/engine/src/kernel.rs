@@ -7,6 +7,7 @@ mod laws;
 mod mats;
 pub(crate) mod mesh_partition;
 pub(crate) mod ports;
+mod pull;
 mod runs;
 mod space;
 pub(crate) mod springs;

@@ -83,7 +83,7 @@ pub struct Mats {
     pub place: Vec<[f64; 2]>,
     /// Index of the part                                 (n_mat)
     pub part: Vec<u32>,
-    /// Force that always acts on the MAT [N]             (n_mat; empty: none)
+    /// Force that always acts on the MAT [N]             (at most n_mat; 0 on those behind)
     pub weight: Vec<f64>,
 }
 

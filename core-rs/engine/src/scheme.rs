@@ -192,7 +192,7 @@ pub struct Scheme {
     pub(crate) w: Vec<f64>,
     /// Where the ground is [m]              (n_mat)
     pub(crate) rest: Vec<f64>,
-    /// Force that always acts [N]            (n_mat; empty: none)
+    /// Force that always acts [N]            (at most n_mat; 0 on those behind)
     pub(crate) weight: Vec<f64>,
     /// Which part the MAT belongs to        (n_mat)
     pub(crate) part: Vec<u32>,

@@ -56,10 +56,8 @@ pub(crate) fn forces(
     acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
     let mats = network.mats();
-    let mut force = match &mats.weight[..] {
-        [] => vec![0.0; network.n_mat()],
-        weight => weight.to_vec(),
-    };
+    let mut force = vec![0.0; network.n_mat()];
+    force[..mats.weight.len()].copy_from_slice(&mats.weight);
     for &(mat, push) in pushes {
         force[mat] += push;
     }

@@ -347,7 +347,7 @@ impl Watched {
         }
         let stored = stored(&self.run, elongations(&self.run, body));
         let gain = account.gain(stored, around(), n);
-        if !gain.is_told() {
+        if !gain.is_told() || gain.made <= rounding(&self.run, body) {
             return None;
         }
         self.worst = Some(gain.worst(self.worst));
@@ -362,6 +362,18 @@ fn elongations(run: &Run, body: &Body) -> [f64; 2] {
         return [now, run.elongation(0, |mat| body.x[mat] - body.d[mat])];
     }
     [now, now - (body.d[run.b] - body.d[run.a])]
+}
+
+/// Energy of a link in space that rounding alone accounts for [J]: its elongation is a difference of coordinates.
+fn rounding(run: &Run, body: &Body) -> f64 {
+    /// As many of the last digit, for rounding adds up from step to step.
+    const DIGITS: f64 = 1e4;
+    if run.n_axes() == 1 {
+        return 0.0; // a contact that is open has no force at all
+    }
+    let ends = run.pairs(0).flat_map(|(a, b)| [body.x[a], body.x[b]]);
+    let least = DIGITS * f64::EPSILON * ends.map(f64::abs).fold(0.0, f64::max);
+    run.k * least * least
 }
 
 /// Energy of a link between two steps [J].

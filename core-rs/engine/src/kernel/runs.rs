@@ -2,6 +2,7 @@
 //! passes (forces, ends a, ends b), so that each pass vectorises although the runs of a mesh overlap themselves.
 
 use super::Laws;
+use super::pull::pull;
 use super::thread_team::ThreadTeam;
 use super::{space, springs};
 use crate::law::Hardening;
@@ -162,18 +163,6 @@ wide! {
 pub(super) fn scatter(run: &Run, body: &mut Body) {
     let f = &body.link[run.first..run.first + run.len];
     pull(f, &mut body.force, run.a, run.b);
-}
-
-wide! {
-    /// Add forces to MATs from `a` on, and subtract them from MATs from `b` on.
-    pub(super) fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
-        for (force, f) in force[a..a + f.len()].iter_mut().zip(f) {
-            *force += f;
-        }
-        for (force, f) in force[b..b + f.len()].iter_mut().zip(f) {
-            *force -= f;
-        }
-    }
 }
 
 /// Sign s of the side that a contact is approached from: the penetration is s·e.

@@ -1,6 +1,6 @@
 //! Forces of links in space: distances and directions, the law, and its components, a pass each, so that each vectorises.
 
-use super::runs::pull;
+use super::pull::pull;
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, distance, inverse};
 use crate::scheme::{Kind, Run, Scheme};

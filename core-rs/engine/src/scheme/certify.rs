@@ -67,8 +67,7 @@ fn weight(run: &Run, c: f64) -> f64 {
         // Along its line a link in space is as stiff as this, and less across: its matrix is K·nnᵀ + (f/ℓ)(1 − nnᵀ), with
         // f/ℓ ≤ K. So springs along all axes are stiffer than it is in any position.
         Kind::Space(space) => match space.law {
-            SpaceLaw::Spring => run.k + c * run.z,
-            SpaceLaw::Contact { exponent, .. } if exponent == 1.0 => run.k + c * run.z,
+            SpaceLaw::Spring | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
             SpaceLaw::Contact { .. } => c * run.z,
         },
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,

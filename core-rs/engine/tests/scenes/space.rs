@@ -91,12 +91,15 @@ fn a_thrown_point_flies_its_parabola() {
     network
         .weigh(ball.first + 2..ball.first + 3, -9.81)
         .unwrap();
+    // What is added later has no weight.
+    let later = point(&mut network, "later", 0.1, [0.0; 3], [0.0; 3]);
     let simulation = run(network, RATE, 22_050);
     let t = 0.5;
     let exact = [0.1 + t, -2.0 * t, 2.0 + 3.0 * t - 0.5 * 9.81 * t * t];
     for (x, exact) in simulation.positions().iter().zip(exact) {
         assert!((x - exact).abs() < 1e-11, "{x} is not {exact}");
     }
+    assert_eq!(&simulation.positions()[later.first..], [0.0; 3]);
 }
 
 /// A spring without length pulls along each axis as if there were no other: an ellipse around its fixed end.
@@ -407,4 +410,32 @@ fn what_cannot_be_is_refused() {
     let error = Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop));
     let said = error.unwrap_err().to_string();
     assert!(said.contains("rope."), "{said}");
+}
+
+/// A row at its own length: its springs have no force but that of rounding, which is no energy that somebody made.
+#[test]
+fn a_row_at_rest_makes_no_energy() {
+    let mut network = Network::new();
+    network.part("row", None);
+    let n = 7;
+    let third = 1.0 / 3.0;
+    let x0: Vec<f64> = (0..3 * n)
+        .map(|at| 0.01 + 0.03 * third * (at % n) as f64 * (1.0 + (at / n) as f64))
+        .collect();
+    let points = SpacePoints {
+        n_axes: 3,
+        masses: &[1e-3; 7],
+        x0: &x0,
+        v0: &[0.0; 21],
+        z: 0.0,
+    };
+    let first = network.points("m", true, points).unwrap();
+    let ends = [first, first + 1].map(|first| SpacePoint { first, stride: n });
+    let rest = network.distance((ends[0], ends[1]), 3);
+    let numbers = [800.0, 1e-3, rest];
+    network
+        .space_links("s", (ends[0], ends[1]), n - 1, 3, SpaceLaw::Spring, numbers)
+        .unwrap();
+    let simulation = run(network, RATE, 100_000);
+    assert!(simulation.gains().is_empty(), "{:?}", simulation.gains());
 }
