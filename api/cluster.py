@@ -213,7 +213,10 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
             stack.enter_context(dask.config.set(allowed))
             address = stack.enter_context(_begun(distributed, local))
         try:
-            client = stack.enter_context(distributed.Client(address, timeout=_CONNECTING))
+            security = _encrypted(distributed, on) if on.startswith("tls:") else None
+            client = stack.enter_context(
+                distributed.Client(address, timeout=_CONNECTING, security=security)
+            )
             client.wait_for_workers(1, timeout=_CONNECTING)
         except TimeoutError:
             raise ClusterError(
@@ -230,6 +233,24 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
             yield made
         finally:
             made.tell(report)
+
+
+def _encrypted(distributed: Any, on: str) -> Any:
+    """The certificates of Dask's configuration. Raises ClusterError where they lack or are none."""
+    security = distributed.Security(require_encryption=True)
+    try:
+        context = security.get_connection_args("client").get("ssl_context")
+    except OSError as error:  # also of what is no certificate
+        raise ClusterError(
+            f"{on}: the certificates of Dask's configuration cannot be used: {error}"
+        ) from None
+    if context is None or not security.tls_client_cert:
+        raise ClusterError(
+            f"{on}: Dask's configuration names no certificates; set "
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "
+            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY to files"
+        )
+    return security
 
 
 def _silence() -> None:
