@@ -82,7 +82,7 @@ def forked(
         code = _forks().ask(
             {
                 "words": list(words),
-                "folder": str(folder),
+                "folder": str(folder.absolute()),
                 "environment": {name: to for name, to in given.items() if to is not None},
                 "streams": [str(stdin), str(stdout), str(stdout if merged else stderr)],
                 "limits": list(limits),

@@ -447,7 +447,7 @@ def test_a_page_shows_what_its_server_has_file_or_live(
     try:
         with chromium.page(WIDTH, HEIGHT) as page:
             page.open(server.url)
-            assert page.run(kind) == [False, False]
+            until(lambda: page.run(kind) == [False, False], "the file")
             for other in (None, motion):
                 page.run("window.before = true")
                 # The clock of a server begins with it, and a page tells servers apart by a second.
