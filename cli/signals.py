@@ -8,6 +8,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
@@ -29,10 +30,13 @@ class Terminated(BaseException):
 def signals_as_exceptions() -> Iterator[None]:
     """SIGTERM and SIGHUP raise Terminated, so clean-up runs; a second Ctrl-C skips clean-up."""
     arrived: list[int] = []
-    returning: list[threading.Timer] = []  # signals that were lost, and come again
+    over: list[bool] = []  # filled where no signal is to come again
     watched: list[weakref.finalize[[int], Terminated]] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        if _is_rescued(frame):  # what is raised there is dropped as well
+            _again(number, over)
+            return
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         arrived.append(number)
         raise KeyboardInterrupt
@@ -47,7 +51,7 @@ def signals_as_exceptions() -> Iterator[None]:
         return error
 
     def come_again(number: int) -> None:
-        returning.append(_again(number))
+        _again(number, over)
 
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -64,7 +68,7 @@ def signals_as_exceptions() -> Iterator[None]:
         if signal.getsignal(number) is not signal.SIG_IGN
     }
     try:
-        with _not_lost(handlers):
+        with _not_lost(handlers, over):
             yield
     except (KeyboardInterrupt, Terminated, Exception):
         raise
@@ -75,10 +79,9 @@ def signals_as_exceptions() -> Iterator[None]:
         ended = KeyboardInterrupt() if arrived[-1] == signal.SIGINT else Terminated(arrived[-1])
         raise ended from panic
     finally:
+        over.append(True)
         for lost in watched:
             lost.detach()
-        for timer in returning:
-            timer.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -100,12 +103,16 @@ def until_interrupted() -> None:
             signal.set_wakeup_fd(before)
 
 
-def _again(number: int) -> threading.Timer:
+def _again(number: int, over: list[bool]) -> None:
     """Let a signal come again, not from here, where its exception would be dropped as well."""
-    timer = threading.Timer(_AGAIN, _interrupt, (number,))
-    timer.daemon = True
-    timer.start()
-    return timer
+
+    def come() -> None:
+        time.sleep(_AGAIN)
+        if not over:
+            _interrupt(number)
+
+    # No lock of `threading` is taken: a handler may have interrupted who holds it.
+    _thread.start_new_thread(come, ())
 
 
 def _interrupt(number: int) -> None:
@@ -117,25 +124,42 @@ def _interrupt(number: int) -> None:
         _thread.interrupt_main(signal.Signals(number))
 
 
+class _Rescue:
+    """Raises a signal's exception again where Python has dropped it."""
+
+    def __init__(self, handlers: Mapping[int, Handler], over: list[bool]) -> None:
+        """`handlers` are those of the signals, until something is `over`."""
+        self.handlers, self.over = handlers, over
+        self.before = sys.unraisablehook
+
+    def __call__(self, dropped: sys.UnraisableHookArgs) -> None:
+        """What Python calls with what it has dropped."""
+        error = dropped.exc_value
+        if not isinstance(error, (KeyboardInterrupt, Terminated)):
+            self.before(dropped)
+        elif isinstance(error, KeyboardInterrupt):  # Terminated comes again by itself
+            signal.signal(signal.SIGINT, self.handlers[signal.SIGINT])
+            _again(signal.SIGINT, self.over)
+
+
+def _is_rescued(frame: FrameType | None) -> bool:
+    """Whether a signal has come while an exception is rescued."""
+    while frame is not None:
+        if frame.f_code is _Rescue.__call__.__code__:
+            return True
+        frame = frame.f_back
+    return False
+
+
 @contextlib.contextmanager
-def _not_lost(handlers: Mapping[int, Handler]) -> Iterator[None]:
+def _not_lost(handlers: Mapping[int, Handler], over: list[bool]) -> Iterator[None]:
     """Raise a signal's exception again where Python has dropped it.
 
     It drops what is raised in a finaliser or a weak reference's callback, as while it imports.
     """
-    before = sys.unraisablehook
-
-    def hook(dropped: sys.UnraisableHookArgs) -> None:
-        error = dropped.exc_value
-        if not isinstance(error, (KeyboardInterrupt, Terminated)):
-            before(dropped)
-            return
-        if isinstance(error, KeyboardInterrupt):  # Terminated comes again by itself
-            signal.signal(signal.SIGINT, handlers[signal.SIGINT])
-            _again(signal.SIGINT)
-
-    sys.unraisablehook = hook
+    rescue = _Rescue(handlers, over)
+    sys.unraisablehook = rescue
     try:
         yield
     finally:
-        sys.unraisablehook = before
+        sys.unraisablehook = rescue.before

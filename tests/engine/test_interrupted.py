@@ -14,6 +14,7 @@ from patience import PATIENCE
 from sweep import few
 
 from ergon import _core
+from ergon.cli import signals
 from ergon.cli.signals import Terminated, signals_as_exceptions
 
 # `fmt`, `info` and the rest are measured by the bench alone: they take seconds, not hours.
@@ -133,6 +134,32 @@ def test_control_c_in_a_finaliser_is_not_lost():
 
     with signals_as_exceptions(), pytest.raises(KeyboardInterrupt):
         drop()
+
+
+def test_control_c_that_comes_again_at_once_is_not_lost(monkeypatch: pytest.MonkeyPatch):
+    """One of 17,000 was lost on a busy machine: it came again while the first was still rescued."""
+
+    class Dropped:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    again, count = signals._again, []
+
+    def at_once(number, over):
+        count.append(number)
+        if len(count) == 1:
+            signal.raise_signal(number)
+        again(number, over)
+
+    monkeypatch.setattr(signals, "_again", at_once)
+
+    def drop():
+        Dropped()
+        threading.Event().wait(PATIENCE)
+
+    with signals_as_exceptions(), pytest.raises(KeyboardInterrupt):
+        drop()
+    assert len(count) >= 2
 
 
 def test_a_termination_that_is_swallowed_comes_again():
