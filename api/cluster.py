@@ -9,12 +9,15 @@ import importlib
 import logging
 import os
 import re
+import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from ergon import _core
 from ergon.common.extras import install
 from ergon.common.report import Report
 from ergon.exchange import plan_file
@@ -25,11 +28,14 @@ from .cluster_worker import Job
 from .errors import OptionError
 from .plan import budget_of
 from .shipped import digest, shipped
+from .spread import spread
 
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
     from ergon.scores.staging.stage import Stage
 
+K = TypeVar("K")
+V = TypeVar("V")
 _LOCAL_MAX = 1024
 _RETRIES = 10  # of a request whose worker died
 _CONNECTING = 20.0  # [s]
@@ -40,13 +46,22 @@ _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
 
 @dataclass(slots=True)
+class _Told:
+    """What a worker did."""
+
+    n_stretches: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(slots=True)
 class Cluster:
-    """A Dask client, and the number of its workers when it was opened."""
+    """A Dask client, and the number of its workers when it was opened; several threads may ask."""
 
     client: Any
     count: int
     on: str
-    _without: int = 0
+    _told: dict[str, _Told] = field(default_factory=dict)
+    _telling: threading.Lock = field(default_factory=threading.Lock)
 
     def executor(self) -> Executor:
         """What submits functions to the workers, again where one dies."""
@@ -55,13 +70,23 @@ class Cluster:
 
     def wait(self, futures: Sequence[Future[Any]]) -> None:
         """Return when one has ended. Raises ClusterError where nobody is left to end them."""
+        without = 0
         while not cf.wait(futures, _LOOK_EVERY, FIRST_COMPLETED).done:
+            _core.poll()
             if self.client.status == "running" and self._n_workers():
-                self._without = 0
+                without = 0
                 continue
-            self._without += 1
-            if self.client.status in ("closing", "closed") or self._without > _LOST:
+            without += 1
+            if self.client.status in ("closing", "closed") or without > _LOST:
                 raise self.lost()
+
+    def computed(
+        self, items: Iterable[K], submit: Callable[[Executor, K], Future[V]]
+    ) -> Iterator[tuple[K, V]]:
+        """Each item with what was submitted for it, in the order in which they come."""
+        pool = self.executor()
+        begin = partial(submit, pool)
+        return spread(items, begin, self.wait, self.result, 2 * self.count)
 
     def result(self, future: Future[Any]) -> Any:
         """The result of one that has ended. Raises ClusterError."""
@@ -91,16 +116,27 @@ class Cluster:
             what = f"the scheduler at {self.on} has no workers any more"
         return ClusterError(f"{what}; what arrived is kept: the same command goes on from there")
 
+    def heard(self, answer: Answer) -> None:
+        """Count what each worker does."""
+        with self._telling:
+            own = self._told.setdefault(answer["worker"], _Told())
+            own.n_stretches += 1
+            own.seconds += answer["seconds"]
+
+    def tell(self, report: Report) -> None:
+        """A line for each worker that computed stretches."""
+        whole = sum(told.seconds for told in self._told.values())
+        for name, told in sorted(self._told.items()):
+            share = 100.0 * told.seconds / whole if whole else 0.0
+            report.say(
+                f"worker {name}: {told.n_stretches} stretches in {told.seconds:.1f} s, "
+                f"{share:.0f} % of the work that was shared"
+            )
+            fields = {"stretches": told.n_stretches, "seconds": told.seconds}
+            report.event("worker", worker=name, **fields)
+
     def _n_workers(self) -> int:
         return len(self.client.scheduler_info(n_workers=-1)["workers"])
-
-
-@dataclass(slots=True)
-class _Told:
-    """What a worker did."""
-
-    n_stretches: int = 0
-    seconds: float = 0.0
 
 
 @dataclass(slots=True)
@@ -110,7 +146,6 @@ class Sharing:
     cluster: Cluster
     executor: Executor
     job: Any  # at the scheduler
-    told: dict[str, _Told] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -132,9 +167,7 @@ class Sharing:
 
     def heard(self, answer: Answer, n_frames: int) -> None:
         """Count what each worker does."""
-        own = self.told.setdefault(answer["worker"], _Told())
-        own.n_stretches += 1
-        own.seconds += answer["seconds"]
+        self.cluster.heard(answer)
 
 
 def count_of(on: str, report: Report) -> int:
@@ -161,7 +194,7 @@ def _local(on: str) -> int | None:
 def opened(on: str, report: Report) -> Iterator[Cluster]:
     """The processes that "local:N" or the address of a scheduler mean.
 
-    Raises OptionError and ClusterError.
+    At the end `report` hears what each has computed of renders. Raises OptionError, ClusterError.
     """
     local = _local(on)
     dask: Any
@@ -180,7 +213,10 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
             stack.enter_context(dask.config.set(allowed))
             address = stack.enter_context(_begun(distributed, local))
         try:
-            client = stack.enter_context(distributed.Client(address, timeout=_CONNECTING))
+            security = _encrypted(distributed, on) if on.startswith("tls:") else None
+            client = stack.enter_context(
+                distributed.Client(address, timeout=_CONNECTING, security=security)
+            )
             client.wait_for_workers(1, timeout=_CONNECTING)
         except TimeoutError:
             raise ClusterError(
@@ -192,7 +228,29 @@ def opened(on: str, report: Report) -> Iterator[Cluster]:
                 f"{on}: no scheduler answers ({error}); `dask scheduler` starts one"
             ) from None
         workers = client.scheduler_info(n_workers=-1)["workers"]
-        yield Cluster(client, len(workers), on)
+        made = Cluster(client, len(workers), on)
+        try:
+            yield made
+        finally:
+            made.tell(report)
+
+
+def _encrypted(distributed: Any, on: str) -> Any:
+    """The certificates of Dask's configuration. Raises ClusterError where they lack or are none."""
+    security = distributed.Security(require_encryption=True)
+    try:
+        context = security.get_connection_args("client").get("ssl_context")
+    except OSError as error:  # also of what is no certificate
+        raise ClusterError(
+            f"{on}: the certificates of Dask's configuration cannot be used: {error}"
+        ) from None
+    if context is None or not security.tls_client_cert:
+        raise ClusterError(
+            f"{on}: Dask's configuration names no certificates; set "
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "
+            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY to files"
+        )
+    return security
 
 
 def _silence() -> None:
@@ -221,24 +279,10 @@ def _begun(distributed: Any, count: int) -> Any:
     raise ClusterError(f"local:{count}: the processes do not begin: {reason}")
 
 
-@contextlib.contextmanager
-def sharing(cluster: Cluster, job: Job, report: Report) -> Iterator[Sharing]:
-    """Workers for the islands of a job; at the end `report` hears what each has done."""
-    executor = cluster.executor()
+def sharing(cluster: Cluster, job: Job) -> Sharing:
+    """Workers for the islands of a job."""
     kept = cluster.client.submit(cluster_worker.carried, job, pure=False)
-    own = Sharing(cluster, executor, kept)
-    try:
-        yield own
-    finally:
-        whole = sum(told.seconds for told in own.told.values())
-        for name, told in sorted(own.told.items()):
-            share = 100.0 * told.seconds / whole if whole else 0.0
-            report.say(
-                f"worker {name}: {told.n_stretches} stretches in {told.seconds:.1f} s, "
-                f"{share:.0f} % of the work that was shared"
-            )
-            fields = {"stretches": told.n_stretches, "seconds": told.seconds}
-            report.event("worker", worker=name, **fields)
+    return Sharing(cluster, cluster.executor(), kept)
 
 
 def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -> Job:

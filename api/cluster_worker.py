@@ -26,6 +26,9 @@ from .shipped import Shipped, unpacked
 if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
 
+# Of staged pieces in memory at once, but for one alone, which may have any number.
+MODULES_MAX = 1_000_000
+_MOST = 16
 _FORM = 1  # of jobs, requests and answers
 
 
@@ -57,16 +60,17 @@ def check_version(asked: list[Any]) -> None:
         raise ClusterError(f"it has {here}, and this machine {home}; install the same on both")
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Ready:
     """A staged piece; its simulation is of use for any stretch whose states are given."""
 
     digest: str
     simulation: Simulation
     islands: list[StorableIsland]
+    n_modules: int
 
 
-# One piece at a time, and one stretch: a worker is a process for each core.
+# One stretch at a time: a worker is a process for each core. The piece used last stands last.
 lock = threading.Lock()
 _ready: list[_Ready] = []
 
@@ -100,10 +104,12 @@ def stretch(job: Job, request: Request) -> Answer:
 
 
 def _staged(job: Job) -> _Ready:
-    """The piece of a job, staged once. Raises ErgonError."""
-    if _ready and _ready[0].digest == job["digest"]:
-        return _ready[0]
-    _ready.clear()
+    """The piece of a job, staged once as long as it is among those used last. Raises ErgonError."""
+    for one in _ready:
+        if one.digest == job["digest"]:
+            _ready.remove(one)
+            _ready.append(one)
+            return one
     check_version(job["version"])
     with unpacked(job["content"]) as path:
         plan = path.with_name(f"{path.name}.plan")
@@ -114,9 +120,16 @@ def _staged(job: Job) -> _Ready:
         made = staged.stage.plan
         if made is None or made.hash != job["plan_hash"]:
             raise ClusterError("it makes another plan of the same score; install the same ergon")
-    simulation = staged.stage.simulation
-    _ready.append(_Ready(job["digest"], simulation, simulation.storable()))
-    return _ready[0]
+    simulation, network = staged.stage.simulation, staged.stage.network
+    n_modules = network.n_mat + network.n_lia
+    while _ready and (len(_ready) >= _MOST or _n_modules() + n_modules > MODULES_MAX):
+        _ready.pop(0)
+    _ready.append(_Ready(job["digest"], simulation, simulation.storable(), n_modules))
+    return _ready[-1]
+
+
+def _n_modules() -> int:
+    return sum(one.n_modules for one in _ready)
 
 
 def _advanced(ready: _Ready, request: Request, own: IslandRequest) -> tuple[bytes, bytes]:
@@ -132,5 +145,5 @@ def _advanced(ready: _Ready, request: Request, own: IslandRequest) -> tuple[byte
         sound = simulation.advance(island, stop - at).astype("<f8", copy=False).tobytes()
         return sound, simulation.recorded(island).state
     except BaseException:
-        _ready.clear()  # stopped in the middle of a frame
+        _ready.remove(ready)  # stopped in the middle of a frame
         raise

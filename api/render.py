@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
+
+    from .cluster import Cluster
 
 _FAINT = 0.01  # -40 dBFS
 THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
@@ -175,7 +177,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     if file.see and not file.motion:
         raise OptionError("see", "says what a motion file holds; add motion")
     if options.on is not None:
-        _check_shared(options, file)
+        check_shared(options)
     recorded = _recorded(loaded, options, report)
     staged = scores.stage_piece(
         loaded,
@@ -197,13 +199,16 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     return Prepared(loaded, staged.stage, job, staged.plan_s, options)
 
 
-def write(prepared: Prepared, report: Report) -> Completed:
-    """Compute the files of a prepared score. Raises DivergedError and FileRefusedError."""
+def write(prepared: Prepared, report: Report, cluster: Cluster | None = None) -> Completed:
+    """Compute the files of a prepared score, with the help of a `cluster` that is open.
+
+    Raises DivergedError, FileRefusedError and ClusterError.
+    """
     from ergon.rendering.render import render
 
     stage, job = prepared.stage, prepared.job
     task = f"rendering {Path(job.target).name}"
-    with _shared(prepared, job, report) as job, _going(prepared, task, report) as at:
+    with _shared(prepared, job, report, cluster) as job, _going(prepared, task, report) as at:
         done = render(stage, job, at)
     job = replace(job, stop=job.start + done.n_frames)
     found = tuple(faint(stage.piece, job.format.bits, done.mix.peak))
@@ -211,16 +216,19 @@ def write(prepared: Prepared, report: Report) -> Completed:
     return Completed(done, job, prepared.plan_s, stage.network, stage.simulation, found)
 
 
-def _check_shared(options: RenderOptions, file: FileOptions) -> None:
+def check_shared(options: RenderOptions) -> None:
     """Refuse what only this process can compute, or know. Raises OptionError."""
-    excluded = {"hands": options.hands is not None, "motion": file.motion, "trust": options.trust}
+    is_motion = isinstance(options, FileOptions) and options.motion
+    excluded = {"hands": options.hands is not None, "motion": is_motion, "trust": options.trust}
     for name, is_given in excluded.items():
         if is_given:
             raise OptionError("on", "; leave one of the two out", excludes=name)
 
 
 @contextmanager
-def _shared(prepared: Prepared, job: RenderJob, report: Report) -> Iterator[RenderJob]:
+def _shared(
+    prepared: Prepared, job: RenderJob, report: Report, cluster: Cluster | None = None
+) -> Iterator[RenderJob]:
     """The job with the processes that share its work, where it has any."""
     on = prepared.options.on
     if on is None:
@@ -230,8 +238,8 @@ def _shared(prepared: Prepared, job: RenderJob, report: Report) -> Iterator[Rend
 
     options = prepared.options
     sent = job_of(prepared.loaded, prepared.stage, options.rate, options.seed)
-    with opened(on, report) as cluster, sharing(cluster, sent, report) as workers:
-        yield replace(job, workers=workers)
+    with opened(on, report) if cluster is None else nullcontext(cluster) as workers:
+        yield replace(job, workers=sharing(workers, sent))
 
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:

@@ -6,11 +6,10 @@ import multiprocessing
 import os
 import re
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from hashlib import sha256
 from math import isfinite
 from pathlib import Path
@@ -24,6 +23,7 @@ from . import score as scores
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
 from .shipped import Shipped, digest, shipped
+from .spread import spread
 from .sweep_table import FIGURES, SweepRow, Table
 from .sweep_variant import Outcome, compute, on_worker
 
@@ -270,64 +270,40 @@ def _compute(
         return
     asked = _asked(options)
     pairs: Iterator[tuple[_Wanted, Outcome]]
+
+    def content(one: _Wanted) -> Shipped:
+        return shipped(score, one.texts.load())
+
     jobs = min(options.jobs, len(missing))
     if options.on is not None:
         from .cluster import opened
         from .cluster_worker import version
 
         with opened(options.on, report) as cluster:
-            pool, own = cluster.executor(), version()
-
-            def run(content: Shipped, asked: dict[str, Any], file: str) -> Future[Outcome]:
-                return pool.submit(on_worker, own, content, asked, file)
-
-            most = 2 * cluster.count
-            pairs = _by(run, cluster.wait, cluster.result, most, score, asked, missing)
+            own = version()
+            pairs = cluster.computed(
+                missing,
+                lambda pool, one: pool.submit(on_worker, own, content(one), asked, one.file),
+            )
             _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     if jobs == 1:
-        pairs = (
-            (one, compute(shipped(score, one.texts.load()), asked, one.file)) for one in missing
-        )
+        pairs = ((one, compute(content(one), asked, one.file)) for one in missing)
         _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     with _processes(jobs) as pool:
-        pairs = _by(
-            partial(_submitted, pool), _wait, Future.result, 2 * jobs, score, asked, missing
+        pairs = spread(
+            missing,
+            lambda one: pool.submit(compute, content(one), asked, one.file),
+            _wait,
+            Future.result,
+            2 * jobs,
         )
         _keep(pairs, len(missing), folder, options, rows, table, report)
-
-
-def _submitted(
-    pool: Executor, content: Shipped, asked: dict[str, Any], file: str
-) -> Future[Outcome]:
-    return pool.submit(compute, content, asked, file)
 
 
 def _wait(futures: Sequence[Future[Outcome]]) -> None:
     wait(futures, return_when=FIRST_COMPLETED)
-
-
-def _by(
-    run: Callable[[Shipped, dict[str, Any], str], Future[Outcome]],
-    wait: Callable[[Sequence[Future[Outcome]]], None],
-    result: Callable[[Future[Outcome]], Outcome],
-    most: int,
-    score: str,
-    asked: dict[str, Any],
-    missing: Sequence[_Wanted],
-) -> Iterator[tuple[_Wanted, Outcome]]:
-    """Outcomes in the order in which they come; at most so many variants are on their way."""
-    left = iter(missing)
-    running: dict[Future[Outcome], _Wanted] = {}
-    while True:
-        while len(running) < most and (one := next(left, None)) is not None:
-            running[run(shipped(score, one.texts.load()), asked, one.file)] = one
-        if not running:
-            return
-        wait(list(running))
-        for future in [one for one in running if one.done()]:
-            yield running.pop(future), result(future)
 
 
 def _keep(
@@ -340,7 +316,7 @@ def _keep(
     report: Report,
 ) -> None:
     n_done, seconds = 0, 0.0
-    with report.progress("sweeping", count, 1.0) as progress:
+    with report.progress("sweeping", count, 0.0) as progress:
         for one, outcome in pairs:
             figures = {name: outcome["figures"].get(name) for name in FIGURES}
             sound, file = outcome["sound"], one.file if outcome["status"] == "ok" else ""

@@ -54,13 +54,10 @@ def cluster() -> list[Row]:
             job = replace(prepared.job, format=bits, stretches=None)
             seconds = job.n_frames / prepared.stage.rate
             begun = time.perf_counter()
-            with contextlib.ExitStack() as own:
-                if on is not None:
-                    workers = own.enter_context(
-                        sharing(on, job_of(prepared.loaded, prepared.stage, None, None), Report())
-                    )
-                    job = replace(job, workers=workers)
-                _, done = render_array(prepared.stage, job, lambda _: None)
+            if on is not None:
+                sent = job_of(prepared.loaded, prepared.stage, None, None)
+                job = replace(job, workers=sharing(on, sent))
+            _, done = render_array(prepared.stage, job, lambda _: None)
             spent = time.perf_counter() - begun
             sounds[name] = done.sha256
             return spent

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     metavar="DB",
     help="Also draw the plan that the planner makes for this error, such as -60dB.",
 )
+@options.on
 @options.force
 @options.trust
 @options.speaking
@@ -66,6 +67,7 @@ def chart(
     methods: str | None,
     upto: int,
     error: str | None,
+    on: str | None,
     force: bool,
     trust: bool,
 ) -> None:
@@ -89,11 +91,17 @@ def chart(
     wanted = [*settings(known, PRECISIONS, upto), *stars]
     total = work(wanted, round(seconds * piece.rate))
     try:
-        with console.progress(f"charting {score_path}", total, piece.rate) as progress:
-            result = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
+        with (
+            laboratory.workers(on, score_path, loaded, trust, console) as others,
+            console.progress(f"charting {score_path}", total, piece.rate) as progress,
+        ):
+            scene, of = Score(piece), cast("Metric", metric)
+            result = measure(scene, wanted, seconds, of, progress.at, others)
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()
+    if on is not None:
+        where += f", points by workers ({on}), costs in proportion to a yardstick's here and there"
     _report(console, result)
     table = chart_table.csv(result, title, where)
     laboratory.write(console, stem, table, lambda: draw(result, title, where), force)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,9 @@ from .outcome import Refused
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ergon.lab.elsewhere import Workers
+    from ergon.scores.reading.load import Loaded
 
 FORMS = ("csv", "svg", "png")
 
@@ -52,6 +56,28 @@ def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...
             asked = f"; did you mean '{close}'?" if close else ""
             raise Refused(f"{option}: there is no '{word}' ({', '.join(known)}){asked}")
     return found
+
+
+@contextmanager
+def workers(
+    on: str | None, path: str | None, loaded: Loaded | None, trust: bool, console: Console
+) -> Iterator[Workers | None]:
+    """Other processes that compute points, with the score; None without --on.
+
+    Raises OptionError and ClusterError.
+    """
+    if on is None:
+        yield None
+        return
+    from ergon.api.cluster import opened
+    from ergon.api.shipped import shipped
+    from ergon.lab.elsewhere import Workers
+
+    if trust:
+        raise Refused("--on excludes --trust; leave one of the two out")
+    content = None if path is None or loaded is None else shipped(path, loaded)
+    with opened(on, console) as cluster:
+        yield Workers(cluster, content)
 
 
 def write(

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import nan
 from typing import Any, Self
 
 from ergon.common.report import Progress
@@ -68,19 +69,22 @@ class _Bar(Progress):
             return
         self._last = now
         speed, left = _estimate(done, self._total, self._rate, now - self._start)
-        text = f"{speed:.1f} × real time, {left:.0f} s left"
+        text = f"{speed:.1f} × real time, {left:.0f} s left" if self._rate else f"{left:.0f} s left"
         self._rich.update(self._task, completed=done, speed=text, refresh=True)
 
 
 def _estimate(done: int, total: int, rate: float, elapsed: float) -> tuple[float, float]:
-    """(times real time, seconds left) from what was done so far."""
+    """(times real time where there is a rate, seconds left) from what was done so far."""
     if not done or elapsed <= 0:
         return 0.0, 0.0
-    return done / rate / elapsed, elapsed * (total - done) / done
+    return done / rate / elapsed if rate else nan, elapsed * (total - done) / done
 
 
 def bar(task: str, total: int, rate: float, quiet: bool, record: Record | None) -> Progress:
-    """The progress that suits: `total` frames at `rate` [Hz]; `record` is for another program."""
+    """The progress that suits: `total` frames at `rate` [Hz], or of anything that is counted (0).
+
+    `record` is for another program.
+    """
     if quiet:
         return Progress()
     if record is not None:

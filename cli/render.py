@@ -9,10 +9,11 @@ import click
 
 from ergon.api import score
 from ergon.api.render import THREADS, FileOptions, prepare, target, write
+from ergon.common.report import Progress
 from ergon.exchange.wave_header import CHANNELS_MAX
 
 from . import options
-from .console import Console
+from .console import Console, plural
 from .outcome import Findings, Outcome, Refused, check_stdout
 from .summary import dry_run, finer, rendered
 
@@ -24,9 +25,10 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
 
 
 @click.command()
-@options.score
+@click.argument("score_paths", metavar="SCORE...", nargs=-1, required=True)
 @options.target(
-    "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav."
+    "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav. Of "
+    "several scores: the folder of their files."
 )
 @click.option(
     "--from",
@@ -94,7 +96,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
 @options.speaking
 def render(
     console: Console,
-    score_path: str,
+    score_paths: tuple[str, ...],
     output: str | None,
     dry: bool,
     watch: bool,
@@ -105,9 +107,18 @@ def render(
     """Compute the sound of a score, or of a session's journal, into a WAV file.
 
     The same score gives the same bytes, whatever the machine is doing. A render that is stopped
-    leaves no file; only earlier renders are overwritten without -f.
+    leaves no file; only earlier renders are overwritten without -f. Several scores are all read
+    before the first is rendered, and share the processes of --on; one that is refused or diverges
+    does not stop the others.
     """
     asked = FileOptions(**given)
+    if len(score_paths) > 1:
+        if watch or freeze is not None or output == "-":
+            which = "--watch" if watch else "--freeze" if freeze is not None else "-o -"
+            raise Refused(f"{which} is for one score")
+        _render_several(console, score_paths, output, asked, dry, strict)
+        return
+    (score_path,) = score_paths
     check_stdout(output, is_json=console.json)
     from ergon.api.render_journal import JOURNAL, render_journal
 
@@ -131,6 +142,41 @@ def render(
         _refuse_silence(strict, render_file(console, score_path, output, asked, dry))
 
 
+def _render_several(
+    console: Console,
+    paths: tuple[str, ...],
+    folder: str | None,
+    asked: FileOptions,
+    dry: bool,
+    strict: bool,
+) -> None:
+    from ergon.api.several import render_several, staged
+
+    from .app import explain
+
+    if dry:
+        for prepared in staged(paths, folder, asked, console):
+            dry_run(console, prepared.stage, prepared.job)
+        return
+    failed: dict[str, Outcome] = {}
+    task, count = f"rendering {len(paths)} scores", len(paths)
+    # One score after the other has a bar of its own each.
+    with console.progress(task, count, 0.0) if asked.on else Progress() as progress:
+        for number, one in enumerate(render_several(paths, folder, asked, console), 1):
+            if one.error is not None:
+                failed[one.score] = explain(one.error)
+                console.outcome(failed[one.score])
+            elif one.done is not None:
+                _tell(console, one.done)
+                if strict and _is_silent(one.done):
+                    failed[one.score] = Findings()
+            progress.at(number)
+    if failed:
+        told = f"{len(failed)} of {plural(len(paths), 'score')} failed: {', '.join(failed)}"
+        kinds = {type(outcome) for outcome in failed.values()}
+        raise (kinds.pop() if len(kinds) == 1 else Findings)(told)
+
+
 def render_file(
     console: Console, path: str, output: str | None, asked: FileOptions, dry: bool = False
 ) -> Completed | None:
@@ -151,8 +197,12 @@ def _render(
 
 
 def _refuse_silence(strict: bool, done: Completed | None) -> None:
-    if strict and done is not None and any(found.code == "W324" for found in done.faint):
+    if strict and done is not None and _is_silent(done):
         raise Findings  # the warning says it
+
+
+def _is_silent(done: Completed) -> bool:
+    return any(found.code == "W324" for found in done.faint)
 
 
 def _tell(console: Console, done: Completed) -> None:

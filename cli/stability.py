@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,6 +54,7 @@ _WHICH = f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.jo
     help="Largest error that counts as right [dB]. Default: -20 in the first 0.1 s of sound; with "
     "--method e4, in a second of sound, -75 up to 10 frames between pulls and -70 beyond.",
 )
+@options.on
 @options.force
 @options.trust
 @options.speaking
@@ -67,6 +66,7 @@ def stability(
     chosen: str | None,
     seconds: float,
     accurate: float | None,
+    on: str | None,
     force: bool,
     trust: bool,
 ) -> None:
@@ -88,12 +88,12 @@ def stability(
     )
     inputs = () if loaded is None else loaded.inputs
     stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
-    maps, title = _maps(loaded, Path(score_path or "").stem, method, chosen, seconds)
-    if accurate is not None:
-        maps = {name: replace(one, right=((inf, accurate),)) for name, one in maps.items()}
+    maps, title = _maps(loaded, Path(score_path or "").stem, method, chosen, seconds, accurate)
     total = sum(one.n_spots for one in maps.values())
-    with console.progress("mapping", total, 1.0) as progress:
-        found = survey_all(maps, progress.at)
+    with laboratory.workers(on, score_path, loaded, trust, console) as others:
+        surveyors = None if others is None else others.surveyors(method, seconds, accurate)
+        with console.progress("mapping", total, 0.0) as progress:
+            found = survey_all(maps, progress.at, surveyors)
     if console.json:
         for record in map_table.records(found):
             console.record("spot", **record)
@@ -104,16 +104,19 @@ def stability(
 
 
 def _maps(
-    loaded: Loaded | None, name: str, method: str, chosen: str | None, seconds: float
+    loaded: Loaded | None,
+    name: str,
+    method: str,
+    chosen: str | None,
+    seconds: float,
+    accurate: float | None,
 ) -> tuple[dict[str, Map], str]:
     from ergon.lab import atlas
 
-    if loaded is None:
-        known = atlas.built_in(method)
-        names = laboratory.words(chosen, tuple(known), "--maps")
-        return {name: known[name] for name in names}, f"where {method} is stable, and where right"
-    piece = score.piece_of(loaded)
-    known = atlas.of_score(piece, seconds, method)
+    piece = None if loaded is None else score.piece_of(loaded)
+    known = atlas.maps(method, piece, seconds, accurate)
     names = laboratory.words(chosen, tuple(known), "--maps")
-    title = piece.title or name
-    return {name: known[name] for name in names}, f"{title}: where {method} is stable, and right"
+    title = f"where {method} is stable, and where right"
+    if piece is not None:
+        title = f"{piece.title or name}: where {method} is stable, and right"
+    return {name: known[name] for name in names}, title

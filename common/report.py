@@ -57,7 +57,7 @@ class Report:
         more of each there are."""
 
     def progress(self, task: str, total: int, rate: float) -> Progress:
-        """How far `task` is, of `total` frames at `rate` [Hz]."""
+        """How far `task` is, of `total` frames at `rate` [Hz]; without a rate (0) of whatever."""
         return Progress()
 
     def waiting(self, task: str) -> AbstractContextManager[None]:

@@ -33,6 +33,16 @@ def _found(scene: Scene) -> Callable[[int], Truth]:
     return lambda n_frames: converged(scene, n_frames)
 
 
+def maps(
+    method: str, piece: Piece | None, seconds: float, accurate: float | None
+) -> dict[str, Map]:
+    """The maps of a method, or of a piece; `accurate` is the error that counts as right [dB]."""
+    found = built_in(method) if piece is None else of_score(piece, seconds, method)
+    if accurate is not None:
+        found = {name: replace(one, right=((inf, accurate),)) for name, one in found.items()}
+    return found
+
+
 def built_in(method: str) -> dict[str, Map]:
     """The maps of a method, by name."""
     if method == SLOW:

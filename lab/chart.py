@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite, isnan, log10
+from math import isfinite, isnan, log10, nan
 from statistics import median
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from ergon import _core
 from ergon.common.errors import ErgonError
-from ergon.lab import runs
+from ergon.lab import canonical, runs
 from ergon.lab.energy import drift, production_db
 from ergon.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
 from ergon.lab.names import Metric
@@ -25,6 +25,7 @@ from ergon.scores.staging.stage import StageError
 ROUNDS = 3  # timed, after one that warms up and makes the sound
 _LOOKS = 20  # into the ledger, to see a drift
 _DOUBLINGS = 2  # of the reference, beyond all that is charted
+_YARDSTICK = 100  # masses of a string, for a second: some 10 ms
 _SCATTER = 1.1  # between two timings of the same work
 Progress = Callable[[int], None]
 
@@ -143,24 +144,45 @@ def work(wanted: Sequence[Setting], n_frames: int) -> int:
     return n_frames * ((ROUNDS + 1) * sum(setting.oversampling for setting in wanted) + beyond)
 
 
+@dataclass(frozen=True, slots=True)
+class Played:
+    """A setting that was played: its sound (n_frames, n_channels), or a point that says why not."""
+
+    point: Point
+    sound: Floats | None
+
+
+class Players(Protocol):
+    """What plays settings elsewhere."""
+
+    def played(
+        self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
+    ) -> Iterator[Played]:
+        """Each setting, in any order, with its cost and where `has_energy` its ledger."""
+
+
 def measure(
-    scene: Scene, wanted: Sequence[Setting], seconds: float, metric: Metric, progress: Progress
+    scene: Scene,
+    wanted: Sequence[Setting],
+    seconds: float,
+    metric: Metric,
+    progress: Progress,
+    players: Players | None = None,
 ) -> Chart:
-    """Run and compare every setting. Raises SilentPieceError where no sound was made."""
+    """Run and compare every setting, by `players` where there are any.
+
+    Raises SilentPieceError where no sound was made.
+    """
     bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
-    for setting in wanted:
-        run = bench.begin(setting)
-        frames = None if run is None else bench.play(setting, run)
-        if run is not None and frames is not None:
-            bench.ready[setting] = run
-            bench.sounds[setting] = scene.hear(frames)
-    costs = _costs(bench)
-    sounds = dict(bench.sounds)
-    # What refining finds out about settings that nobody asked for is no failure of the chart.
-    failed = dict(bench.failed)
+    has_energy = metric == "energy"
+    if players is None:
+        played = _played(bench, wanted, has_energy=has_energy)
+    else:
+        played = _played_by(players, bench, wanted, has_energy=has_energy)
+    heard = {one.point.setting: one.sound for one in played if one.sound is not None}
+    sounds = dict(heard)
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS)
-    points = list(failed.values())
-    ran = [Point(s, "ok", run.chosen, costs[s]) for s, run in bench.ready.items()]
+    points = [one.point for one in played]
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
@@ -168,16 +190,76 @@ def measure(
         if onset(reference.sound) is None:
             raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
         judge = Judge(reference, scene.rate)
-        ran = [judge.point(point, bench.sounds[point.setting]) for point in ran]
+        points = [
+            judge.point(point, heard[point.setting]) if point.setting in heard else point
+            for point in points
+        ]
         floor = judge.floor(metric)
-    points += ran
-    if metric == "energy":
-        points = [_with_energy(bench, point) for point in points]
-    order = {setting: i for i, setting in enumerate(wanted)}
-    points.sort(key=lambda point: order[point.setting])
     alike = _alike(sounds)
     marked = _marked(points, metric, floor, alike)
     return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
+
+
+def _played(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> list[Played]:
+    """All settings, in order. Their costs are those of interleaved rounds."""
+    for setting in wanted:
+        run = bench.begin(setting)
+        frames = None if run is None else bench.play(setting, run)
+        if run is not None and frames is not None:
+            bench.ready[setting] = run
+            bench.sounds[setting] = bench.scene.hear(frames)
+    costs = _costs(bench)
+    # What refining finds out about settings that nobody asked for is no failure of the chart.
+    found = {setting: Played(point, None) for setting, point in bench.failed.items()}
+    for setting, run in bench.ready.items():
+        point = Point(setting, "ok", run.chosen, costs[setting])
+        if has_energy:
+            point = _with_energy(bench, point)
+        found[setting] = Played(point, bench.sounds[setting])
+    return [found[setting] for setting in wanted]
+
+
+def _played_by(
+    players: Players, bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
+) -> list[Played]:
+    """The same by others."""
+    found = {}
+    for one in players.played(wanted, bench.n_frames, has_energy=has_energy):
+        found[one.point.setting] = one
+        bench.done += (ROUNDS + 1) * bench.n_frames * one.point.setting.oversampling
+        bench.progress(bench.done)
+    return [found[setting] for setting in wanted]
+
+
+def played_beside(
+    scene: Scene, setting: Setting, n_frames: int, *, has_energy: bool
+) -> tuple[Played, float]:
+    """A setting by itself, and what the yardstick took in rounds between its own [s].
+
+    The cost of the point is in seconds of this machine.
+    """
+    bench = _Bench(scene, n_frames, lambda done: None)
+    run = bench.begin(setting)
+    frames = None if run is None else bench.play(setting, run)
+    if run is None or frames is None:
+        return Played(bench.failed[setting], None), nan
+    spent, beside = [], []
+    for _ in range(ROUNDS):
+        beside.append(yardstick())
+        run.rewind()
+        bench.play(setting, run)
+        spent.append(run.spent)
+    point = Point(setting, "ok", run.chosen, median(spent) * scene.rate / n_frames)
+    if has_energy:
+        point = _with_energy(bench, point)
+    return Played(point, scene.hear(frames)), median(beside)
+
+
+def yardstick() -> float:
+    """What the processor takes for the same work everywhere [s]."""
+    run = runs.start(canonical.string(_YARDSTICK, canonical.RATE), Setting("ca"))
+    run.frames(round(canonical.RATE))
+    return run.spent
 
 
 def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
+from typing import Protocol
 
 from ergon import _core
 from ergon.lab.case import Case
@@ -73,6 +74,13 @@ class Spot:
     reason: str = ""
 
 
+class Surveyors(Protocol):
+    """What looks at columns of maps elsewhere."""
+
+    def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
+        """The spots of columns, each the name of a map and an x, in any order."""
+
+
 def survey(found: Map, progress: Progress) -> list[Spot]:
     """Every spot of a map, row by row; `progress` hears how many are done."""
     spots = []
@@ -83,8 +91,12 @@ def survey(found: Map, progress: Progress) -> list[Spot]:
     return spots
 
 
-def survey_all(maps: Mapping[str, Map], progress: Progress) -> dict[str, tuple[Map, list[Spot]]]:
-    """Several maps, with one progress for all of them."""
+def survey_all(
+    maps: Mapping[str, Map], progress: Progress, surveyors: Surveyors | None = None
+) -> dict[str, tuple[Map, list[Spot]]]:
+    """Several maps, with one progress for all of them, by `surveyors` where there are any."""
+    if surveyors is not None:
+        return _surveyed_by(surveyors, maps, progress)
     found: dict[str, tuple[Map, list[Spot]]] = {}
     before = 0
     for name, one in maps.items():
@@ -92,6 +104,21 @@ def survey_all(maps: Mapping[str, Map], progress: Progress) -> dict[str, tuple[M
         found[name] = one, spots
         before += len(spots)
     return found
+
+
+def _surveyed_by(
+    surveyors: Surveyors, maps: Mapping[str, Map], progress: Progress
+) -> dict[str, tuple[Map, list[Spot]]]:
+    """A column is what one process looks at: its spots have their truth in common."""
+    wanted = [(name, x) for name, one in maps.items() for x in one.xs]
+    spots: dict[tuple[str, float, float], Spot] = {}
+    for name, column in surveyors.columns(wanted):
+        spots |= {(name, spot.x, spot.y): spot for spot in column}
+        progress(len(spots))
+    return {
+        name: (one, [spots[name, x, y] for y in one.ys for x in one.xs])
+        for name, one in maps.items()
+    }
 
 
 def _shifted(progress: Progress, shift: int, done: int) -> None:

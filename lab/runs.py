@@ -44,7 +44,7 @@ class Setting:
 
 
 class Run:
-    """A scene on its way; `spent` is the processor time that it took so far [s]."""
+    """A scene on its way; `spent` is the processor time that it took so far [s], of its thread."""
 
     def __init__(self, simulation: Any, stride: int, chosen: str = "") -> None:
         """`stride` frames of the simulation make one that is heard."""
@@ -65,9 +65,9 @@ class Run:
         block = np.empty((min(_BLOCK, n_frames) * self._stride, self.n_out))
         for at in range(0, n_frames, _BLOCK):
             part = block[: min(_BLOCK, n_frames - at) * self._stride]
-            begin = time.process_time()
+            begin = time.thread_time()
             self._simulation.process(part)
-            self.spent += time.process_time() - begin
+            self.spent += time.thread_time() - begin
             heard[at : at + _BLOCK] = part[:: self._stride]
         return heard
 

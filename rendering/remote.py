@@ -129,6 +129,17 @@ def grouped(costs: Sequence[float], count: int) -> list[list[int]]:
     return [sorted(own) for _, own in groups if own]
 
 
+def chains(count: int, simulation: Simulation | None = None) -> int:
+    """How many chains of work `count` workers have at most; or those of one simulation, 1 or more.
+
+    Where nothing is dear enough, home has the work.
+    """
+    most = _GROUPS_EACH * count
+    if simulation is None:
+        return most
+    return max(1, min(most, sum(map(is_dear, simulation.storable()))))
+
+
 class RemoteSimulation:
     """The next `n_frames` frames of a simulation at frame 0, most of them computed by `workers`.
 

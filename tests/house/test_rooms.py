@@ -27,7 +27,7 @@ MAY = {
     EDITS: {"notation", "instruments", GESTURE, PATTERN, READING},
     STAGING: {"notation", "instruments", "space", GESTURE, PATTERN, READING, "_core"},
     "repl.language": {"notation", "instruments", "scores"},
-    "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
+    "lab": {"notation", "instruments", "scores", "exchange", "rendering", "api", "_core"},
     "metrology": {"view", "_core"},
     "bells": {"notation", "exchange", "_core"},
     "models": {"notation", "instruments", "_core"},

@@ -1,11 +1,13 @@
 """What is installed is whole: maturin follows no links and ships no folder unasked."""
 
+import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+from documented_cluster import documented_cluster
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = {".py", ".yaml", ".csv", ".json", ".md"}
@@ -81,3 +83,64 @@ main()
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "demo.wav").stat().st_size > 100_000
+
+
+@pytest.mark.slow
+def test_a_source_distribution_makes_the_same_wheel(wheel: Path, tmp_path: Path):
+    command = [sys.executable, "-m", "maturin", "sdist", "--out", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (source,) = tmp_path.glob("*.tar.gz")
+    build = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"]
+    build += ["--wheel-dir", str(tmp_path / "made"), str(source)]
+    own = {**os.environ, "CARGO_TARGET_DIR": str(ROOT / "target")}
+    own.pop("PYTHONPATH", None)
+    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True, env=own)
+    assert done.returncode == 0, done.stderr[-3000:]
+    (made,) = (tmp_path / "made").glob("*.whl")
+    with zipfile.ZipFile(wheel) as one, zipfile.ZipFile(made) as two:
+        assert set(one.namelist()) == set(two.namelist())
+        for name in one.namelist():
+            if name.startswith("ergon/") and name.endswith(tuple(SHIPPED)):
+                assert one.read(name) == two.read(name), name
+
+
+@pytest.mark.slow
+def test_an_installed_wheel_with_a_cluster(
+    wheel: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A clean environment, without Rust and checkout; the documented commands; the same bytes."""
+    binaries = tmp_path / "venv" / "bin"
+    subprocess.run([sys.executable, "-m", "venv", str(tmp_path / "venv")], check=True)
+    install = [str(binaries / "pip"), "install", "--quiet", f"{wheel}[cluster]"]
+    done = subprocess.run(install, capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"what ergon needs cannot be had: {done.stderr.strip().splitlines()[-1]}")
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    environment = {
+        "PATH": f"{binaries}{os.pathsep}/usr/bin{os.pathsep}/bin",
+        "ERGON_CACHE": "plans",
+    }
+    environment |= {"HOME": str(tmp_path), "PYTHONPATH": "", "XDG_CACHE_HOME": str(tmp_path / "c")}
+    own = {**os.environ, **environment}
+
+    def said(line: str) -> str:
+        done = subprocess.run(line, shell=True, env=own, capture_output=True, text=True)
+        assert done.returncode == 0, f"{line}: {done.stderr}"
+        return done.stdout + done.stderr
+
+    where = said("python -c 'import ergon; print(ergon.__path__[0])'").strip()
+    assert where.startswith(str(tmp_path))
+    piece = f"{where}/scores/library/feathers-small.yaml --to 4s"
+    with documented_cluster("A cluster", environment) as cluster:
+        assert len(cluster.processes) == 3
+        plan, render = cluster.you
+        said(f"ergon render {piece} -o one.wav")
+        assert "on 2 workers: " in said(plan.replace("piece.yaml", piece.removesuffix(" --to 4s")))
+        told = said(render.replace("piece.yaml", f"{piece} -o two.wav"))
+        assert told.count("worker ") == 2
+    assert Path("two.wav").read_bytes() == Path("one.wav").read_bytes()
+    assert Path("one.wav").stat().st_size > 100_000
+    said("pip uninstall --yes --quiet ergon-live")
+    assert not Path(where).exists()

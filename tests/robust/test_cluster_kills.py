@@ -3,9 +3,11 @@
 import hashlib
 import os
 import random
+import shutil
 import socket
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -75,16 +77,27 @@ def stored() -> int:
     return len(list(Path().glob("cache/ergon/stretches/*.stretch")))
 
 
-def kill(number: int) -> None:
+def kill(number: int) -> bool:
+    """Whether the process was there."""
     try:
         os.kill(number, 9)
     except ProcessLookupError:
-        return
+        return False
+    return True
 
 
-def kill_a_worker(dice: random.Random, process: "subprocess.Popen[bytes]") -> None:
-    if found := workers_of(process):
-        kill(dice.choice(found))
+@pytest.fixture(scope="module")
+def killed(request: pytest.FixtureRequest) -> Iterator["Counter[str]"]:
+    """How many of each were killed; the tally is printed at the end."""
+    tally: Counter[str] = Counter()
+    yield tally
+    if printer := request.config.pluginmanager.get_plugin("terminalreporter"):
+        printer.write_line(f"kill -9: {sum(tally.values())}, {dict(tally)}")
+
+
+def kill_a_worker(dice: random.Random, process: "subprocess.Popen[bytes]") -> bool:
+    found = workers_of(process)
+    return bool(found) and kill(dice.choice(found))
 
 
 def finished(expected: str) -> None:
@@ -110,26 +123,49 @@ def test_a_worker_and_a_client_are_killed(expected: str):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
-def test_kills_at_random_instants(expected: str, seed: int):
-    """Ten kills: nine of workers, or of the client from whose stretches another one goes on."""
+def test_kills_at_random_instants(expected: str, seed: int, killed: "Counter[str]"):
+    """Ten kills of workers, or of the client from whose stretches another one goes on."""
     dice = random.Random(seed)
     process, n_kills = render("-o", "two.wav", "--on", "local:2"), 0
-    while n_kills < 10 and process.poll() is None:
-        try:
-            process.wait(dice.uniform(0.2, 4.0))
-            break
-        except subprocess.TimeoutExpired:
-            n_kills += 1
-        if dice.random() < 0.3:
+    while n_kills < 10:
+        if not runs_on(dice, process):
+            if process.returncode == 2:  # whoever begins five times is killed five times
+                said = Path("said.txt").read_text()
+                assert "local:2: the processes do not begin" in said
+                assert "Traceback" not in said
+                assert not Path("two.wav").exists()
+            else:
+                whole(process, expected)
+            process = render("-o", "two.wav", "--on", "local:2")
+        elif dice.random() < 0.3:
             process.kill()
             process.wait(PATIENCE)
+            killed["clients"] += 1
+            n_kills += 1
             process = render("-o", "two.wav", "--on", "local:2")
-        else:
-            kill_a_worker(dice, process)
-    code = process.wait(PATIENCE)
-    assert code == 0, Path("said.txt").read_text()
-    assert digest("two.wav") == expected
+        elif kill_a_worker(dice, process):
+            killed["workers"] += 1
+            n_kills += 1
+    process.wait(PATIENCE)
+    whole(process, expected)
     finished(expected)
+
+
+def runs_on(dice: random.Random, process: "subprocess.Popen[bytes]") -> bool:
+    """Whether a command still runs after some time."""
+    try:
+        process.wait(dice.uniform(0.2, 4.0))
+    except subprocess.TimeoutExpired:
+        return True
+    return False
+
+
+def whole(process: "subprocess.Popen[bytes]", expected: str) -> None:
+    """It ended well; the next one finds nothing that was computed."""
+    assert process.returncode == 0, Path("said.txt").read_text()
+    assert digest("two.wav") == expected
+    shutil.rmtree("cache", ignore_errors=True)
+    Path("two.wav").unlink()
 
 
 class Dask:
@@ -185,3 +221,35 @@ def test_a_scheduler_is_killed(expected: str, dask: Dask):
     assert process.wait(PATIENCE) == 0, Path("said.txt").read_text()
     assert digest("two.wav") == expected
     assert stored() >= kept
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_schedulers_are_killed_at_random_instants(
+    expected: str, dask: Dask, seed: int, killed: "Counter[str]"
+):
+    """Five schedulers, and workers between: each client ends with the bytes or with a sentence."""
+    dice = random.Random(seed)
+    process, n_kills = render("-o", "two.wav", "--on", dask.address), 0
+    while n_kills < 5:
+        if not runs_on(dice, process):
+            whole(process, expected)
+        elif dice.random() < 0.3:
+            killed["workers"] += kill_a_worker(dice, dask.processes[dice.choice((1, 2))])
+            continue
+        else:
+            dask.processes[0].kill()
+            killed["schedulers"] += 1
+            n_kills += 1
+            if process.wait(PATIENCE) == 0:
+                whole(process, expected)
+            else:
+                said = Path("said.txt").read_text()
+                assert process.returncode == 2, said
+                assert "Traceback" not in said
+                assert not Path("two.wav").exists()
+            dask.end()
+            dask.begin()
+        process = render("-o", "two.wav", "--on", dask.address)
+    process.wait(PATIENCE)
+    whole(process, expected)

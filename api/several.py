@@ -1,0 +1,256 @@
+"""Several scores into files by one call, with one cluster for all of them where there is one.
+
+    read, look at files      all scores, before the first is computed
+    stage ─ render ─┐
+    stage ─ render ─┼─ one queue of stretches at the workers
+    stage ─ render ─┘
+
+Scores are staged one after the other, here, as long as workers may be idle; each is rendered by a
+thread of its own, which waits most of the time.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures as cf
+import threading
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon import _core
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+from ergon.exchange.safe import check_target
+from ergon.exchange.sound import check_ending
+from ergon.rendering.remote import ClusterError, chains
+
+from . import score as scores
+from .cluster_worker import MODULES_MAX
+from .errors import OptionError, ScoreError
+from .render import Completed, FileOptions, Prepared, check_shared, prepare, target, write
+from .render_journal import JOURNAL
+
+if TYPE_CHECKING:
+    from ergon.notation.text.errors import Diagnostic, Severity, Source
+    from ergon.scores.reading.load import Loaded
+
+    from .cluster import Cluster
+
+_LOOK_EVERY = 0.2  # [s] at Ctrl-C, while threads render
+_TOGETHER_MAX = 64  # scores that are rendered at the same time
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """One of several scores: what was written, or why nothing was."""
+
+    score: str
+    done: Completed | None
+    error: Exception | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """A score that was read, the file to write, and its own options."""
+
+    score: str
+    loaded: Loaded
+    target: str
+    options: FileOptions
+
+
+def render_several(
+    paths: Sequence[str | Path],
+    folder: str | Path | None,
+    options: FileOptions,
+    report: Report,
+) -> Iterator[Rendered]:
+    """Render scores into the files that a render of each by itself writes, or those in `folder`.
+
+    Each is told of when it is done. All are read, and their files looked at, before the first is
+    rendered: a ScoreError, OptionError or FileRefusedError is about all. What the engine refuses,
+    or what diverges, is told of with its error, and the others go on. Raises ClusterError.
+    """
+    wanted = _wanted(paths, folder, options, report)
+    if options.on is None:
+        for one in wanted:
+            yield _rendered(one, report)
+        return
+    from .cluster import opened
+
+    with opened(options.on, report) as cluster:
+        yield from _together(wanted, cluster, report)
+
+
+def staged(
+    paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
+) -> Iterator[Prepared]:
+    """The same scores, planned and staged one after the other. Raises what `prepare` does."""
+    for one in _wanted(paths, folder, options, report):
+        yield prepare(one.loaded, one.target, one.options, report)
+
+
+def _wanted(
+    paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
+) -> list[_Wanted]:
+    """What is to be rendered, each into another file. Raises ErgonError."""
+    for name in ("text", "plan", "hands"):
+        if getattr(options, name) is not None:
+            raise OptionError(name, "is that of one score; render it by itself")
+    if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
+        raise OptionError("output", f"{folder} is no folder, and several scores have several files")
+    if options.on is not None:
+        check_shared(options)
+    for path in paths:
+        if Path(path).suffix == JOURNAL or str(path) == scores.STDIN:
+            raise ErgonError(f"{path} is rendered by itself, not among several")
+    read = [(str(path), scores.read(path, options, report)) for path in paths]
+    _refuse_mistakes([loaded for _, loaded in read])
+    found: dict[Path, _Wanted] = {}
+    for path, loaded in read:
+        file = target(path, loaded, None)
+        if folder is not None:
+            file = str(Path(folder, Path(file).name))
+        place = Path(file).resolve()
+        if place in found:
+            raise OptionError(
+                "output",
+                f"{found[place].score} and {path} would both become {file}; render one by itself",
+            )
+        stems = options.stems
+        own = replace(options, stems=None if stems is None else Path(stems, Path(file).stem))
+        found[place] = _Wanted(path, loaded, file, own)
+    inputs = [Path(input) for one in found.values() for input in one.loaded.inputs]
+    for one in found.values():
+        check_ending(one.target)
+        check_target(Path(one.target), force=options.force, inputs=inputs)
+    return list(found.values())
+
+
+def _refuse_mistakes(read: Sequence[Loaded]) -> None:
+    """Raise a ScoreError about all scores that have mistakes, if any has."""
+    wrong = [loaded for loaded in read if loaded.piece is None]
+    if wrong:
+        sources: dict[str, Source] = {}
+        for loaded in wrong:
+            sources |= loaded.files
+        raise ScoreError([found for one in wrong for found in one.diagnostics], sources)
+
+
+def _rendered(one: _Wanted, report: Report) -> Rendered:
+    try:
+        prepared = prepare(one.loaded, one.target, one.options, report)
+        return Rendered(one.score, write(prepared, report))
+    except (ErgonError, _core.EngineError) as error:
+        return Rendered(one.score, None, error)
+
+
+# --- together -----------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class _Own:
+    """A score that a thread renders, and how many chains of stretches it has."""
+
+    score: str
+    n_chains: int
+    n_modules: int
+    work: _core.Work
+
+
+def _together(wanted: Sequence[_Wanted], cluster: Cluster, report: Report) -> Iterator[Rendered]:
+    """Render scores at the same time, as many as keep all workers busy."""
+    told = _Locked(report)
+    left = list(reversed(wanted))
+    running: dict[cf.Future[Completed], _Own] = {}
+    most = min(_TOGETHER_MAX, 2 * cluster.count + 1)
+    with cf.ThreadPoolExecutor(most, "ergon-render") as pool:
+        try:
+            while left or running:
+                if left and _is_room(running.values(), cluster.count, most):
+                    one = left.pop()
+                    try:
+                        prepared = prepare(one.loaded, one.target, one.options, told)
+                    except (ErgonError, _core.EngineError) as error:
+                        yield Rendered(one.score, None, error)
+                        continue
+                    own = _own(one.score, prepared, cluster.count)
+                    running[pool.submit(partial(_write, own.work, prepared, told, cluster))] = own
+                # Where there is room for another, what has ended meanwhile is all that is told of.
+                has_more = bool(left) and _is_room(running.values(), cluster.count, most)
+                limit = 0.0 if has_more else _LOOK_EVERY
+                for future in cf.wait(running, limit, cf.FIRST_COMPLETED).done:
+                    yield _ended(running.pop(future).score, future)
+        finally:
+            for own in running.values():  # of what goes on after an error or Ctrl-C
+                own.work.cancel()
+
+
+def _is_room(running: Iterable[_Own], count: int, most: int) -> bool:
+    """Whether workers may be idle, and memory is left for another score."""
+    own = list(running)
+    return len(own) < most and (
+        not own
+        or (
+            sum(one.n_chains for one in own) < chains(count)
+            and sum(one.n_modules for one in own) < MODULES_MAX
+        )
+    )
+
+
+def _own(score: str, prepared: Prepared, count: int) -> _Own:
+    stage = prepared.stage
+    n_chains = chains(count, stage.simulation)
+    return _Own(score, n_chains, stage.network.n_mat + stage.network.n_lia, _core.Work())
+
+
+def _write(work: _core.Work, prepared: Prepared, report: Report, cluster: Cluster) -> Completed:
+    with work:
+        return write(prepared, report, cluster)
+
+
+def _ended(score: str, future: cf.Future[Completed]) -> Rendered:
+    """What became of a score. Raises ClusterError, and whatever else is about all of them."""
+    error = future.exception()
+    if error is None:
+        return Rendered(score, future.result())
+    if isinstance(error, ClusterError) or not isinstance(error, (ErgonError, _core.EngineError)):
+        raise error
+    return Rendered(score, None, error)
+
+
+class _Locked(Report):
+    """Hands sentences on, one at a time; what is told of how far one score is, is dropped."""
+
+    __slots__ = ("_lock", "_report")
+
+    def __init__(self, report: Report) -> None:
+        """Speak to `report`, from any thread."""
+        self._report, self._lock = report, threading.Lock()
+
+    def say(self, message: str) -> None:
+        """Hand on."""
+        with self._lock:
+            self._report.say(message)
+
+    def warn(self, message: str) -> None:
+        """Hand on."""
+        with self._lock:
+            self._report.warn(message)
+
+    def event(self, name: str, **fields: object) -> None:
+        """Hand on."""
+        with self._lock:
+            self._report.event(name, **fields)
+
+    def diagnostics(
+        self,
+        found: Iterable[Diagnostic],
+        sources: Mapping[str, Source],
+        left_out: Mapping[Severity, int],
+    ) -> None:
+        """Hand on."""
+        with self._lock:
+            self._report.diagnostics(found, sources, left_out)

@@ -1,0 +1,33 @@
+"""Independent computations spread over processes, a few of them on their way at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
+from typing import TypeVar
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+def spread(
+    items: Iterable[K],
+    submit: Callable[[K], Future[V]],
+    wait: Callable[[Sequence[Future[V]]], None],
+    result: Callable[[Future[V]], V],
+    most: int,
+) -> Iterator[tuple[K, V]]:
+    """Each item with its result, in the order in which they come.
+
+    `submit` begins one, `wait` returns when one of some has ended; at most `most` are on their way.
+    """
+    left = iter(items)
+    running: dict[Future[V], K] = {}
+    while True:
+        while len(running) < most and (one := next(left, None)) is not None:
+            running[submit(one)] = one
+        if not running:
+            return
+        wait(list(running))
+        for future in [one for one in running if one.done()]:
+            yield running.pop(future), result(future)

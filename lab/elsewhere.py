@@ -1,0 +1,144 @@
+"""Points of charts and columns of maps by workers of a cluster.
+
+What goes to a worker and what comes back are names, texts, numbers and samples; what is computed
+from them is a function of this room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from statistics import median
+from typing import Any, NotRequired, TypedDict
+
+import numpy as np
+
+from ergon.api import score as scores
+from ergon.api.cluster import Cluster
+from ergon.api.cluster_worker import check_version, lock, version
+from ergon.api.shipped import Shipped, at_home, unpacked
+from ergon.lab import atlas
+from ergon.lab.chart import ROUNDS, Played, Point, played_beside, yardstick
+from ergon.lab.maps import Map, Spot, look
+from ergon.lab.runs import Setting
+from ergon.lab.scene import Score
+from ergon.rendering.remote import ClusterError
+
+
+class _Sound(TypedDict):
+    """What a worker made of a setting: its point, its samples (n_frames · n_channels of f64, little
+    end first), and the seconds of its yardstick."""
+
+    point: dict[str, Any]
+    samples: bytes
+    n_channels: int
+    yardstick: float
+
+
+class _Which(TypedDict):
+    """Maps: those of a `method`, of a score for so many `seconds` where it comes with one."""
+
+    method: str
+    seconds: float
+    accurate: float | None
+    content: NotRequired[Shipped]
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """A cluster that computes points; of a score, which comes with its files."""
+
+    cluster: Cluster
+    content: Shipped | None = None
+
+    def played(
+        self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
+    ) -> Iterator[Played]:
+        """Settings of the score. Costs are in proportion to a yardstick's there and here.
+
+        Raises ClusterError.
+        """
+        content = self.content
+        assert content is not None
+        own, here = version(), median(yardstick() for _ in range(ROUNDS))
+        found = self.cluster.computed(
+            # The dearest first: none of them is left alone at the end.
+            sorted(wanted, key=lambda setting: -setting.oversampling),
+            lambda pool, setting: pool.submit(
+                play, own, content, asdict(setting), n_frames, has_energy
+            ),
+        )
+        for setting, sound in found:
+            point = Point(setting, **sound["point"])
+            samples = np.frombuffer(sound["samples"], dtype="<f8").astype(np.float64)
+            if point.status != "ok":
+                yield Played(point, None)
+                continue
+            if len(samples) != n_frames * sound["n_channels"]:
+                raise ClusterError("a worker sent a sound of another length")
+            if point.cost is not None:
+                point = replace(point, cost=point.cost * here / sound["yardstick"])
+            yield Played(point, samples.reshape(n_frames, sound["n_channels"]))
+
+    def surveyors(self, method: str, seconds: float, accurate: float | None) -> Surveyors:
+        """What looks at maps (`maps`)."""
+        which = _Which(method=method, seconds=seconds, accurate=accurate)
+        if self.content is not None:
+            which["content"] = self.content
+        return Surveyors(self.cluster, which)
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyors:
+    """A cluster that looks at columns of maps."""
+
+    cluster: Cluster
+    which: _Which
+
+    def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
+        """Each column with its spots. Raises ClusterError."""
+        own = version()
+        for (name, _), spots in self.cluster.computed(
+            wanted, lambda pool, one: pool.submit(survey, own, self.which, *one)
+        ):
+            yield name, [Spot(**spot) for spot in spots]
+
+
+# --- at a worker --------------------------------------------------------------------------------
+
+
+def play(
+    asked: list[Any],
+    content: Shipped,
+    setting: dict[str, Any],
+    n_frames: int,
+    has_energy: bool,
+) -> _Sound:
+    """Play a score by the Setting `setting`. Raises ClusterError where another ergon asks."""
+    check_version(asked)
+    with lock, unpacked(content) as path:
+        scene = Score(scores.piece_of(scores.read(path)))
+        found, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)
+        own = {one.name: getattr(found.point, one.name) for one in fields(found.point)}
+        del own["setting"]
+        own["reason"] = at_home(own["reason"], path, content)
+    sound = np.zeros((0, 1)) if found.sound is None else found.sound
+    samples = sound.astype("<f8", copy=False).tobytes()
+    return _Sound(point=own, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
+
+
+def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[str, Any]]:
+    """Look at a column of a map. Raises ClusterError where another ergon asks."""
+    check_version(asked)
+    with lock:
+        found = _map(which, name)
+        return [asdict(look(found, x, y)) for y in found.ys]
+
+
+def _map(which: _Which, name: str) -> Map:
+    content = which.get("content")
+    if content is None:
+        return atlas.maps(which["method"], None, which["seconds"], which["accurate"])[name]
+    with unpacked(content) as path:
+        piece = scores.piece_of(scores.read(path))
+        return atlas.maps(which["method"], piece, which["seconds"], which["accurate"])[name]

@@ -1,0 +1,52 @@
+"""What a cluster is to ergon, by threads of this process: calls wait in one queue, as at Dask's."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+from ergon.api import cluster
+from ergon.common.report import Report
+
+
+class Client:
+    """A Dask client, as far as it is used. `called` lists functions and what they were given."""
+
+    status = "running"
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.called: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
+        self.pool = ThreadPoolExecutor(count)
+
+    def submit(self, function: Callable[[Any], Any], value: Any, pure: bool) -> Any:
+        return function(value)
+
+    def get_executor(self, **_: Any) -> Executor:
+        made = self
+
+        class Pool(Executor):
+            def submit(self, function: Any, /, *words: Any, **named: Any) -> Future[Any]:
+                made.called.append((function, words))
+                return made.pool.submit(function, *words)
+
+        return Pool()
+
+    def scheduler_info(self, n_workers: int) -> dict[str, dict[int, None]]:
+        return {"workers": dict.fromkeys(range(self.count))}
+
+
+def use(monkeypatch: pytest.MonkeyPatch, count: int = 2) -> Client:
+    """Whatever is opened from now on is this."""
+    client = Client(count)
+
+    @contextlib.contextmanager
+    def opened(on: str, report: Report) -> Iterator[cluster.Cluster]:
+        own = cluster.Cluster(client, count, on)
+        yield own
+        own.tell(report)
+
+    monkeypatch.setattr(cluster, "opened", opened)
+    return client
