@@ -22,6 +22,7 @@ from benches.hammer import hammer
 from benches.haply import haply
 from benches.interrupts import interrupts
 from benches.laws import laws
+from benches.matter import matter
 from benches.measure import Row
 from benches.mesh import mesh
 from benches.midi_clock import midi_clock
@@ -47,7 +48,7 @@ def main(arguments: list[str]) -> int:
     asked = parser.parse_args(arguments)
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
-    networks = (bank, string, mesh, hammer, gong, quetzalcoatl, growth)
+    networks = (bank, string, mesh, hammer, gong, matter, quetzalcoatl, growth)
     scenes: dict[str, Callable[[], list[Row]]] = {
         **{scene.__name__: partial(scene, loops) for scene in networks},
         "laws": laws,
