@@ -39,6 +39,11 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     let mut ns = Costs::of("frame") + network.n_moving() as f64 * Costs::of("mat");
     for run in network.runs() {
         let each = match &run.kind {
+            LinkKind::Space(_) if run.len > 1 => {
+                ns += Costs::of("space_run");
+                Costs::of("space_link")
+            }
+            LinkKind::Space(_) => Costs::of("space_single"),
             LinkKind::Ref if run.len > 1 => Costs::of("link"),
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
                 Costs::of("expression")
