@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from ergon import _core
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.edits.tunable import TunablePart, Value
+    from ergon.scores.edits.tunable import TunablePart, Value, Where
     from ergon.scores.reading.load import Loaded
 
 REACHED = 1e-6  # [cents] within which a target counts as reached
@@ -137,7 +137,7 @@ def tune(
         if old.number != new.number
     ]
     texts, trouble = _edited(score, options, loaded, own, [new for _, new in changed])
-    frequencies = search.frequencies({(v.module, v.field): v.number for v in after})
+    frequencies = search.frequencies({value.where: value.number for value in after})
     if texts is not None and (written := texts.load().piece) is not None:
         frequencies = _Search(TunablePart(written, name), (), wanted).begun
     numbers = tuple(wanted)
@@ -216,7 +216,9 @@ def _chosen(own: TunablePart, by: Sequence[str]) -> list[Value]:
     names: dict[str, list[Value]] = {}
     for value in known:
         full = own.target(value)
-        for name in (value.field, full, full.removeprefix(f"{own.name}.")):
+        words = [value.field, own.listed(value), full]
+        words += [word.removeprefix(f"{own.name}.") for word in words[1:]]
+        for name in dict.fromkeys(words):
             names.setdefault(name, []).append(value)
     found: dict[Value, None] = {}
     for word in by:
@@ -245,8 +247,7 @@ def _edited(
     texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
     texts = begun = texts.complete()
     try:
-        for value in values:
-            texts = own.edit(texts, value)
+        texts = own.edit(texts, values)
     except EditError as error:
         return None, str(error)
     others = [file for file, text in texts.overlay.items() if begun.overlay.get(file) != text]
@@ -280,13 +281,10 @@ class _Search:
             if np.abs(slope).max() > _FLAT:
                 self.values.append(value)
         if values and not self.values:
-            if own.is_listed:
-                where = f"the list `f` of {own.name}'s MODES"
-                raise OptionError("part", f"its modes are {where}: write the frequencies there")
             names = ", ".join(own.target(value) for value in values)
             raise OptionError("by", f"no mode feels {names}; name others, or leave `by` out")
 
-    def frequencies(self, values: Mapping[tuple[str, str], float]) -> NDArray[np.float64]:
+    def frequencies(self, values: Mapping[Where, float]) -> NDArray[np.float64]:
         """Of the modes that have targets [Hz]."""
         import numpy as np
 
@@ -345,15 +343,12 @@ class _Search:
             step = step / 2
         return None
 
-    def _numbers(self, at: NDArray[np.float64]) -> dict[tuple[str, str], float]:
+    def _numbers(self, at: NDArray[np.float64]) -> dict[Where, float]:
         import numpy as np
 
-        return {
-            (value.module, value.field): float(np.exp(x))
-            for value, x in zip(self.values, at, strict=True)
-        }
+        return {value.where: float(np.exp(x)) for value, x in zip(self.values, at, strict=True)}
 
-    def _modes(self, values: Mapping[tuple[str, str], float]) -> _State:
+    def _modes(self, values: Mapping[Where, float]) -> _State:
         """Poles (n_targets,) and shapes (n_targets, n_masses) of the modes that have targets."""
         import numpy as np
 
@@ -384,8 +379,7 @@ class _Search:
 
         numbers = self._numbers(at)
         columns = [
-            self._slope(*state, value, numbers[value.module, value.field], numbers)
-            for value in self.values
+            self._slope(*state, value, numbers[value.where], numbers) for value in self.values
         ]
         return np.column_stack(columns)
 
@@ -396,16 +390,14 @@ class _Search:
         elements: _core.Elements,
         value: Value,
         number: float,
-        numbers: Mapping[tuple[str, str], float],
+        numbers: Mapping[Where, float],
     ) -> NDArray[np.float64]:
         import numpy as np
 
         from ergon import _core
 
-        where = (value.module, value.field)
-
         def matrices(factor: float) -> _core.Elements:
-            network = self.own.network({**numbers, where: number * factor})
+            network = self.own.network({**numbers, value.where: number * factor})
             return network.elements([self.own.name])
 
         try:

@@ -102,6 +102,37 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     return texts.put(path, edit.flow({owner.kind: said}), owner.file)
 
 
+def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
+    """Set values of the list `bell.f` of MODES by their index; the others stay as they are written.
+
+    Raises EditError, where another line of the score than the list says what sounds too.
+    """
+    owner, name = _owner(texts, target)
+    if owner.said.written("modes"):
+        raise EditError(f"{quote(target)}: its modes stand in a file; set them there")
+    if moving := owner.own.written("f", "transpose"):
+        raise EditError(
+            f"{quote(target)}: '{moving[0]}' of its instrument moves what is written there; "
+            f"remove it first"
+        )
+    node = owner.said.nodes.get(name)
+    items = node.items if isinstance(node, document.Sequence) else [node]
+    said = [
+        changes[i] if i in changes else item.text if isinstance(item, Scalar) else ""
+        for i, item in enumerate(items)
+    ]
+    text = f"[{', '.join(said)}]"
+    if not owner.module:
+        if owner.own.kind:
+            return texts.put((*owner.base, owner.kind, name), text, owner.file)
+        return texts.put((*owner.base, owner.kind), f"{{{name}: {text}}}", owner.file)
+    home = owner.home(name)
+    if home is not None:
+        return texts.put((*home, name), text, owner.file)
+    path = (*owner.base, "modules", owner.module)
+    return texts.put(path, f"{{{owner.kind}: {{{name}: {text}}}}}", owner.file)
+
+
 def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
     """Set the pitch by which an instrument of several modules goes. Raises EditError."""
     names, _ = texts.names()

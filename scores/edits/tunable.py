@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.instruments.assemble import Assembly
+from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import HOLDERS, LINKS
-from ergon.scores.edits.matter import quantities, said, set_value
+from ergon.scores.edits.matter import quantities, said, set_list, set_value
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Key, Piece
 
@@ -19,14 +20,25 @@ if TYPE_CHECKING:
 # What moves the modes of a part, but for constants of laws; only numbers above 0 are moved.
 _FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")
 
+Where = tuple[str, str, int | None]  # module, field, place in a list from 1
+
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A number of a module that may be moved: where it stands, and what it is [SI]."""
+    """A number of a module that may be moved: where it stands, and what it is [SI].
+
+    `place` counts from 1 in a list, such as `f` of MODES; None where the field is one number.
+    """
 
     module: str
     field: str
     number: float
+    place: int | None = None
+
+    @property
+    def where(self) -> Where:
+        """Where it stands: module, field and place."""
+        return self.module, self.field, self.place
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +52,6 @@ class TunablePart:
     def _own(self) -> Key | Instrument:
         return self.piece.keys.get(self.name) or self.piece.instruments[self.name]
 
-    @property
-    def is_listed(self) -> bool:
-        """Whether modes of it are written one by one (MODES), so that nothing else moves them."""
-        return any(module.kind == "MODES" for module in self._own.modules)
-
     def values(self) -> Iterator[Value]:
         """Every number above 0 of its modules that may move its modes."""
         for module in self._own.modules:
@@ -52,9 +59,20 @@ class TunablePart:
             for name, number in quantities(module):
                 if number > 0 and (name in _FIELDS or name in constants):
                     yield Value(module.name, name, number)
+            if module.kind == "MODES":
+                for place, number in enumerate(module.fields["f"], 1):
+                    yield Value(module.name, "f", number, place)
 
     def target(self, value: Value) -> str:
-        """The value as a line of a session and a table of automation name it: `bell.m.K`."""
+        """The value as a line of a session and a table of automation name it: `bell.m.K`.
+
+        A number of a list has its place there at the end: `bell.f.2`.
+        """
+        name = self.listed(value)
+        return name if value.place is None else f"{name}.{value.place}"
+
+    def listed(self, value: Value) -> str:
+        """The field that has the value, or the list in which it stands: `bell.f`."""
         return ".".join(filter(None, (self.name, value.module, value.field)))
 
     def text(self, value: Value) -> str:
@@ -63,12 +81,20 @@ class TunablePart:
         is_ca = isinstance(own, Instrument) and own.ca_rate is not None
         return said(value.number, value.field, is_ca=is_ca)
 
-    def edit(self, texts: Texts, value: Value) -> Texts:
-        """A score's texts with the value in them. Raises EditError."""
-        return set_value(texts, self.piece, self.target(value), self.text(value))
+    def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
+        """A score's texts with the values in them. Raises EditError."""
+        lists: dict[str, dict[int, str]] = {}
+        for value in values:
+            if value.place is None:
+                texts = set_value(texts, self.piece, self.target(value), self.text(value))
+            else:
+                lists.setdefault(self.listed(value), {})[value.place - 1] = self.text(value)
+        for target, changes in lists.items():
+            texts = set_list(texts, target, changes)
+        return texts
 
-    def network(self, values: Mapping[tuple[str, str], float]) -> _core.Network:
-        """It by itself, with numbers in place of those of (module, field). Raises EngineError."""
+    def network(self, values: Mapping[Where, float]) -> _core.Network:
+        """It by itself, with numbers in place of those that stand there. Raises EngineError."""
         own = self._own
         reach = own.reach if isinstance(own, Key) else 1.0
         ca_rate = own.ca_rate if isinstance(own, Instrument) else None
@@ -91,11 +117,18 @@ class TunablePart:
         return all(end.part == self.name for end in module.fields["between"])
 
 
-def _with(module: Module, values: Mapping[tuple[str, str], float]) -> Module:
-    own = {field: number for (name, field), number in values.items() if name == module.name}
-    if not own:
-        return module
-    fields = {**module.fields, **{name: x for name, x in own.items() if name in module.fields}}
+def _with(module: Module, values: Mapping[Where, float]) -> Module:
+    own: dict[str, float] = {}
+    fields = dict(module.fields)
+    for (name, field, place), number in values.items():
+        if name != module.name:
+            continue
+        if place is None:
+            own[field] = number
+        else:
+            numbers = fields[field]
+            fields[field] = Each((*numbers[: place - 1], number, *numbers[place:]))
+    fields |= {name: x for name, x in own.items() if name in module.fields}
     constants = module.fields.get("constants", {})
     if constants:
         fields["constants"] = {**constants, **{n: x for n, x in own.items() if n in constants}}

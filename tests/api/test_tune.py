@@ -105,6 +105,70 @@ def test_one_value_in_closed_form():
     assert found.values[0].after == pytest.approx(0.02 * (2 * np.pi * 20.0) ** 2, rel=1e-10)
 
 
+def test_the_list_of_a_body_of_modes():
+    found = tune("bowl", "1:2", base="A3")
+    assert [(value.name, value.after) for value in found.values] == [("bowl.f.2", 440.0)]
+    assert found.edited == SCORE.replace("[220Hz, 450Hz]", "[220Hz, 440.0Hz]")
+    assert tune("bowl", ["A3", "A4"], "pitches").values == found.values
+    assert tune("bowl", ["A3", "A4"], "f.2").values == found.values
+    assert np.abs(1200 * np.log2(pitches(found)[:2] / [220.0, 440.0])).max() < 1e-6
+
+
+def test_a_body_of_modes_that_a_spring_holds():
+    """Its poles are the roots of 1 + (K + sZ) Σ 1/(M (s² + 2σs + ω² + σ²)) = 0."""
+    mass, k, z, t60 = 0.02, 1e3, 0.05, (2.0, 1.0, 0.5)
+    Path("held.yaml").write_text(
+        "ergon: 1\ninstruments:\n  one:\n    modules:\n"
+        f"      b: {{MODES: {{M: {mass}kg, f: [A3, 450Hz, 610Hz], t60: [2s, 1s, 0.5s]}}}}\n"
+        "      w: {SOL: {}}\n"
+        f"      l: {{REF: {{between: [b.point, w], K: {k}N/m, Z: {z}Ns/m}}}}\n"
+        "    out: {SOX: b.point}\nstrikes: {a: {to: [one.b.point], at: 0s, impulse: 1mNs}}\n"
+    )
+    targets = np.array([231.0, 462.0, 600.0])
+    found = ergon.tune("held.yaml", "one", targets.tolist(), ergon.TuneOptions(by=["b.f"]))
+    assert found.is_reached
+    assert [value.name for value in found.values] == [f"one.b.f.{i}" for i in (1, 2, 3)]
+    alone = []
+    for value, seconds in zip(found.values, t60, strict=True):
+        sigma = np.log(1000.0) / seconds
+        alone.append(np.array([1.0, 2 * sigma, (2 * np.pi * value.after) ** 2 + sigma**2]))
+    poles = np.polymul(np.polymul(alone[0], alone[1]), alone[2])
+    for i in range(3):
+        others = np.polymul(*(alone[j] for j in range(3) if j != i))
+        poles = np.polyadd(poles, np.polymul([z / mass, k / mass], others))
+    roots = np.roots(poles).imag
+    heard = np.sort(roots[roots > 0]) / (2 * np.pi)
+    assert np.abs(1200 * np.log2(heard / targets)).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("bowl", "trouble"),
+    [
+        ("MODES: {M: 20g, modes: bowl.csv}", "'low.f': its modes stand in a file; set them there"),
+        (
+            "MODES: {M: 20g, f: [220Hz, 450Hz], t60: 2s}, transpose: -12st",
+            "'low.f': 'transpose' of its instrument moves what is written there; remove it first",
+        ),
+    ],
+)
+def test_a_list_that_is_not_what_sounds_stays_as_it_is(bowl: str, trouble: str):
+    Path("bowl.csv").write_text("f, t60, rim\n220Hz, 2s, 1\n450Hz, 2s, 1\n")
+    text = SCORE.replace("\n  wall: ", f"\n  low: {{{bowl}}}\n  wall: ")
+    found = tune("low", "1:2", text=text)
+    assert found.is_reached
+    assert found.edited is None
+    assert trouble in found.trouble
+
+
+def test_a_list_that_another_instrument_has_is_written_for_this_one():
+    text = SCORE.replace("\n  wall: ", "\n  low: {like: bowl}\n  wall: ")
+    found = tune("low", ["A3", "A4"], text=text)
+    assert found.is_reached
+    assert found.edited is not None
+    assert "bowl: {MODES: {M: 20g, f: [220Hz, 450Hz], t60: 2s}}" in found.edited
+    assert np.abs(1200 * np.log2(pitches(found)[:2] / [220.0, 440.0])).max() < 1e-6
+
+
 def test_a_discrete_network():
     found = tune("discrete", [300.0, 600.0], "K")
     assert found.is_reached
@@ -183,7 +247,8 @@ def test_values_in_a_file_that_is_used_are_told_and_stay():
         ),
         ("wire", "1:2", {"by": ["M"]}, "by: no mode feels wire.s.M"),
         ("wall", "1:2", {}, "part: wall has no value above 0 that moves its modes"),
-        ("bowl", "1:2", {}, "part: its modes are the list `f` of bowl's MODES: write"),
+        ("bowl", "1:2", {"by": ["M"]}, "by: no mode feels bowl.M"),
+        ("bowl", "1:2", {"by": ["f.3"]}, "by: bowl has no value 'f.3' above 0; did you mean"),
         ("bowl", "1:2", {"by": ["springs"]}, "by: bowl has no value 'springs' above 0; there are"),
     ],
 )

@@ -149,6 +149,7 @@ fn setup(
         manifest,
         places: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
         ergons: simulation.written(&timeline.inner),
+        strike_points: timeline.inner.strike_points().collect(),
         keys,
         n_speakers,
         fps,

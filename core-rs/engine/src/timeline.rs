@@ -354,6 +354,14 @@ impl Timeline {
         self.drive(mat, DriveKind::Force, Source::Strikes(point), false)
     }
 
+    /// The points that may be struck while it plays, each with its MAT.
+    pub fn strike_points(&self) -> impl Iterator<Item = (u32, usize)> {
+        self.drives.iter().filter_map(|drive| match drive.source {
+            Source::Strikes(point) => Some((point, drive.mat)),
+            _ => None,
+        })
+    }
+
     /// Impose the position or a force on a MAT by a constant, a take or a hand; `own`: the drive belongs to the part of
     /// the MAT.
     ///

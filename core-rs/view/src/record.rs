@@ -34,6 +34,8 @@ pub struct Setup {
     pub places: Vec<[f64; 3]>,
     /// Ergons that are known beforehand, by rising instant.
     pub ergons: Vec<Record>,
+    /// MATs that may be struck by what nobody knew beforehand, by the number that the timeline gave each.
+    pub strike_points: HashMap<u32, usize>,
     /// The MAT of each key, by its number in the timeline.
     pub keys: Vec<usize>,
     /// Loudspeakers.
@@ -272,6 +274,21 @@ impl Recorder {
             to.f32(ergon.speed);
             to.u32(ergon.source);
         }
+    }
+
+    /// A strike that nobody knew beforehand was done at `seconds`. What is seen next tells it; its speed is not known.
+    pub fn struck(&mut self, seconds: f64, point: u32, impulse: f64) {
+        let mat = self.setup.strike_points.get(&point);
+        let Some(&at) = mat.and_then(|mat| self.points.get(mat)) else {
+            return;
+        };
+        let last = self.last;
+        let to = self.event(last, kind::ERGONS);
+        to.f32(seconds - last);
+        to.u32(at as u32);
+        to.f32(impulse);
+        to.f32(f64::NAN);
+        to.u32(u32::MAX);
     }
 
     fn hands(&mut self, glance: &Glance, now: f64) {

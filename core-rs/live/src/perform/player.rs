@@ -300,6 +300,9 @@ impl Player {
         for at in 0..self.strikes.len() {
             let (ticket, point, impulse) = self.strikes[at];
             let is_struck = self.stage.simulation.strike(point, impulse);
+            if let Some(window) = self.window.as_mut().filter(|_| is_struck) {
+                window.strike(self.stage.simulation.frame(), point, impulse);
+            }
             self.tell(if is_struck {
                 EventKind::Struck(ticket)
             } else {

@@ -19,10 +19,25 @@ pub use ear::Ear;
 pub(super) use showing::Relay;
 pub use showing::Showing;
 
+/// Strikes by hand and by MIDI that a picture tells; of more at once the rest is heard and not seen.
+const STRIKES_MAX: usize = 256;
+
+/// A strike that nobody knew beforehand.
+#[derive(Clone, Copy, Default)]
+struct Strike {
+    frame: u64,
+    point: u32,
+    /// [N·s]
+    impulse: f64,
+}
+
 /// What the physics thread leaves for pages.
 #[derive(Clone)]
 struct Picture {
     glance: Glance,
+    /// Since the picture before: the first `n_strikes` of them   (STRIKES_MAX)
+    strikes: Vec<Strike>,
+    n_strikes: usize,
     /// Of each loudspeaker, sum of the squares of `heard` frames.
     squares: Vec<f64>,
     heard: u64,
@@ -37,6 +52,8 @@ pub struct Window {
     pace: f64,
     /// Number of the last video frame that was looked at.
     last: Option<u64>,
+    strikes: Vec<Strike>,
+    n_strikes: usize,
     squares: Vec<f64>,
     heard: u64,
     pictures: Input<Picture>,
@@ -61,6 +78,8 @@ pub fn window(
 ) -> Result<(Window, Scene), String> {
     let picture = Picture {
         glance: Glance::new(simulation, &look),
+        strikes: vec![Strike::default(); STRIKES_MAX],
+        n_strikes: 0,
         squares: vec![0.0; setup.n_speakers],
         heard: 0,
         dropped: 0,
@@ -70,6 +89,8 @@ pub fn window(
     let window = Window {
         pace: setup.fps / simulation.rate(),
         last: None,
+        strikes: picture.strikes,
+        n_strikes: 0,
         squares: picture.squares,
         heard: 0,
         pictures: to_pictures,
@@ -94,6 +115,18 @@ impl Window {
         }
     }
 
+    /// Take a strike that was done at a frame; the next picture tells it.
+    pub(super) fn strike(&mut self, frame: u64, point: u32, impulse: f64) {
+        if let Some(next) = self.strikes.get_mut(self.n_strikes) {
+            *next = Strike {
+                frame,
+                point,
+                impulse,
+            };
+            self.n_strikes += 1;
+        }
+    }
+
     /// Whether it is a window on this simulation.
     pub(super) fn is_of(&self, simulation: &Simulation) -> bool {
         self.look.is_of(simulation)
@@ -112,6 +145,8 @@ impl Window {
         }
         let picture = self.pictures.input_buffer_mut();
         simulation.glance(&self.look, &mut picture.glance);
+        std::mem::swap(&mut picture.strikes, &mut self.strikes);
+        picture.n_strikes = std::mem::take(&mut self.n_strikes);
         std::mem::swap(&mut picture.squares, &mut self.squares);
         self.squares.fill(0.0);
         picture.heard = std::mem::take(&mut self.heard);

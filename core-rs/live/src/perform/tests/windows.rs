@@ -25,6 +25,51 @@ mod rig;
 
 use rig::*;
 
+/// A strike by MIDI or by hand is told as those of a score are: on its target, at the frame at which it acts, with its sign.
+#[test]
+fn pages_are_told_strikes_that_nobody_knew() {
+    let mut scene = scene(&[]);
+    scene.1.open();
+    scene.1.strike_point(&scene.0, 3, 7).unwrap();
+    scene.1.strike_point(&scene.0, 5, 9).unwrap();
+    let simulation = planned(&scene, 0);
+    let look = simulation.looked_at();
+    let mut shown = Shown::fast(&simulation, &scene.1);
+    let mut cursor = shown.server.hub().join();
+    let mut bytes = Vec::new();
+    let mut wanted = Vec::new();
+    for (point, mat, impulse, ticks) in [(7, 3, 2e-5, 301), (9, 5, -3e-5, 77), (7, 3, -1e-5, 400)] {
+        for _ in 0..ticks {
+            shown.tick(1);
+            shown.relay.turn();
+        }
+        wanted.push((shown.frame() as f64 / RATE, mat, impulse));
+        shown.this.strike(point, impulse).unwrap();
+        shown.this.strike(8, impulse).unwrap(); // no point of this piece
+    }
+    for _ in 0..100 {
+        shown.tick(1);
+        shown.relay.turn();
+    }
+    bytes.extend(messages(&shown.server, &mut cursor).concat());
+    let word = |own: &[u8], at: usize| <[u8; 4]>::try_from(&own[at..at + 4]).unwrap();
+    let mut told = Vec::new();
+    for (_, t, payload) in (chunks(&bytes).iter()).filter(|one| one.0 == kind::ERGONS) {
+        for own in payload.chunks(20) {
+            let number = |at| f64::from(f32::from_le_bytes(word(own, at)));
+            let point = u32::from_le_bytes(word(own, 4)) as usize;
+            told.push((t + number(0), look.points[point].mat, number(8)));
+        }
+    }
+    assert_eq!(told.len(), wanted.len(), "{told:?}");
+    for (own, wanted) in told.iter().zip(&wanted) {
+        assert!((own.0 - wanted.0).abs() < 1e-7, "{own:?}, {wanted:?}");
+        assert_eq!(own.1, wanted.1);
+        assert!((own.2 / wanted.2 - 1.0).abs() < 1e-6, "{own:?}, {wanted:?}");
+    }
+    shown.end();
+}
+
 /// What a page that misses nothing is told is where the engine has its masses, once in each video frame.
 #[test]
 fn pages_are_told_what_the_engine_has() {

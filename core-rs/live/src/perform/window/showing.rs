@@ -129,6 +129,10 @@ impl Relay {
         let seconds = recorder.seconds(picture.glance.frame);
         let heard = ear.when(picture.glance.frame, picture.dropped, self.server.now());
         recorder.hear_squares(&picture.squares, picture.heard);
+        for strike in &picture.strikes[..picture.n_strikes] {
+            let at = recorder.seconds(strike.frame);
+            recorder.struck(at, strike.point, strike.impulse);
+        }
         recorder.see(&picture.glance);
         if !self.is_greeted {
             hub.greet(&recorder.take());

@@ -78,6 +78,7 @@ pub(super) fn window_on(
         manifest: manifest.to_string(),
         places: vec![[0.0; 3]; look.points.len()],
         ergons,
+        strike_points: timeline.strike_points().collect(),
         keys: Vec::new(),
         n_speakers: 2,
         fps: FPS,
