@@ -45,7 +45,7 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
     damp = Field("Z", k.DAMPING, "viscosity", 0.0)
     rest = Field(
         "rest",
-        k.DISTANCE,
+        k.SPAN,
         "distance at which the spring has no force",
         shown="the distance at the beginning",
     )
@@ -82,7 +82,7 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         damp,
         Field(
             "gap",
-            k.DISTANCE,
+            k.SPAN,
             "distance of the two points at which they touch: the sum of two radii",
             required=True,
         ),

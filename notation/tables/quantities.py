@@ -73,6 +73,7 @@ STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not n
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
 POSITION = _dimension("length", _LENGTH, "1mm", high=1e3, low=-1e3)
 SIZE = _dimension("length", _LENGTH, "0.5mm", "positive", high=1e3)
+SPAN = _dimension("length", _LENGTH, "5mm", "not negative", high=1e3)
 DISTANCE = _dimension("distance", _LENGTH, "2m", "positive", low=0.01, high=100.0)
 ROOM_SIZE = _dimension("size of a room", _LENGTH, "10m", "positive", low=0.5, high=100.0)
 AZIMUTH = _dimension("azimuth", "deg", "30deg", low=-360.0, high=360.0)

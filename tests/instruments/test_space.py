@@ -239,6 +239,14 @@ def test_mistakes_have_a_sentence(text: str, code: str, said: str):
     assert any(own.startswith(code) and said in sentence for own, _, sentence in reports), reports
 
 
+def test_distances_may_be_small_and_none():
+    lines = "      s: {RES: {between: [bob, nail], K: 10, rest: 0m}}\n"
+    lines += "      c: {BUT: {between: [bob, nail], K: 10, gap: 50um}}\n"
+    modules = check(f"{SPACE}{lines}render: {{tail: 1s}}\n").piece.instruments["b"].modules
+    assert [m.fields.get("rest") for m in modules[2:3]] == [0.0]
+    assert [m.fields.get("gap") for m in modules[3:]] == [pytest.approx(5e-5)]
+
+
 def test_like_takes_the_matter_over():
     text = SPACE + "  d: {like: b, space: 3, gravity: 2}\n"
     piece = check(text + "render: {tail: 1s}\n").piece
