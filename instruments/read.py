@@ -27,6 +27,7 @@ from ergon.notation.tables.shapes import (
     Reference,
     Shape,
     choice,
+    merged,
     wrong_shape,
 )
 from ergon.notation.text import document
@@ -246,15 +247,18 @@ def form(node: Node) -> Form:
 
 
 def _with_more(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    """A schema with the properties of two; where these differ either is right."""
-    own, more = one.get("properties"), other.get("properties")
-    if own is None or more is None:
-        return one if one == other else {"anyOf": [one, other]}
-    found = dict(one)
-    found["properties"] = {
-        **more,
-        **{name: _with_more(it, more[name]) if name in more else it for name, it in own.items()},
+    """A schema with the properties that another has beside its own, and with its other types."""
+    own, their = one.get("type"), other.get("type")
+    if isinstance(own, list) and isinstance(their, list) and not {*own} & {*their}:
+        return merged(other, one)
+    found = {
+        key: _with_more(value, other[key])
+        if isinstance(value, dict) and isinstance(other.get(key), dict)
+        else value
+        for key, value in one.items()
     }
+    if "properties" in found:
+        found["properties"] = {**other.get("properties", {}), **found["properties"]}
     return found
 
 

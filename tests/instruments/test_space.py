@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+import yaml
 from checked import check, found
+from jsonschema import Draft7Validator
 from oracle import matter
 from scipy.optimize import fsolve
 
+from ergon.scores.reading.schema import schema
 from ergon.scores.staging.stage import stage
 
 G = 9.81
@@ -258,3 +261,10 @@ def test_too_stiff_a_link_is_refused_with_its_module():
     text = SPACE + "      s: {RES: {between: [bob, nail], K: 10000kN/m}}\n    out: {SOX: bob.x}\n"
     with pytest.raises(Exception, match=r"b\.bob\.[xyz]"):
         stage(check(text + "render: {tail: 1s}\n").piece)
+
+
+def test_the_schema_takes_lists_of_coordinates():
+    text = SPACE + "    gravity: 9.81m/s2\n    out: {SOX: bob.x}\n"
+    assert not list(Draft7Validator(schema()).iter_errors(yaml.safe_load(text)))
+    wrong = text.replace("X0: [0, 0, 1m]", "X0: {q: 1}")
+    assert list(Draft7Validator(schema()).iter_errors(yaml.safe_load(wrong)))
