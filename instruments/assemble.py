@@ -14,7 +14,8 @@ from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start, member_count
 from ergon.instruments.space import Space
 from ergon.instruments.space import add as add_points
-from ergon.instruments.spread import singles
+from ergon.instruments.space import unit
+from ergon.instruments.spread import is_pairwise, singles
 
 _Fields = Mapping[str, Any]
 
@@ -61,7 +62,8 @@ class Assembly:
                     if space is None:
                         first = _MATS[module.kind](self, module.name, fields)
                     else:
-                        first = add_points(self.network, module.kind, module.name, fields)
+                        chance = self._chance(".".join((name, module.name)))
+                        first = add_points(self.network, module.kind, module.name, fields, chance)
                         self._weigh(first, module, space)
                     self.mats[name, module.name] = first
                     if module.kind in GENERATORS:
@@ -113,12 +115,21 @@ class Assembly:
         axes = self._axes[a.part]
         if module.kind == "BUT":
             own = _pick(fields, "K", "Z", "gap", "exponent", "clamp")
+            if is_pairwise(module.kind, fields, (a, b)):
+                groups = sorted(((*first, a.count), (*second, b.count)), key=lambda group: group[2])
+                own["inside"] = fields["side"] == "inside"
+                own["normal"] = unit(fields["normal"])
+                return self.network.pairwise(module.name, *groups, axes=axes, **own)
             return self.network.space_but(module.name, first, second, axes=axes, **own)
         own = _pick(fields, "K", "Z")
         rest = fields.get("rest")
         if rest is None:
             rest = self.network.distance(first, second, axes)
         return self.network.space_ref(module.name, first, second, axes=axes, rest=rest, **own)
+
+    def _chance(self, name: str) -> Callable[[int], _core.Chance]:
+        """Random numbers for each member of a module."""
+        return lambda member: _core.Chance(self.seed, "place", name, member, 0)
 
     def _weigh(self, first: int, module: Module, space: Space) -> None:
         """Let gravity pull the points of a module, against their last axis."""

@@ -65,7 +65,10 @@ def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[
     wanted: Wanted = "points" if part.axes > 1 else "mats"
     found = (part_names.target(name, wanted, who, part) for name in names)
     ends = tuple(end for end in found if end is not None)
-    spread.is_fitting(ends, who, part_names.collector)
+    if spread.is_pairwise(module.kind, module.fields, ends):
+        spread.may_meet(ends, spread.has_wall(module.fields), who, part_names.collector)
+    else:
+        spread.is_fitting(ends, who, part_names.collector)
     return ends
 
 

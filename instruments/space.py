@@ -6,7 +6,7 @@ Links of such an instrument measure the distance of two points, and act along th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -16,13 +16,15 @@ from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import ListOf, choice
 
 AXES = ("x", "y", "z")
-MAX_POINTS = 500_000  # of one CHAIN or CLOTH: one and a half million coordinates
+MAX_POINTS = 500_000  # of one CHAIN, CLOTH or GRAINS: one and a half million coordinates
 
 PLACE = ListOf(k.POSITION, 2, 3)
 VELOCITY = ListOf(k.SPEED, 2, 3)
+DIRECTION = ListOf(k.NUMBER, 2, 3)
 SIDES = ListOf(k.integer(1, 2_000, "40"), 2, 2)
 
 _Vector = tuple[float, ...]
+Chance = Callable[[int], _core.Chance]
 Family = Literal["mat", "link", "generator"]
 
 
@@ -76,15 +78,45 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         ),
         drag,
     )
+    grains = (
+        Field("count", k.integer(1, MAX_POINTS, "200"), "how many points", required=True),
+        whole,
+        Field(
+            "from", PLACE, "one corner of the box that they fill at the beginning", required=True
+        ),
+        Field("to", PLACE, "the opposite corner of the box", required=True),
+        Field(
+            "scatter",
+            k.PROPORTION,
+            "how far points lie beside their places, as a share of what they are apart",
+            0.0,
+        ),
+        v0,
+        drag,
+    )
     contact = (
         between,
         Field("K", k.STIFFNESS, "stiffness", required=True),
         damp,
         Field(
             "gap",
-            k.SPAN,
-            "distance of the two points at which they touch: the sum of two radii",
+            k.POSITION,
+            "distance of the two points at which they touch: the sum of two radii; from a plane it "
+            "may be below 0",
             required=True,
+        ),
+        Field(
+            "side",
+            choice("outside", "inside"),
+            "inside: the second end is held in a sphere around the first, whose radius is gap",
+            "outside",
+        ),
+        Field(
+            "normal",
+            DIRECTION,
+            "the first end is a plane through its point: the direction away from it on the side of "
+            "the second",
+            shown="a sphere",
         ),
         Field("exponent", k.EXPONENT, "power of the depth (1.5: Hertz)", 1.0),
         Field("clamp", k.TRUTH, "never pull at the exit", False),
@@ -94,13 +126,14 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         "SOL": ("mat", Record("module", "a fixed point in space", (x0,))),
         "CHAIN": ("generator", Record("module", "points in a row, joined by springs", chain)),
         "CLOTH": ("generator", Record("module", "a net of points and springs", cloth)),
+        "GRAINS": ("generator", Record("module", "free points in a box", grains)),
         "RES": ("link", Record("module", "a spring along a distance", (between, stiff, rest))),
         "FRO": ("link", Record("module", "a damper along a distance", (between, damp))),
         "REF": (
             "link",
             Record("module", "a spring and damper along a distance", (between, stiff, damp, rest)),
         ),
-        "BUT": ("link", Record("module", "a contact of two spheres", contact)),
+        "BUT": ("link", Record("module", "a contact of spheres, or with a wall", contact)),
     }
 
 
@@ -109,15 +142,27 @@ def count(kind: str, fields: Mapping[str, Any]) -> int:
     if kind == "CLOTH":
         across, up = fields["sides"]
         return int(across * up)
-    return int(fields.get("masses") or 1)
+    return int(fields.get("masses") or fields.get("count") or 1)
 
 
-def add(network: _core.Network, kind: str, name: str, fields: Mapping[str, Any]) -> int:
+def add(
+    network: _core.Network, kind: str, name: str, fields: Mapping[str, Any], chance: Chance
+) -> int:
     """Add the points of a module, and the springs of a generator; the index of the first MAT.
 
-    Raises EngineError.
+    `chance` gives the random numbers of a member by its index. Raises EngineError.
     """
+    if kind == "GRAINS":
+        return _grains(network, name, fields, chance)
     return {"CHAIN": _chain, "CLOTH": _cloth}.get(kind, _point)(network, name, fields)
+
+
+def unit(direction: _Vector | None) -> _Vector | None:
+    """A direction as a vector of length 1 with three components; None where there is none."""
+    if direction is None:
+        return None
+    length = math.hypot(*direction)
+    return (*(one / length for one in direction), 0.0)[:3]
 
 
 def _point(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
@@ -141,13 +186,14 @@ def _points(
     held: Sequence[bool],
 ) -> int:
     axes, n = fields["axes"], len(places)
+    v0 = fields.get("V0") or (0.0,) * axes
     each = fields["M"] / max(1, n - sum(held))
     return network.points(
         name,
         axes=axes,
         M=[0.0 if is_held else each for is_held in held],
         X0=[place[axis] for axis in range(axes) for place in places],
-        V0=[0.0] * (axes * n),
+        V0=[v0[axis] for axis in range(axes) for _ in places],
         Z=fields["drag"],
     )
 
@@ -172,6 +218,38 @@ def _chain(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
         Z=fields["Z"],
     )
     return first
+
+
+def _grains(network: _core.Network, name: str, fields: Mapping[str, Any], chance: Chance) -> int:
+    """Points on a square lattice that is as wide as the box allows, filled axis by axis."""
+    start, stop, n = fields["from"], fields["to"], fields["count"]
+    spacing, counts = _lattice([abs(b - a) for a, b in zip(start, stop, strict=True)], n)
+    spread = 0.5 * spacing * fields["scatter"]
+    places = []
+    for i in range(n):
+        place, rest, own = [], i, chance(i) if spread else None
+        for a, b, count in zip(start, stop, counts, strict=True):
+            rest, at = divmod(rest, count)
+            beside = own.uniform(-spread, spread) if own is not None else 0.0
+            place.append(a + math.copysign(at * spacing, b - a) + beside)
+        places.append(tuple(place))
+    return _points(network, name, fields, places, [False] * n)
+
+
+def _lattice(sides: Sequence[float], n: int) -> tuple[float, list[int]]:
+    """The widest spacing [m] at which a lattice in a box has n places, and how many each way."""
+
+    def counts(spacing: float) -> list[int]:
+        return [int(side / spacing) + 1 for side in sides]
+
+    low, high = 0.0, max(sides)
+    if n == 1 or high == 0.0:
+        return high, [n] + [1] * (len(sides) - 1)
+    low = high / n
+    for _ in range(60):  # to the last digit
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if math.prod(counts(middle)) >= n else (low, middle)
+    return low, counts(low)
 
 
 def _cloth(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:

@@ -6,7 +6,7 @@ Such a link is there once for each member. Its `gap` may be another at each: a l
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from ergon.notation.text.errors import Collector, quote
 _MEMBERS = re.compile(rf"\.{PATTERN}$")
 
 MAX_SPREAD = 10_000  # points of one link
+MAX_MEETING = 200_000  # points that meet each other
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +72,25 @@ def size(ends: Sequence[Target]) -> int:
     return max((end.count for end in ends), default=1)
 
 
+def is_pairwise(kind: str, fields: Mapping[str, Any], ends: Sequence[Target]) -> bool:
+    """Whether a contact in space is between all points of its ends, or with a wall."""
+    is_contact = kind == "BUT" and any(end.points for end in ends)
+    return is_contact and (size(ends) > 1 or has_wall(fields))
+
+
+def has_wall(fields: Mapping[str, Any]) -> bool:
+    """Whether the first end of a contact in space is a plane, or a sphere around the other."""
+    return fields.get("normal") is not None or fields.get("side") == "inside"
+
+
 def singles(module: Module) -> Iterator[Module]:
-    """The links of which a link over a range is made, `bridge.0` and so on; itself if it is one."""
+    """The links of which a link over a range is made, `bridge.0` and so on; itself if it is one.
+
+    Contacts between all points of two ranges are one.
+    """
     ends = module.fields["between"]
     n, gap = size(ends), module.fields.get("gap")
-    if n == 1:
+    if n == 1 or is_pairwise(module.kind, module.fields, ends):
         yield module
         return
     for i in range(n):
@@ -113,6 +128,31 @@ def is_fitting(ends: Sequence[Target], who: str, collector: Collector) -> bool:
         collector.error("E304", message, place)
         return False
     return True
+
+
+def may_meet(ends: Sequence[Target], is_wall: bool, who: str, collector: Collector) -> bool:
+    """Whether all points of one end can meet all of the other; reports."""
+    if len(ends) != 2:
+        return False
+    a, b = ends
+    problem = ""
+    code = "E304"
+    if is_wall and a.count > b.count:
+        problem = f"{quote(a.text)} has {a.count:,} points; the first end is the wall, one point"
+    elif a.part == b.part and a.module == b.module and isinstance(a.first, int):
+        is_same = (a.first, a.count) == (b.first, b.count)
+        last = min(a.first + a.count, b.first + b.count) if isinstance(b.first, int) else 0
+        if is_same and (is_wall or a.count == 1):
+            problem = f"both ends are {b.text}; a contact joins different points"
+        elif not is_same and isinstance(b.first, int) and max(a.first, b.first) < last:
+            problem = f"{quote(a.text)} and {quote(b.text)} have points in common; write the same "
+            problem += "range twice, or two that have none"
+    if not problem and size(ends) > MAX_MEETING:
+        code = "E105"
+        problem = f"a contact of all pairs has at most {MAX_MEETING:,} points, not {size(ends):,}"
+    if problem:
+        collector.error(code, f"{who}: {problem}", b.place)
+    return not problem
 
 
 def _shared(a: Target, b: Target) -> str | None:

@@ -163,7 +163,7 @@ class _Scene:
         if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
             return inf
         mass = module.fields["M"]
-        if module.kind in ("STRING", "PLATE", "CHAIN", "CLOTH"):
+        if module.kind in ("STRING", "PLATE", "CHAIN", "CLOTH", "GRAINS"):
             mass /= member_count(module.kind, module.fields)
         key = self.keys.get(end.part)
         mass = mass if key is None else mass / (key.reach * key.reach)

@@ -71,17 +71,21 @@ def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[T
 
 
 class _Web:
-    """Points and the links between them. A string or a plate is one point: it moves as a whole."""
+    """Points and the links between them.
+
+    A string or a plate is one point, for it moves as a whole, and so is a module in space.
+    """
 
     def __init__(self, piece: Piece) -> None:
         self.assembly = Assembly(seed=piece.seed)
         add_parts(piece, self.assembly)
-        self._kinds: dict[tuple[str, str], str] = {}
+        self._wholes: set[tuple[str, str]] = set()
         self._links: dict[int, list[tuple[int, Link]]] = {}
         self._ends: dict[tuple[str, str], set[int]] = {}
         modules = [*piece.modules()]
         for part, module in modules:
-            self._kinds[part, module.name] = module.kind
+            if module.kind in ("STRING", "PLATE") or "axes" in module.fields:
+                self._wholes.add((part, module.name))
         self._held = {
             mat
             for part, module in modules
@@ -111,7 +115,7 @@ class _Web:
     def _is_alone(self, module: Module) -> bool:
         """Whether what it imposes is the whole point."""
         target = module.fields["to"]
-        return self._kinds[target.part, target.module] not in ("STRING", "PLATE")
+        return (target.part, target.module) not in self._wholes
 
     def _held_by(self, part: str, module: Module) -> range:
         if module.kind == "ENX":
@@ -120,7 +124,7 @@ class _Web:
         return range(first, first + 1)
 
     def _points(self, target: Target) -> range:
-        if self._kinds[target.part, target.module] in ("STRING", "PLATE"):
+        if (target.part, target.module) in self._wholes:
             first = self.assembly.mats[target.part, target.module]
             return range(first, first + 1)
         return self.assembly.members(target)

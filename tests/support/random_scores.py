@@ -106,15 +106,21 @@ class Score:
                 f"CHAIN: {{masses: 5, M: 10g, from: {place()}, to: {place()}, {stiff}}}",
                 f"CLOTH: {{sides: [3, 2], M: 10g, at: {place()}, across: {place()}, "
                 f"up: {place()}, {stiff}, shear: 5N/m}}",
+                f"GRAINS: {{count: 9, M: 10g, from: {place()}, to: {place()}, scatter: 0.3}}",
             )
         )
         lines.append(f"net: {{{generator}}}")
         lines.append(f"s: {{REF: {{between: [ball, nail], {stiff}}}}}")
         lines.append(f"c: {{BUT: {{between: [ball, net.all], {stiff}, gap: 1cm}}}}")
+        wall = self.dice.choice(
+            ("side: inside, gap: 4cm", f"normal: {place().replace('cm', '')}, gap: -1cm")
+        )
+        lines.append(f"w: {{BUT: {{between: [nail, net.all], {stiff}, {wall}}}}}")
+        lines.append(f"m: {{BUT: {{between: [net.all, net.all], {stiff}, gap: 8mm}}}}")
         gravity = self.dice.choice(("", "    gravity: 9.81m/s2\n"))
         modules = "\n".join(f"      {line}" for line in lines)
         self.matter = f"  matter:\n    space: {axes}\n{gravity}    modules:\n{modules}\n"
-        self.matter += "    out: {x: {SOX: ball.x}, y: {SOV: net.1.y}}\n"
+        self.matter += "    out: {x: {SOX: ball.x}, y: {SOV: net.1.y}, m: {SOF: m}}\n"
         self.points += ["matter.ball.x", "matter.net.1.y"]
 
     def drive(self) -> None:

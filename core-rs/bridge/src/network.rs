@@ -7,7 +7,8 @@ use ergon_engine::generator::{
     self, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
 };
 use ergon_engine::network::{
-    self, Bristle, But, Dry, ElementKind, ModeRange, SpaceLaw, SpacePoint, SpacePoints, Term, Tie,
+    self, Bristle, But, Dry, ElementKind, Measure, ModeRange, PointGroup, SpaceLaw, SpacePoint,
+    SpacePoints, Term, Tie,
 };
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
@@ -254,6 +255,40 @@ impl Network {
         let law = SpaceLaw::Contact { exponent, clamp };
         let links = SpaceLinks { count, axes };
         self.space(name, (a, b), links, law, [K, Z, gap])
+    }
+
+    /// Contacts between all points of two groups, each (first coordinate, stride, count); the same group twice: between
+    /// all its points. With `normal` they touch planes through the points of the first group, with `inside` they are held
+    /// in spheres around these.
+    #[pyo3(signature = (name, a, b, *, axes, gap, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn pairwise(
+        &mut self,
+        name: &str,
+        a: (usize, usize, usize),
+        b: (usize, usize, usize),
+        axes: usize,
+        gap: f64,
+        K: f64,
+        Z: f64,
+        exponent: f64,
+        clamp: bool,
+        inside: bool,
+        normal: Option<[f64; 3]>,
+    ) -> PyResult<usize> {
+        let law = SpaceLaw::Contact { exponent, clamp };
+        let measure = match normal {
+            Some(normal) => Measure::Plane(normal),
+            None if inside => Measure::Within,
+            None => Measure::Distance,
+        };
+        let groups = [a, b].map(|(first, stride, n)| PointGroup {
+            first: SpacePoint { first, stride },
+            n,
+        });
+        self.0
+            .pairwise(name, groups, axes, (measure, law), [K, Z, gap])
+            .map_err(from_engine)
     }
 
     /// A row of MAS, tuned so that its lowest mode is f.

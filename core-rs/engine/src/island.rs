@@ -12,6 +12,8 @@ mod live_strikes;
 mod lone_key;
 pub(crate) mod mesh;
 pub(crate) mod modal;
+mod pair_energy;
+mod pair_gain;
 mod real_hands;
 pub(crate) mod record;
 mod rest;

@@ -15,6 +15,7 @@ mod links;
 mod modes;
 mod names;
 mod output;
+mod pairwise;
 mod parameters;
 mod part_body;
 mod reachable;
@@ -30,10 +31,12 @@ pub use error::Error;
 pub use links::LawUse;
 pub use modes::{ModeRange, PartModes, Tone, TooManyModes};
 pub use output::{Output, Term};
+pub(crate) use pairwise::PairRun;
+pub use pairwise::{Pairwise, PointGroup};
 pub use parameters::{But, Contact, Side, Tie};
 pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
 pub(crate) use space::{AXES_MAX, distance, inverse};
-pub use space::{SpaceLaw, SpaceLink, SpacePoint, SpacePoints};
+pub use space::{Measure, SpaceLaw, SpaceLink, SpacePoint, SpacePoints};
 pub(crate) use subset::Subset;
 
 use std::ops::Range;
@@ -102,6 +105,8 @@ pub enum LinkKind {
     Dry(Dry),
     /// Spring or contact between points in space.
     Space(SpaceLink),
+    /// Contacts between all pairs of points of two groups in space.
+    Pairwise(Pairwise),
 }
 
 /// Links of one kind whose ends advance together: link i joins MATs `a + i` and `b + i`.

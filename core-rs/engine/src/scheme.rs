@@ -18,7 +18,9 @@ use std::sync::Arc;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
-use crate::network::{Bristle, But, Contact, Dry, Error, Network, Output, SpaceLink};
+use crate::network::{
+    Bristle, But, Contact, Dry, Error, Network, Output, PairRun, Pairwise, SpaceLink,
+};
 use crate::units::Rate;
 
 /// The law of a planned run, with algorithmic numbers.
@@ -49,6 +51,12 @@ pub(crate) enum Kind {
     },
     /// Spring or contact between points in space.
     Space(SpaceLink),
+    /// Contacts between all pairs of points of two groups.
+    Pairwise {
+        by: Pairwise,
+        /// Index of its memory.
+        room: usize,
+    },
 }
 
 /// A run of links in algorithmic units: f = k·e + z·(e − e⁻) for springs.
@@ -81,6 +89,7 @@ impl Run {
     pub(crate) fn n_axes(&self) -> usize {
         match &self.kind {
             Kind::Space(space) => space.n_axes,
+            Kind::Pairwise { by, .. } => by.link.n_axes,
             _ => 1,
         }
     }
@@ -90,6 +99,7 @@ impl Run {
         let ends = (self.a + i, self.b + i);
         match &self.kind {
             Kind::Space(space) => space.pair(ends, axis),
+            Kind::Pairwise { by, .. } => by.pair((self.a, self.b), i, axis),
             _ => ends,
         }
     }
@@ -99,11 +109,25 @@ impl Run {
         (0..self.n_axes()).map(move |axis| self.pair(i, axis))
     }
 
+    /// The run as contacts of all pairs.
+    pub(crate) fn pairwise(&self) -> Option<PairRun> {
+        match &self.kind {
+            Kind::Pairwise { by, .. } => Some(PairRun {
+                pairs: *by,
+                a: self.a,
+                b: self.b,
+                n: self.len,
+                rest: self.rest,
+            }),
+            _ => None,
+        }
+    }
+
     /// How much longer than at rest its i-th link is at positions `x` [m].
     pub(crate) fn elongation(&self, i: usize, x: impl Fn(usize) -> f64) -> f64 {
         let (a, b) = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.apart((a, b), x).1 - self.rest,
+            Kind::Space(space) => space.line((a, b), x).0 - self.rest,
             _ => x(b) - x(a) - self.rest,
         }
     }
@@ -117,7 +141,7 @@ impl Run {
     ) -> f64 {
         let ends = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.stretch(ends, space.direction(ends, x), moved),
+            Kind::Space(space) => space.stretch(ends, space.line(ends, x).1, moved),
             _ => moved(ends.1) - moved(ends.0),
         }
     }
@@ -144,7 +168,7 @@ impl Run {
     /// equation.
     pub(crate) fn can_substep(&self) -> bool {
         let is_one = match &self.kind {
-            Kind::Ref | Kind::Dry { .. } | Kind::Space(_) => false,
+            Kind::Ref | Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
             Kind::But(but) => but.contact != Contact::Magic,
             Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
         };
@@ -156,9 +180,11 @@ impl Run {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::Hardening(q) => (self.k, *q, self.z),
-            Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Space(_) => {
-                return None;
-            }
+            Kind::But(_)
+            | Kind::Bristle { .. }
+            | Kind::Dry { .. }
+            | Kind::Space(_)
+            | Kind::Pairwise { .. } => return None,
             Kind::Lnl { law, rate, .. } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;
                 (k, q, z.unwrap_or(0.0) * rate)
@@ -284,6 +310,12 @@ impl Scheme {
     /// Whether any link is dry friction that holds rigidly.
     pub(crate) fn has_dry(&self) -> bool {
         self.exact.iter().any(Run::is_dry)
+    }
+
+    /// Whether any points meet in all pairs.
+    pub(crate) fn has_pairwise(&self) -> bool {
+        let mut runs = self.runs.iter();
+        runs.any(|run| matches!(run.kind, Kind::Pairwise { .. }))
     }
 
     /// Bristles of all LIAs, none of them bent; none where no link has any.

@@ -1,8 +1,8 @@
 //! The last step before frame 0, by which the scheme starts.
 
 use crate::cell::Cell;
-use crate::kernel;
-use crate::network::{Dry, LinkKind, MatKind, Network, Run};
+use crate::kernel::{self, Neighbours};
+use crate::network::{AXES_MAX, Dry, LinkKind, MatKind, Network, Run};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -80,8 +80,7 @@ pub(crate) fn forces(
         if let LinkKind::Space(space) = &run.kind {
             for i in 0..run.len {
                 let ends = (run.a + i, run.b + i);
-                let (_, length) = space.apart(ends, |mat| x[mat]);
-                let direction = space.direction(ends, |mat| x[mat]);
+                let (length, direction) = space.line(ends, |mat| x[mat]);
                 let v = space.stretch(ends, direction, |mat| mats.v0[mat]) * ca_step;
                 let f = space.law.force([run.k, run.z], length - run.rest, v);
                 for ((a, b), along) in run.pairs(i).zip(direction) {
@@ -89,6 +88,20 @@ pub(crate) fn forces(
                     force[b] -= f * along;
                 }
             }
+            continue;
+        }
+        if let Some(pairs) = run.pairwise() {
+            let link = pairs.pairs.link;
+            let push = |ends, e, along: [f64; AXES_MAX]| {
+                let v = link.stretch(ends, along, |mat| mats.v0[mat]) * ca_step;
+                let f = link.law.force([run.k, run.z], e, v);
+                for (axis, along) in along.into_iter().enumerate().take(link.n_axes) {
+                    let (a, b) = link.pair(ends, axis);
+                    force[a] += f * along;
+                    force[b] -= f * along;
+                }
+            };
+            Neighbours::new(&pairs).touching(&pairs, |mat| x[mat], push);
             continue;
         }
         for i in 0..run.len {
@@ -102,7 +115,7 @@ pub(crate) fn forces(
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
                 // The last of the forces; done above.
-                LinkKind::Dry(_) | LinkKind::Space(_) => continue,
+                LinkKind::Dry(_) | LinkKind::Space(_) | LinkKind::Pairwise(_) => continue,
                 LinkKind::But(but) => {
                     let s = kernel::side(but);
                     kernel::push(but, run.k, run.z, s * e, s * v) * s

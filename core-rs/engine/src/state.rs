@@ -15,6 +15,8 @@ pub(crate) struct Body {
     pub(crate) link: Vec<f64>,
     /// How far the bristles of each LIA are bent [m]; empty: there are none   (n_lia)
     pub(crate) bristles: Vec<f64>,
+    /// Part of `force` by contacts of all pairs of points [N]   (n_mat; empty: there are none)
+    pub(crate) pair_force: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
     pub(crate) inner: Vec<f64>,
     /// Part of `force` by strikes, hands and weights [N]; empty without a ledger   (n_mat)
@@ -29,6 +31,7 @@ crate::archive::state!(Body {
     force,
     link,
     bristles,
+    pair_force,
     inner,
     outside,
     previous
@@ -65,6 +68,7 @@ impl Body {
             force: vec![0.0; x.len()],
             link: vec![0.0; scheme.n_lia],
             bristles: scheme.bends(),
+            pair_force: vec![0.0; if scheme.has_pairwise() { x.len() } else { 0 }],
             inner: Vec::new(),
             outside: Vec::new(),
             previous: None,

@@ -22,6 +22,8 @@ mod ledger;
 mod live;
 #[path = "scenes/looks.rs"]
 mod looks;
+#[path = "scenes/pairwise.rs"]
+mod pairwise;
 #[path = "scenes/plans.rs"]
 mod plans;
 #[path = "scenes/resting.rs"]

@@ -512,6 +512,28 @@ class Network:
 
         They push by K·p^exponent + Z·dp/dt at depth p [m]; with `clamp` they never pull.
         """
+    def pairwise(
+        self,
+        name: str,
+        a: tuple[int, int, int],
+        b: tuple[int, int, int],
+        *,
+        axes: int,
+        gap: float,
+        K: float = 0.0,
+        Z: float = 0.0,
+        exponent: float = 1.0,
+        clamp: bool = False,
+        inside: bool = False,
+        normal: Sequence[float] | None = None,
+    ) -> int:
+        """Contacts between all points of two groups; the index of the first, one for each of `b`.
+
+        A group is (first coordinate, stride, count); the same group twice: between all its points.
+        The second is not smaller than the first. They push as `space_but` does, where the distance
+        is below `gap` [m]; `inside`: above it; with `normal`, (3,) and of length 1, where `b` is
+        less than `gap` above the plane through the point of `a`. Raises EngineError.
+        """
     def bank(
         self,
         name: str,

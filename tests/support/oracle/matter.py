@@ -9,7 +9,11 @@ from scipy.integrate import solve_ivp
 
 @dataclass(frozen=True)
 class Link:
-    """Between two points: K·(distance - rest) + Z·rate; a contact only while that is below 0."""
+    """Between two points: K·(distance - rest) + Z·rate; a contact only while that is below 0.
+
+    With `normal` the first end is a plane; with `inside` a contact holds the second end in a
+    sphere around the first.
+    """
 
     a: int
     b: int
@@ -18,6 +22,8 @@ class Link:
     rest: float
     is_contact: bool = False
     exponent: float = 1.0
+    normal: tuple[float, ...] | None = None
+    inside: bool = False
 
 
 def forces(
@@ -28,8 +34,14 @@ def forces(
     f[:, -1] -= mass * gravity
     for link in links:
         apart = x[link.b] - x[link.a]
-        length = np.sqrt(apart @ apart)
-        along, e = apart / length, length - link.rest
+        if link.normal is not None:
+            along = np.array(link.normal)
+            e = along @ apart - link.rest
+        else:
+            length = np.sqrt(apart @ apart)
+            along, e = apart / length, length - link.rest
+        if link.inside:
+            along, e = -along, -e
         rate = along @ (v[link.b] - v[link.a])
         if link.is_contact:
             pull = -link.K * (-e) ** link.exponent + link.Z * rate if e < 0.0 else 0.0

@@ -278,7 +278,7 @@ pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
         Kind::Ref => run.k * e + run.z * de,
         Kind::Hardening(q) => run.k * e + q * (e * e * e) + run.z * de,
         Kind::Lnl { law, rate, .. } => law.force(e, de * rate),
-        Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Space(_) => 0.0, // refused
+        Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => 0.0, // refused
         Kind::But(but) => {
             let s = kernel::side(but);
             s * kernel::push(but, run.k, run.z, s * e, s * de)
@@ -309,7 +309,7 @@ fn takes(network: &Network) -> Result<(), Error> {
         });
     }
     for run in network.runs() {
-        if matches!(run.kind, LinkKind::Space(_)) {
+        if matches!(run.kind, LinkKind::Space(_) | LinkKind::Pairwise(_)) {
             return Err(Error::Refused {
                 module: network.link_name(run.first),
                 message: "only the CA scheme can step a link in space".to_owned(),

@@ -308,6 +308,13 @@ fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
     let part = &network.mats().part;
     let mut found = Vec::new();
     for run in network.runs() {
+        if run.pairwise().is_some() {
+            let links = (0..run.len).flat_map(|i| run.pairs(i).map(move |pair| (i, pair)));
+            for (i, (a, b)) in links.filter(|&(_, (a, b))| a == mat || b == mat) {
+                found.push((run.first + i, if a == mat { b } else { a }));
+            }
+            continue;
+        }
         for axis in 0..run.n_axes() {
             let (a, b) = run.pair(0, axis);
             for (end, other) in [(a, b), (b, a)] {

@@ -173,6 +173,9 @@ impl Island {
         };
         let mut cut = vec![false; scheme.n_lia];
         let run_lets_go = |run: &crate::scheme::Run| {
+            if let Some(pairs) = run.pairwise() {
+                return pairs.spans().any(|span| ours[span].contains(&true));
+            }
             (0..run.n_axes()).any(|axis| {
                 let (a, b) = run.pair(0, axis);
                 lets_go(a, b, run.len)

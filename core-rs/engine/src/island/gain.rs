@@ -5,6 +5,7 @@
 //! scheme balances exactly, whatever else moves its ends. What it gave beyond that and beyond what it stores is made.
 
 use super::{Fault, Island, OnFault};
+use crate::island::pair_gain::PairGains;
 use crate::kernel;
 use crate::network::{AXES_MAX, SpaceLaw, SpaceLink};
 use crate::scheme::{Kind, Run, Scheme};
@@ -63,8 +64,13 @@ impl Account {
         self.most = self.most.max(self.held);
     }
 
+    /// Count what was stored where it began.
+    pub(super) fn add_start(&mut self, start: f64) {
+        (self.held, self.most) = (self.held + start, self.most + start);
+    }
+
     /// Whether more was given than was ever taken, whatever is stored.
-    fn is_overdrawn(&self) -> bool {
+    pub(super) fn is_overdrawn(&self) -> bool {
         self.held < -TOLD * self.most
     }
 
@@ -172,7 +178,7 @@ impl TakenInSpace {
 
     /// The work that the link took since the step before [J], where it pulls with `force` [N] now.
     fn step(&mut self, ends: (usize, usize), force: f64, body: &Body) -> f64 {
-        let along = self.link.direction(ends, |mat| body.x[mat]);
+        let (_, along) = self.link.line(ends, |mat| body.x[mat]);
         let mut work = 0.0;
         for (axis, along) in along.into_iter().enumerate().take(self.link.n_axes) {
             let (a, b) = self.link.pair(ends, axis);
@@ -207,6 +213,7 @@ crate::archive::state!(Watched {
 pub(super) struct Gains {
     taken: Vec<Taken>,
     links: Vec<Watched>,
+    pairs: Option<PairGains>,
     /// Whether accounts begin at this step.
     is_fresh: bool,
 }
@@ -216,6 +223,7 @@ crate::archive::option!(Box<Gains>, fixed);
 crate::archive::state!(Gains {
     taken,
     links,
+    pairs,
     is_fresh
 });
 
@@ -225,6 +233,7 @@ impl Gains {
         let may_gain = |run: &&Run| {
             let may = match &run.kind {
                 Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } | Kind::Dry { .. } => false,
+                Kind::Pairwise { .. } => false, // they have one account together
                 Kind::But(_) => true,
                 Kind::Space(space) => space.law != SpaceLaw::Spring || run.len <= LONGEST,
                 Kind::Lnl { law, .. } => {
@@ -266,10 +275,12 @@ impl Gains {
             },
         });
         let taken = taken.collect();
-        (!links.is_empty()).then(|| {
+        let pairs = PairGains::new(scheme);
+        (!links.is_empty() || pairs.is_some()).then(|| {
             Box::new(Self {
                 taken,
                 links,
+                pairs,
                 is_fresh: true,
             })
         })
@@ -285,6 +296,7 @@ impl Gains {
         let stays = |a: usize, b: usize| !mats[a] && !mats[b];
         self.taken.retain(|taken| stays(taken.a, taken.b));
         self.links.retain(|link| stays(link.run.a, link.run.b));
+        self.pairs.take_if(|pairs| pairs.meets(mats));
         self.restart();
     }
 
@@ -311,6 +323,9 @@ impl Gains {
             taken.account.take(work);
             (taken.stretch, taken.force) = (stretch, force);
         }
+        if let Some(pairs) = &mut self.pairs {
+            pairs.step(body);
+        }
     }
 
     #[cold]
@@ -323,6 +338,9 @@ impl Gains {
                 space.step((taken.a, taken.b), taken.force, body);
             }
             (link.from, link.is_whole) = (elongations(&link.run, body), false);
+        }
+        if let Some(pairs) = &mut self.pairs {
+            pairs.begin(body);
         }
         self.is_fresh = false;
     }
@@ -339,7 +357,7 @@ impl Watched {
     ) -> Option<Gain> {
         if account.is_overdrawn() && !self.is_whole {
             let start = stored(&self.run, self.from);
-            (account.held, account.most) = (account.held + start, account.most + start);
+            account.add_start(start);
             self.is_whole = true;
         }
         if !account.is_overdrawn() {
@@ -399,8 +417,12 @@ impl Island {
             let gain = link.worst?;
             Some((self.network.link_name(link.run.first), gain))
         });
+        let pairs = self.state.gains.iter().filter_map(|gains| {
+            let pairs = gains.pairs.as_ref()?;
+            Some((self.network.link_name(pairs.first_link()), pairs.worst()?))
+        });
         let bodies = self.state.bodies.iter();
-        links.chain(bodies.filter_map(|body| {
+        links.chain(pairs).chain(bodies.filter_map(|body| {
             let gain = body.gain()?;
             Some((body.first_module()?.0, gain))
         }))
@@ -422,6 +444,12 @@ impl Island {
                     let part = scheme.part[if scheme.w[a] > 0.0 { a } else { b }] as usize;
                     faults.push((self.network.link_name(taken.link), part, gain));
                 }
+            }
+            if let Some(pairs) = &mut gains.pairs
+                && let Some(gain) = pairs.look(body, around, n).filter(Gain::is_fault)
+            {
+                let part = scheme.part[pairs.moving_mat(scheme)] as usize;
+                faults.push((self.network.link_name(pairs.first_link()), part, gain));
             }
         }
         for body in &mut self.state.bodies {

@@ -3,7 +3,8 @@
 //! Linear: H = ½δᵀ(M − Z/2)δ + ½x⁺ᵀKx closes exactly. Non-linear links store ½(V(e⁺) + V(e)); what the
 //! scheme's work differs from that is the production P, the quality figure of an explicit contact.
 
-use crate::kernel;
+use crate::island::pair_energy;
+use crate::kernel::{self, Neighbours};
 use crate::network::But;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
@@ -83,6 +84,8 @@ pub(super) struct Ledger {
     hold: Vec<f64>,
     /// ½(V(e⁺) + V(e)) of links that are not plain springs [J]     (n_lia)
     potential: Vec<f64>,
+    /// Of contacts of all pairs, in the order of their runs
+    neighbours: Vec<Neighbours>,
 }
 
 crate::archive::option!(Ledger, fixed);
@@ -139,7 +142,7 @@ fn elastic(run: &Run, e: f64) -> f64 {
         }
         Kind::Lnl { law, .. } => law.spring(e),
         Kind::Space(space) => space.law.elastic(run.k, e),
-        Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
+        Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => 0.0,
     }
 }
 
@@ -151,7 +154,11 @@ fn drag(run: &Run, e: f64, step: f64) -> f64 {
         Kind::Space(space) => {
             space.law.force([run.k, run.z], e, step) - space.law.elastic(run.k, e)
         }
-        Kind::Ref | Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
+        Kind::Ref
+        | Kind::But(_)
+        | Kind::Bristle { .. }
+        | Kind::Dry { .. }
+        | Kind::Pairwise { .. } => 0.0,
     }
 }
 
@@ -174,9 +181,21 @@ impl Ledger {
             d: body.d.clone(),
             hold: Vec::new(),
             potential: vec![0.0; scheme.n_lia],
+            neighbours: all(scheme)
+                .filter_map(Run::pairwise)
+                .map(|pairs| Neighbours::new(&pairs))
+                .collect(),
         };
         let open = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
+        let mut rooms = ledger.neighbours.iter_mut();
         for run in all(scheme).filter(|run| !is_spring(run)) {
+            if let Some(pairs) = run.pairwise() {
+                if let Some(room) = rooms.next() {
+                    let [now, before] = pair_energy::potentials(&pairs, run.k, room, body);
+                    ledger.potential[run.first] = 0.5 * open(run) * (now + before);
+                }
+                continue;
+            }
             let tensions = tensions(run, body);
             for i in 0..run.len {
                 let (now, before) = elongation(run, body, i);
@@ -231,6 +250,7 @@ impl Ledger {
         for (target, hold) in targets.iter().zip(&self.hold) {
             self.injected.add(0.5 * s(target.mat) * hold);
         }
+        let mut rooms = self.neighbours.iter_mut();
         for run in all(scheme) {
             let spring = is_spring(run);
             let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
@@ -244,6 +264,21 @@ impl Ledger {
                     let stretch = s(run.b + i) - s(run.a + i);
                     self.lost
                         .add(0.5 * stretch * body.link[run.first + i] - risen);
+                }
+                continue;
+            }
+            if let Some(pairs) = run.pairwise() {
+                let Some(room) = rooms.next() else { continue };
+                let [v_next, v] = pair_energy::potentials(&pairs, run.k, room, body);
+                let stored = 0.5 * (next * v_next + now * v);
+                let risen = stored - self.potential[run.first];
+                self.potential[run.first] = stored;
+                let law = [now * run.k, now * run.z];
+                let before = if finer.is_some() { &body.d } else { &d };
+                let work = pair_energy::work(&pairs, law, room, body, [before, &body.d]);
+                self.lost.add(work.given - work.kept);
+                if finer.is_none() {
+                    self.produced.add(risen - work.kept);
                 }
                 continue;
             }

@@ -1,6 +1,7 @@
 //! Scratch memory for the loops that evaluate laws.
 
 use super::mesh_partition::MeshPartition;
+use super::pairwise::Neighbours;
 use super::space::SpaceScratch;
 use crate::law::Scratch;
 use crate::scheme::{Kind, Scheme};
@@ -19,6 +20,8 @@ pub(crate) struct Laws {
     pub(crate) scratch: Vec<Scratch>,
     /// Forces of a run of links in space.
     pub(crate) space: SpaceScratch,
+    /// Of points that meet in all pairs, by their rooms.
+    pub(crate) neighbours: Vec<Neighbours>,
     /// For native code; shared by all laws               (largest)
     pub(crate) native: Vec<f64>,
 }
@@ -33,6 +36,7 @@ impl Laws {
             mesh_partition: None,
             scratch: Vec::new(),
             space: SpaceScratch::new(scheme),
+            neighbours: neighbours(scheme),
             native: Vec::new(),
         };
         let mut longest: Vec<usize> = Vec::new();
@@ -56,4 +60,17 @@ impl Laws {
         laws.v.clone_from(&laws.e);
         laws
     }
+}
+
+/// Memory for every room that a scheme names: runs that it has let go leave theirs empty.
+fn neighbours(scheme: &Scheme) -> Vec<Neighbours> {
+    let mut rooms = Vec::new();
+    for run in &scheme.runs {
+        if let (Kind::Pairwise { room, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
+            let n_rooms = rooms.len().max(room + 1);
+            rooms.resize_with(n_rooms, Neighbours::default);
+            rooms[*room] = Neighbours::new(&pairs);
+        }
+    }
+    rooms
 }

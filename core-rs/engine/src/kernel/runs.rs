@@ -4,7 +4,7 @@
 use super::Laws;
 use super::pull::pull;
 use super::thread_team::ThreadTeam;
-use super::{space, springs};
+use super::{pairwise, space, springs};
 use crate::law::Hardening;
 use crate::maths::power_law;
 use crate::maths::wide::wide;
@@ -21,6 +21,7 @@ pub(crate) fn links(
     team: &mut ThreadTeam<'_>,
 ) {
     body.outside.fill(0.0);
+    body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
     if let Some(mesh_partition) = &mut laws.mesh_partition {
         mesh_partition.forces(team, force, |springs, room, force| {
@@ -36,6 +37,10 @@ pub(crate) fn links(
     for run in &scheme.runs {
         if let Kind::Space(link) = &run.kind {
             space::forces(run, link, gates, body, &mut laws.space);
+            continue;
+        }
+        if let (Kind::Pairwise { room, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
+            pairwise::forces(run, &pairs, gates, body, &mut laws.neighbours[*room]);
             continue;
         }
         let ends = Ends::of(run, &body.x, &body.d);
@@ -66,7 +71,7 @@ pub(crate) fn links(
                 }
             }
             // Dry friction is solved later, with the exact contacts; links in space are done above.
-            Kind::Dry { .. } | Kind::Space(_) => f.fill(0.0),
+            Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => f.fill(0.0),
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
                 Some(by) => hardening(by, *rate, run.rest, &ends, f),
                 None => {
@@ -85,6 +90,9 @@ pub(crate) fn links(
             f.iter_mut().for_each(|f| *f *= open);
         }
         scatter(run, body);
+    }
+    for (force, pairs) in body.force.iter_mut().zip(&body.pair_force) {
+        *force += pairs;
     }
 }
 
@@ -208,6 +216,7 @@ pub(crate) fn potential(run: &Run, e: f64) -> f64 {
         }
         Kind::Lnl { law, .. } => law.potential(e),
         Kind::Space(space) => space.law.potential(run.k, e),
+        Kind::Pairwise { by, .. } => by.link.law.potential(run.k, e), // of one pair
         Kind::Bristle { .. } | Kind::Dry { .. } => 0.0, // no function of the elongation
     }
 }

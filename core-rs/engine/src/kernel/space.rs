@@ -96,9 +96,7 @@ pub(super) fn forces(
 /// [`forces`] of a run of one link, for which a pass each would cost ten times as much.
 fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
     let ends = (run.a, run.b);
-    let ([x, y, z], length) = link.apart(ends, |mat| body.x[mat]);
-    let inverse = inverse(length);
-    let along = [x * inverse, y * inverse, z * inverse];
+    let (length, along) = link.line(ends, |mat| body.x[mat]);
     let step = link.stretch(ends, along, |mat| body.d[mat]);
     let mut f = link.law.force([run.k, run.z], length - run.rest, step);
     if let Some(gate) = run.gate {

@@ -100,13 +100,13 @@ impl Network {
                     (ElementKind::Bristle, run.k, bristle.damping_at_rest())
                 }
                 LinkKind::Dry(_) => (ElementKind::Dry, 0.0, 0.0),
-                LinkKind::Space(_) => (ElementKind::Space, run.k, run.z),
+                LinkKind::Space(_) | LinkKind::Pairwise(_) => (ElementKind::Space, run.k, run.z),
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
             };
             let slot = |mat: usize| moving.binary_search(&mat).ok();
             each.extend((0..run.len).map(|i| Element {
                 kind,
-                ends: [slot(run.a + i), slot(run.b + i)],
+                ends: [slot(run.pair(i, 0).0), slot(run.pair(i, 0).1)],
                 k,
                 z,
             }));

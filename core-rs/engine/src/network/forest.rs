@@ -1,6 +1,6 @@
 //! MATs that links join, by union-find.
 
-use super::{AXES_MAX, Network};
+use super::{AXES_MAX, Network, Run};
 
 /// A forest over the MATs.
 pub(crate) struct Forest(Vec<u32>);
@@ -46,7 +46,16 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
             others.flat_map(move |(other_a, other_b)| [(a, other_a), (b, other_b)])
         })
     });
-    ends(network).map(|(_, a, b)| (a, b)).chain(coordinates)
+    // Points of a group feel each other by those that they meet.
+    let crowds = network.runs().iter().filter_map(Run::pairwise);
+    let crowds = crowds.flat_map(|run| {
+        let groups = [(run.a, run.pairs.n_first), (run.b, run.n)];
+        groups
+            .into_iter()
+            .flat_map(|(first, n)| (first + 1..first + n).map(move |mat| (first, mat)))
+    });
+    let ends = ends(network).map(|(_, a, b)| (a, b));
+    ends.chain(coordinates).chain(crowds)
 }
 
 /// The MATs of every link, axis by axis: in turn of its first end and of its second.

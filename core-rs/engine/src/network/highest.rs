@@ -22,7 +22,10 @@ impl Network {
                     LinkKind::Ref | LinkKind::Bristle(_) => run.k,
                     LinkKind::Lnl(law) => law.slope(0.0),
                     // A STRING or PLATE has none in space.
-                    LinkKind::But(_) | LinkKind::Dry(_) | LinkKind::Space(_) => continue,
+                    LinkKind::But(_)
+                    | LinkKind::Dry(_)
+                    | LinkKind::Space(_)
+                    | LinkKind::Pairwise(_) => continue,
                 };
                 for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
                     if !(own.contains(&a) || own.contains(&b)) || outside(a) || outside(b) {

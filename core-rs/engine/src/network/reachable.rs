@@ -170,7 +170,7 @@ impl Network {
 /// `compliance` is the sum of 1/M of both ends [1/kg]; `per_mass` converts the algorithmic K of a magic contact.
 fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64) {
     match &run.kind {
-        LinkKind::Ref | LinkKind::Space(_) => (run.k, run.z),
+        LinkKind::Ref | LinkKind::Space(_) | LinkKind::Pairwise(_) => (run.k, run.z),
         // Held within `depth` by a spring that reaches F there.
         LinkKind::Dry(_) => (run.z / depth, 0.0),
         LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),

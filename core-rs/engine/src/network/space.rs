@@ -25,11 +25,24 @@ pub enum SpaceLaw {
     },
 }
 
+/// What a link in space measures: a length, along a direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Measure {
+    /// The distance of its ends.
+    Distance,
+    /// The distance of its ends, below 0: a contact is closed where the distance is above −`rest`.
+    Within,
+    /// How far the second end is from a plane through the first, along its unit normal.
+    Plane([f64; AXES_MAX]),
+}
+
 /// Links between points in space. Of a run, `a` and `b` are the first coordinates of the ends of the first link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpaceLink {
     /// What it does.
     pub law: SpaceLaw,
+    /// What it measures.
+    pub measure: Measure,
     /// How many axes: 2 or 3.
     pub n_axes: usize,
     /// How far behind the first coordinate of an end the second and the third are   (ends a and b)
@@ -93,6 +106,22 @@ impl SpaceLaw {
 }
 
 impl SpaceLink {
+    /// A link between points with these strides.
+    pub(super) fn of(
+        law: SpaceLaw,
+        measure: Measure,
+        n_axes: usize,
+        ends: [SpacePoint; 2],
+    ) -> Self {
+        let offsets = ends.map(|end| [end.stride, 2 * end.stride]);
+        Self {
+            law,
+            measure,
+            n_axes,
+            offsets,
+        }
+    }
+
     /// The coordinates of an axis, from those of the first axis.
     pub(crate) fn pair(&self, (a, b): (usize, usize), axis: usize) -> (usize, usize) {
         match axis {
@@ -101,30 +130,19 @@ impl SpaceLink {
         }
     }
 
-    /// What points are apart along each axis, and their distance, at positions `x`; 0 along axes that there are not.
-    pub(crate) fn apart(
+    /// The length that it measures at positions `x`, and components of the unit vector along which the length grows: 0
+    /// where ends are at one place, and along axes that there are not.
+    pub(crate) fn line(
         &self,
         ends: (usize, usize),
         x: impl Fn(usize) -> f64,
-    ) -> ([f64; AXES_MAX], f64) {
+    ) -> (f64, [f64; AXES_MAX]) {
         let mut apart = [0.0; AXES_MAX];
         for (axis, apart) in apart.iter_mut().enumerate().take(self.n_axes) {
             let (a, b) = self.pair(ends, axis);
             *apart = x(b) - x(a);
         }
-        let [x, y, z] = apart;
-        (apart, distance(x, y, z))
-    }
-
-    /// Components of the unit vector from the first end to the second; 0 where they are at one place.
-    pub(crate) fn direction(
-        &self,
-        ends: (usize, usize),
-        x: impl Fn(usize) -> f64,
-    ) -> [f64; AXES_MAX] {
-        let (apart, length) = self.apart(ends, x);
-        let inverse = inverse(length);
-        apart.map(|apart| apart * inverse)
+        self.measure.of(apart)
     }
 
     /// How far the ends move away from each other along the line between them, where each MAT moves by `moved`.
@@ -140,6 +158,23 @@ impl SpaceLink {
             direction * (moved(b) - moved(a))
         });
         along.sum()
+    }
+}
+
+impl Measure {
+    /// The length and the direction, from the vector between the ends.
+    #[inline(always)]
+    pub(crate) fn of(self, [x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
+        if let Self::Plane(normal) = self {
+            return (normal[0] * x + normal[1] * y + normal[2] * z, normal);
+        }
+        let length = distance(x, y, z);
+        let inverse = inverse(length);
+        if self == Self::Distance {
+            (length, [x * inverse, y * inverse, z * inverse])
+        } else {
+            (-length, [-x * inverse, -y * inverse, -z * inverse])
+        }
     }
 }
 
@@ -161,6 +196,7 @@ impl LinkKind {
         match self {
             Self::But(_) => true,
             Self::Space(space) => matches!(space.law, SpaceLaw::Contact { .. }),
+            Self::Pairwise(_) => true,
             _ => false,
         }
     }
@@ -171,6 +207,7 @@ impl Run {
     pub(crate) fn n_axes(&self) -> usize {
         match &self.kind {
             LinkKind::Space(space) => space.n_axes,
+            LinkKind::Pairwise(pairs) => pairs.link.n_axes,
             _ => 1,
         }
     }
@@ -180,6 +217,7 @@ impl Run {
         let ends = (self.a + i, self.b + i);
         match &self.kind {
             LinkKind::Space(space) => space.pair(ends, axis),
+            LinkKind::Pairwise(pairs) => pairs.pair((self.a, self.b), i, axis),
             _ => ends,
         }
     }
@@ -255,6 +293,30 @@ impl Network {
         law: SpaceLaw,
         [k, z, rest]: [f64; 3],
     ) -> Result<usize, Error> {
+        self.check_space(name, n_axes, law, [k, z, rest])?;
+        if n == 0 || !self.has_points(a, n, n_axes) || !self.has_points(b, n, n_axes) {
+            return Err(self.refused(name, "joins a module that does not exist"));
+        }
+        if a.first == b.first {
+            return Err(self.refused(name, "a link joins two different points"));
+        }
+        self.room(name, n)?;
+        let first = self.n_lia;
+        let space = SpaceLink::of(law, Measure::Distance, n_axes, [a, b]);
+        self.add_run(LinkKind::Space(space), a.first, b.first, n, [k, z, rest]);
+        let name = self.full_name(name);
+        self.names.add_links(first, n, n > 1, name);
+        Ok(first)
+    }
+
+    /// Refuse the numbers of links in space that are out of range.
+    pub(super) fn check_space(
+        &self,
+        name: &str,
+        n_axes: usize,
+        law: SpaceLaw,
+        [k, z, rest]: [f64; 3],
+    ) -> Result<(), Error> {
         self.check(
             name,
             &[
@@ -268,28 +330,16 @@ impl Network {
         {
             return Err(self.refused(name, "the exponent of a contact must be from 1 to 8"));
         }
-        let is_there = |end: SpacePoint| {
-            let offset = end.stride.checked_mul(n_axes.saturating_sub(1));
-            let last = offset.and_then(|offset| offset.checked_add(end.first)?.checked_add(n));
-            last.is_some_and(|last| last <= self.n_mat())
-        };
-        if !(2..=AXES_MAX).contains(&n_axes) || n == 0 || !is_there(a) || !is_there(b) {
-            return Err(self.refused(name, "joins a module that does not exist"));
+        if !(2..=AXES_MAX).contains(&n_axes) {
+            return Err(self.refused(name, "a link in space has two or three axes"));
         }
-        if a.first == b.first {
-            return Err(self.refused(name, "a link joins two different points"));
-        }
-        self.room(name, n)?;
-        let first = self.n_lia;
-        let offsets = [a, b].map(|end| [end.stride, 2 * end.stride]);
-        let space = SpaceLink {
-            law,
-            n_axes,
-            offsets,
-        };
-        self.add_run(LinkKind::Space(space), a.first, b.first, n, [k, z, rest]);
-        let name = self.full_name(name);
-        self.names.add_links(first, n, n > 1, name);
-        Ok(first)
+        Ok(())
+    }
+
+    /// Whether `n` points from one on are MATs of the network.
+    pub(super) fn has_points(&self, end: SpacePoint, n: usize, n_axes: usize) -> bool {
+        let offset = end.stride.checked_mul(n_axes.saturating_sub(1));
+        let last = offset.and_then(|offset| offset.checked_add(end.first)?.checked_add(n));
+        last.is_some_and(|last| last <= self.n_mat())
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Error, LinkKind, Mat, MatKind, Network, Output, Run, SpaceLink, Term};
+use super::{Error, LinkKind, Mat, MatKind, Network, Output, Pairwise, Run, SpaceLink, Term};
 use crate::law::{Hardening, Law};
 
 /// A part of another network, the whole. The lists give the index in the whole for each local index, rising.
@@ -61,6 +61,10 @@ impl Network {
             subset.network.mats.weight = weights.collect();
         }
         for run in &self.runs {
+            if let LinkKind::Pairwise(pairs) = &run.kind {
+                subset.push_pairwise(run, pairs, links);
+                continue;
+            }
             // Few runs reach a small subset: check before searching link by link.
             if subset.reaches(run.a, run.len) && subset.reaches(run.b, run.len) {
                 self.cut(run, links, &mut subset);
@@ -192,17 +196,58 @@ impl Subset {
 
     /// Where the ends of the i-th link of a run of the whole are, and what it is in space; `None` where one is not here.
     fn local(&self, run: &Run, i: usize) -> Option<(usize, usize, Option<SpaceLink>)> {
-        let (a, b) = (self.mat(run.a + i)?, self.mat(run.b + i)?);
-        let LinkKind::Space(space) = &run.kind else {
-            return Some((a, b, None));
-        };
+        let ends = (run.a + i, run.b + i);
+        if let LinkKind::Space(space) = &run.kind {
+            return self.local_in_space(space, ends);
+        }
+        Some((self.mat(ends.0)?, self.mat(ends.1)?, None))
+    }
+
+    fn local_in_space(
+        &self,
+        space: &SpaceLink,
+        ends: (usize, usize),
+    ) -> Option<(usize, usize, Option<SpaceLink>)> {
+        let (a, b) = (self.mat(ends.0)?, self.mat(ends.1)?);
         let mut own = *space;
         for axis in 1..space.n_axes {
-            let (other_a, other_b) = run.pair(i, axis);
+            let (other_a, other_b) = space.pair(ends, axis);
             own.offsets[0][axis - 1] = self.mat(other_a)? - a;
             own.offsets[1][axis - 1] = self.mat(other_b)? - b;
         }
         Some((a, b, Some(own)))
+    }
+
+    /// Add contacts of all pairs, where all their points are here.
+    fn push_pairwise(&mut self, run: &Run, pairs: &Pairwise, links: &[u32]) {
+        let span = run.first..run.first + run.len;
+        let is_ours = |link: usize| links.binary_search(&(link as u32)).is_ok();
+        let ends = (run.a, run.b);
+        let last = (run.a + pairs.n_first - 1, run.b + run.len - 1);
+        let is_here = (0..pairs.link.n_axes).all(|axis| {
+            let (first, last) = (pairs.link.pair(ends, axis), pairs.link.pair(last, axis));
+            self.has_all(first.0..=last.0) && self.has_all(first.1..=last.1)
+        });
+        if !is_here || !span.clone().all(is_ours) {
+            return;
+        }
+        let Some((a, b, Some(link))) = self.local_in_space(&pairs.link, ends) else {
+            return;
+        };
+        self.links.extend(span.map(|link| link as u32));
+        self.network.push_run(Run {
+            kind: LinkKind::Pairwise(Pairwise { link, ..*pairs }),
+            a,
+            b,
+            ..*run
+        });
+    }
+
+    /// Whether all MATs of a range of the whole belong to the subset.
+    fn has_all(&self, range: std::ops::RangeInclusive<usize>) -> bool {
+        let at = |mat: usize| self.mats.partition_point(|&own| (own as usize) < mat);
+        let (first, last) = range.into_inner();
+        self.mat(last).is_some() && at(last) - at(first) == last - first
     }
 
     fn push(&mut self, run: &Run, stretch: Option<Stretch>) {

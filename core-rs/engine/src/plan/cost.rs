@@ -44,6 +44,11 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
                 Costs::of("space_link")
             }
             LinkKind::Space(_) => Costs::of("space_single"),
+            LinkKind::Pairwise(pairs) if pairs.is_searched() => {
+                ns += pairs.n_first as f64 * Costs::of("pairwise");
+                Costs::of("pairwise")
+            }
+            LinkKind::Pairwise(pairs) => pairs.n_first as f64 * Costs::of("pairwise_wall"),
             LinkKind::Ref if run.len > 1 => Costs::of("link"),
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
                 Costs::of("expression")

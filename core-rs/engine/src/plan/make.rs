@@ -540,7 +540,11 @@ fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Err
     let law = |run: &&Run| {
         matches!(
             run.kind,
-            LinkKind::Lnl(_) | LinkKind::Bristle(_) | LinkKind::Dry(_) | LinkKind::Space(_)
+            LinkKind::Lnl(_)
+                | LinkKind::Bristle(_)
+                | LinkKind::Dry(_)
+                | LinkKind::Space(_)
+                | LinkKind::Pairwise(_)
         )
     };
     let own = subset.network.runs().iter().find(law);

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 use nalgebra::DMatrix;
 
 use super::{Kind, Run, Scheme};
-use crate::network::{Error, Network, SpaceLaw};
+use crate::network::{Error, Network, SpaceLaw, SpaceLink};
 use crate::spectrum;
 use crate::units::Rate;
 
@@ -66,10 +66,8 @@ fn weight(run: &Run, c: f64) -> f64 {
         Kind::Dry { .. } => 0.0, // it takes no more than what moves
         // Along its line a link in space is as stiff as this, and less across: its matrix is K·nnᵀ + (f/ℓ)(1 − nnᵀ), with
         // f/ℓ ≤ K. So springs along all axes are stiffer than it is in any position.
-        Kind::Space(space) => match space.law {
-            SpaceLaw::Spring | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
-            SpaceLaw::Contact { .. } => c * run.z,
-        },
+        Kind::Space(SpaceLink { law, .. }) => space_weight(*law, run, c),
+        Kind::Pairwise { by, .. } => space_weight(by.link.law, run, c),
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
@@ -77,6 +75,37 @@ fn weight(run: &Run, c: f64) -> f64 {
             law.slope(0.0).max(0.0) + c * (law.damping_slope(0.0) * rate).max(0.0)
         }
     }
+}
+
+fn space_weight(law: SpaceLaw, run: &Run, c: f64) -> f64 {
+    match law {
+        SpaceLaw::Spring | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
+        SpaceLaw::Contact { .. } => c * run.z,
+    }
+}
+
+/// The coordinates of points that meet in all pairs, each with the sum of K + c·Z of the contacts on it, at most.
+fn crowded(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> {
+    let pairs = match &run.kind {
+        Kind::Pairwise { by, .. } => Some(*by),
+        _ => None,
+    };
+    let len = run.len;
+    let (a, b) = (run.a, run.b);
+    pairs.into_iter().flat_map(move |pairs| {
+        let [first, second] = pairs.neighbours(len).map(|n| n * weight);
+        let n_first = if pairs.is_within { 0 } else { pairs.n_first };
+        (0..pairs.link.n_axes).flat_map(move |axis| {
+            let (a, b) = pairs.link.pair((a, b), axis);
+            let first = (a..a + n_first).map(move |mat| (mat, first));
+            first.chain((b..b + len).map(move |mat| (mat, second)))
+        })
+    })
+}
+
+/// Whether each link of a run joins two MATs, for good.
+fn joins(run: &Run) -> bool {
+    !matches!(run.kind, Kind::Pairwise { .. })
 }
 
 /// Below the exact border of 4 by what rounding may take from an eigenvalue.
@@ -138,13 +167,17 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         })
         .collect();
     // A body that resists bending has negative links; each counts as if it were positive.
-    for (run, weight) in links() {
+    let joined = || links().filter(|(run, _)| joins(run));
+    for (run, weight) in joined() {
         for i in 0..run.len {
             for (a, b) in run.pairs(i) {
                 sums[a] += weight.abs();
                 sums[b] += weight.abs();
             }
         }
+    }
+    for (run, weight) in links() {
+        crowded(run, *weight).for_each(|(mat, sum)| sums[mat] += sum);
     }
     if let Some(mat) = sums.iter().position(|sum| !sum.is_finite()) {
         return Err(Error::Refused {
@@ -153,11 +186,18 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         });
     }
     let at = |i: usize| sums[i] * scheme.w[i];
-    let edges = links().flat_map(|(run, _)| {
+    let edges = joined().flat_map(|(run, _)| {
         let pairs = (0..run.len).flat_map(|i| run.pairs(i));
         pairs.map(|(a, b)| at(a) + at(b))
     });
-    Ok((0..n).map(at).chain(edges).fold(0.0, f64::max))
+    // Any two points of a crowd may meet.
+    let crowds = links().flat_map(|(run, weight)| crowded(run, *weight));
+    let crowds = crowds.map(|(mat, _)| 2.0 * at(mat));
+    Ok((0..n)
+        .map(at)
+        .chain(edges)
+        .chain(crowds)
+        .fold(0.0, f64::max))
 }
 
 /// The largest eigenvalue of M^-½ (K + c·Z) M^-½.
@@ -171,7 +211,13 @@ fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64], beyond: f64) -> Top {
             y[i] = (scheme.kappa[i] + c * scheme.zeta[i]) * v[i];
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
-            for (a, b) in (0..run.len).flat_map(|i| run.pairs(i)) {
+            // Links between whatever meets are no more than twice their sums.
+            crowded(run, *weight)
+                .for_each(|(mat, sum)| y[mat] += 2.0 * sum * scheme.w[mat] * v[mat]);
+            for (a, b) in (0..run.len)
+                .filter(|_| joins(run))
+                .flat_map(|i| run.pairs(i))
+            {
                 let f = weight * (scaled[b] - scaled[a]);
                 y[a] -= f * root[a];
                 y[b] += f * root[b];

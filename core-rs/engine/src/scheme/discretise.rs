@@ -79,7 +79,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         return Err(refused);
     }
     let mut rooms: Vec<Arc<Law>> = Vec::new();
-    let mut dry_runs = Vec::new();
+    let (mut dry_runs, mut n_pairwise) = (Vec::new(), 0);
     for run in network.runs() {
         let ca = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T.
@@ -100,6 +100,15 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             LinkKind::Space(space) => {
                 scheme.linear = false;
                 planned.kind = Kind::Space(*space);
+                scheme.runs.push(planned);
+            }
+            LinkKind::Pairwise(pairs) => {
+                scheme.linear = false;
+                planned.kind = Kind::Pairwise {
+                    by: *pairs,
+                    room: n_pairwise,
+                };
+                n_pairwise += 1;
                 scheme.runs.push(planned);
             }
             LinkKind::Lnl(law) => {

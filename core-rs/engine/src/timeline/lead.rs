@@ -189,7 +189,11 @@ fn has_stiffness(network: &Network, run: &Run) -> bool {
         .is_some_and(|part| part.ca_rate.is_some());
     !is_ca
         && match &run.kind {
-            LinkKind::Ref | LinkKind::Bristle(_) | LinkKind::Dry(_) | LinkKind::Space(_) => true,
+            LinkKind::Ref
+            | LinkKind::Bristle(_)
+            | LinkKind::Dry(_)
+            | LinkKind::Space(_)
+            | LinkKind::Pairwise(_) => true,
             LinkKind::But(but) => but.contact != Contact::Magic,
             LinkKind::Lnl(law) => law.hardening_spring().is_some() || law.is_shared(),
         }

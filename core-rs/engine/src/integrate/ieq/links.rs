@@ -81,7 +81,11 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
     let mut linear = mesh.scheme.clone();
     linear.runs.retain(|run| match &run.kind {
         Kind::Ref | Kind::Hardening(_) => true,
-        Kind::But(_) | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Space(_) => false,
+        Kind::But(_)
+        | Kind::Bristle { .. }
+        | Kind::Dry { .. }
+        | Kind::Space(_)
+        | Kind::Pairwise { .. } => false,
         Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
     Ok(top(&linear, network, 0.0, super::EXPLICIT)?.lambda)
@@ -255,7 +259,8 @@ fn psi(run: &Run, e: f64) -> f64 {
         | Kind::Hardening(_)
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
-        | Kind::Space(_) => 0.0,
+        | Kind::Space(_)
+        | Kind::Pairwise { .. } => 0.0,
     }
 }
 
@@ -300,6 +305,7 @@ fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
         | Kind::Hardening(_)
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
-        | Kind::Space(_) => (0.0, 0.0, force_of(run, e, de)),
+        | Kind::Space(_)
+        | Kind::Pairwise { .. } => (0.0, 0.0, force_of(run, e, de)),
     }
 }

@@ -385,7 +385,7 @@ fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item =
     let (k, z) = match &run.kind {
         Kind::Ref | Kind::Hardening(_) => (run.k, run.z),
         // A slow part has none in space.
-        Kind::Dry { .. } | Kind::Space(_) => return None,
+        Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => return None,
         Kind::But(_) if !closed || (is_fine && run.can_substep()) => {
             return None;
         }

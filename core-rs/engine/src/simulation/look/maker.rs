@@ -66,7 +66,7 @@ impl<'a> Maker<'a> {
             (0..run.len).map(|i| Contact {
                 name: network.link_name(run.first + i),
                 link: run.first + i,
-                ends: (run.a + i, run.b + i),
+                ends: run.pair(i, 0),
             })
         });
         Self {

@@ -1,0 +1,159 @@
+//! Energy that contacts of all pairs of points make out of nothing: one account for all of an island.
+
+use super::gain::{Account, Gain};
+use super::pair_energy::potential;
+use crate::kernel::Neighbours;
+use crate::network::PairRun;
+use crate::scheme::Scheme;
+use crate::state::Body;
+
+/// Energy that rounding alone accounts for is that of a spring stretched by so many of the last digit of a coordinate.
+const DIGITS: f64 = 1e4;
+
+/// What all these contacts took.
+#[derive(Clone, Debug)]
+pub(super) struct PairGains {
+    crowds: Vec<Crowd>,
+    /// The step before: last steps [m], and forces of the contacts [N]   (n_mat each)
+    d: Vec<f64>,
+    force: Vec<f64>,
+    /// Positions [m] and last steps [m] where the account began   (n_mat each)
+    from: [Vec<f64>; 2],
+    account: Account,
+    /// Whether the account counts what was stored where it began: that is looked up when it matters.
+    is_whole: bool,
+    worst: Option<Gain>,
+}
+
+crate::archive::option!(PairGains, fixed);
+
+crate::archive::state!(PairGains {
+    d,
+    force,
+    from,
+    account,
+    is_whole,
+    worst
+});
+
+/// One run of them.
+#[derive(Clone, Debug)]
+struct Crowd {
+    run: PairRun,
+    first: usize,
+    k: f64,
+    neighbours: Neighbours,
+}
+
+impl PairGains {
+    /// `None` where there are none, or gates open and close them.
+    pub(super) fn new(scheme: &Scheme) -> Option<Self> {
+        let runs = scheme.runs.iter().filter_map(|own| {
+            let run = own.pairwise()?;
+            Some((own, run))
+        });
+        let crowds: Vec<Crowd> = runs
+            .clone()
+            .map(|(own, run)| Crowd {
+                run,
+                first: own.first,
+                k: own.k,
+                neighbours: Neighbours::new(&run),
+            })
+            .collect();
+        let room = || vec![0.0; scheme.n_mat()];
+        let is_gated = runs.clone().any(|(own, _)| own.gate.is_some());
+        (!crowds.is_empty() && !is_gated).then(|| Self {
+            crowds,
+            d: room(),
+            force: room(),
+            from: [room(), room()],
+            account: Account::default(),
+            is_whole: false,
+            worst: None,
+        })
+    }
+
+    /// The link by whose name it is told of.
+    pub(super) fn first_link(&self) -> usize {
+        self.crowds[0].first
+    }
+
+    pub(super) fn worst(&self) -> Option<Gain> {
+        self.worst
+    }
+
+    /// A MAT that they move.
+    pub(super) fn moving_mat(&self, scheme: &Scheme) -> usize {
+        let run = &self.crowds[0].run;
+        let moving = (run.b..run.b + run.n).find(|&mat| scheme.w[mat] > 0.0);
+        moving.unwrap_or(run.a)
+    }
+
+    /// Whether any of these MATs is an end of them (n_mat).
+    pub(super) fn meets(&self, mats: &[bool]) -> bool {
+        let mut spans = self.crowds.iter().flat_map(|crowd| crowd.run.spans());
+        spans.any(|span| mats[span].iter().any(|&is_one| is_one))
+    }
+
+    pub(super) fn begin(&mut self, body: &Body) {
+        self.account = Account::default();
+        self.d.copy_from_slice(&body.d);
+        self.force.copy_from_slice(&body.pair_force);
+        self.from[0].copy_from_slice(&body.x);
+        self.from[1].copy_from_slice(&body.d);
+        self.is_whole = false;
+    }
+
+    pub(super) fn step(&mut self, body: &Body) {
+        let before = self.d.iter_mut().zip(&mut self.force);
+        let now = body.d.iter().zip(&body.pair_force);
+        let mut work = 0.0;
+        for ((d, force), (&d_now, &force_now)) in before.zip(now) {
+            work -= 0.5 * (*d + d_now) * *force;
+            (*d, *force) = (d_now, force_now);
+        }
+        self.account.take(work);
+    }
+
+    /// What they made by frame `n`, if that is worth telling; `around`: the energy of all masses.
+    pub(super) fn look(&mut self, body: &Body, around: impl Fn() -> f64, n: u64) -> Option<Gain> {
+        if self.account.is_overdrawn() && !self.is_whole {
+            let start = stored(&mut self.crowds, [&self.from[0], &self.from[1]]);
+            self.account.add_start(start);
+            self.is_whole = true;
+        }
+        if !self.account.is_overdrawn() {
+            return None;
+        }
+        let stored = stored(&mut self.crowds, [&body.x, &body.d]);
+        let gain = self.account.gain(stored, around(), n);
+        if !gain.is_told() || gain.made <= self.rounding(body) {
+            return None;
+        }
+        self.worst = Some(gain.worst(self.worst));
+        Some(gain)
+    }
+
+    fn rounding(&self, body: &Body) -> f64 {
+        let of = |crowd: &Crowd| {
+            let mats = crowd.run.spans().flatten();
+            let far = mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
+            let least = DIGITS * f64::EPSILON * far;
+            crowd.run.n as f64 * crowd.k * least * least
+        };
+        self.crowds.iter().map(of).sum()
+    }
+}
+
+/// Energy of all pairs between two steps [J], at positions and last steps [m] (n_mat each).
+fn stored(crowds: &mut [Crowd], [x, d]: [&[f64]; 2]) -> f64 {
+    let of = |crowd: &mut Crowd| {
+        let Crowd {
+            run, k, neighbours, ..
+        } = crowd;
+        0.5 * (potential(run, *k, neighbours, |mat| x[mat])
+            + potential(run, *k, neighbours, |mat| x[mat] - d[mat]))
+    };
+    crowds.iter_mut().map(of).sum()
+}

@@ -1,0 +1,179 @@
+//! Contacts of every point of a group with every point of another, or of all points of a group with each other.
+
+use super::error::Error;
+use super::space::{AXES_MAX, Measure, SpaceLaw, SpaceLink, SpacePoint};
+use super::{LinkKind, Network, Run};
+
+/// Contacts between all pairs of two groups of points. Link i tells of the i-th point of the second group: its force is
+/// the sum of those on that point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pairwise {
+    /// What each pair does.
+    pub link: SpaceLink,
+    /// Number of points of the first group; that of the second is the number of links.
+    pub n_first: usize,
+    /// Whether both groups are the same: its points meet each other.
+    pub is_within: bool,
+}
+
+/// The numbers of a run of them that say which pairs touch.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PairRun {
+    pub(crate) pairs: Pairwise,
+    /// First coordinates of the first points of both groups.
+    pub(crate) a: usize,
+    pub(crate) b: usize,
+    /// Number of points of the second group.
+    pub(crate) n: usize,
+    /// Length below which a pair touches [m].
+    pub(crate) rest: f64,
+}
+
+impl PairRun {
+    /// The MATs of its points, as ranges.
+    pub(crate) fn spans(&self) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+        let Self { pairs, a, b, n, .. } = *self;
+        (0..pairs.link.n_axes).flat_map(move |axis| {
+            let (a, b) = pairs.link.pair((a, b), axis);
+            [a..a + pairs.n_first, b..b + n]
+        })
+    }
+}
+
+/// Points that follow one another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PointGroup {
+    /// The first.
+    pub first: SpacePoint,
+    /// How many.
+    pub n: usize,
+}
+
+impl Pairwise {
+    /// As many neighbours as equal spheres have at most: on a plane, and in space.
+    const NEIGHBOURS: [f64; 2] = [6.0, 12.0];
+
+    /// Coordinates along an axis of two points that may meet: each link of a run that begins at `ends` names its own
+    /// point of the second group, and one that it may meet.
+    pub(crate) fn pair(&self, ends: (usize, usize), i: usize, axis: usize) -> (usize, usize) {
+        let other = if self.is_within { i + 1 } else { i };
+        self.link
+            .pair((ends.0 + other % self.n_first, ends.1 + i), axis)
+    }
+
+    /// How many points of the other group push a point at once, at most: one of the first, and one of the second.
+    pub(crate) fn neighbours(&self, n_second: usize) -> [f64; 2] {
+        if self.is_searched() {
+            [Self::NEIGHBOURS[self.link.n_axes - 2]; 2]
+        } else {
+            [n_second as f64, self.n_first as f64]
+        }
+    }
+
+    /// Whether pairs are found by where points are; all of them are looked at where they are few.
+    pub(crate) fn is_searched(&self) -> bool {
+        self.link.measure == Measure::Distance && self.n_first > 1
+    }
+}
+
+impl Run {
+    /// The run as contacts of all pairs.
+    pub(crate) fn pairwise(&self) -> Option<PairRun> {
+        match &self.kind {
+            LinkKind::Pairwise(pairs) => Some(PairRun {
+                pairs: *pairs,
+                a: self.a,
+                b: self.b,
+                n: self.len,
+                rest: self.rest,
+            }),
+            _ => None,
+        }
+    }
+}
+
+impl Network {
+    /// Add contacts between every point of one group and every point of another that is not smaller; the same group twice:
+    /// between all its points. Returns the index of the first link: there are as many as points of the second group.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the groups cannot meet.
+    pub fn pairwise(
+        &mut self,
+        name: &str,
+        groups: [PointGroup; 2],
+        n_axes: usize,
+        (measure, law): (Measure, SpaceLaw),
+        [k, z, gap]: [f64; 3],
+    ) -> Result<usize, Error> {
+        // A plane may lie beside the point that carries it.
+        let own = match measure {
+            Measure::Plane(_) if gap.is_finite() => 0.0,
+            _ => gap,
+        };
+        self.check_space(name, n_axes, law, [k, z, own])?;
+        let [a, b] = groups;
+        let is_within = a == b;
+        if let Some(message) = refusal(groups, n_axes, (measure, law), gap) {
+            return Err(self.refused(name, message));
+        }
+        if !groups
+            .iter()
+            .all(|group| self.has_points(group.first, group.n, n_axes))
+        {
+            return Err(self.refused(name, "joins a module that does not exist"));
+        }
+        self.room(name, b.n)?;
+        let first = self.n_lia;
+        let link = SpaceLink::of(law, measure, n_axes, [a.first, b.first]);
+        let pairs = Pairwise {
+            link,
+            n_first: a.n,
+            is_within,
+        };
+        let rest = match measure {
+            Measure::Within => -gap,
+            Measure::Distance | Measure::Plane(_) => gap,
+        };
+        let (kind, ends) = (LinkKind::Pairwise(pairs), (a.first.first, b.first.first));
+        self.add_run(kind, ends.0, ends.1, b.n, [k, z, rest]);
+        let name = self.full_name(name);
+        self.names.add_links(first, b.n, b.n > 1, name);
+        Ok(first)
+    }
+}
+
+/// Why two groups cannot meet.
+fn refusal(
+    [a, b]: [PointGroup; 2],
+    n_axes: usize,
+    (measure, law): (Measure, SpaceLaw),
+    gap: f64,
+) -> Option<&'static str> {
+    let length = |normal: [f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
+    let is_whole = |group: PointGroup| {
+        (group.n == 1 || group.n <= group.first.stride) && group.first.stride > 0
+    };
+    let touch = |one: PointGroup, other: PointGroup| {
+        (one.first.first..one.first.first + one.n).contains(&other.first.first)
+    };
+    if a.n == 0 || b.n < a.n || (a == b && b.n < 2) {
+        Some("needs two groups of points, the second not smaller than the first")
+    } else if a != b && (touch(a, b) || touch(b, a)) {
+        Some("its two groups have points in common")
+    } else if !is_whole(a) || !is_whole(b) {
+        Some("the coordinates of a group lie axis by axis")
+    } else if a == b && measure != Measure::Distance {
+        Some("points of one group meet by their distance")
+    } else if law == SpaceLaw::Spring {
+        Some("only contacts act between all pairs of points")
+    } else if measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
+        Some("points that meet need a gap above 0: the distance at which they touch")
+    } else if matches!(measure, Measure::Plane(normal) if (length(normal) - 1.0).abs() > 1e-9
+        || (n_axes == 2 && normal[2] != 0.0))
+    {
+        Some("the normal of a plane has a length of 1")
+    } else {
+        None
+    }
+}

@@ -1,0 +1,370 @@
+//! Contacts between all pairs of points: the same as a link for each pair, whatever the lists of neighbours.
+
+use std::sync::Arc;
+
+use super::blocks::play;
+use super::scene::options;
+use ergon_engine::chance::Chance;
+use ergon_engine::maths::{cos, sin};
+use ergon_engine::network::{
+    Measure, Network, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term,
+};
+use ergon_engine::plan::{Budget, Plan};
+use ergon_engine::simulation::{Energy, OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+use proptest::prelude::*;
+
+const RATE: f64 = 44_100.0;
+const GAP: f64 = 0.01;
+const HERTZ: SpaceLaw = SpaceLaw::Contact {
+    exponent: 1.5,
+    clamp: true,
+};
+const LINEAR: SpaceLaw = SpaceLaw::Contact {
+    exponent: 1.0,
+    clamp: false,
+};
+
+/// Points at x0 with v0, axis by axis.
+fn points(
+    network: &mut Network,
+    name: &str,
+    n_axes: usize,
+    masses: &[f64],
+    [x0, v0]: [&[f64]; 2],
+) -> PointGroup {
+    let n = masses.len();
+    let points = SpacePoints {
+        n_axes,
+        masses,
+        x0,
+        v0,
+        z: 0.0,
+    };
+    let first = network.points(name, true, points).unwrap();
+    PointGroup {
+        first: SpacePoint { first, stride: n },
+        n,
+    }
+}
+
+/// A group of points, some of which touch, thrown at random; with the chance that drew it.
+fn crowd(network: &mut Network, name: &str, n_axes: usize, n: usize, seed: u64) -> PointGroup {
+    let mut chance = Chance::new(i128::from(seed), "crowd", name, 0, 0);
+    let masses: Vec<f64> = (0..n).map(|_| chance.uniform(1e-3, 4e-3)).collect();
+    let x0: Vec<f64> = (0..n * n_axes)
+        .map(|_| chance.uniform(-0.02, 0.02))
+        .collect();
+    let v0: Vec<f64> = (0..n * n_axes).map(|_| chance.uniform(-0.6, 0.6)).collect();
+    points(network, name, n_axes, &masses, [&x0, &v0])
+}
+
+fn alone(group: PointGroup, i: usize) -> SpacePoint {
+    SpacePoint {
+        first: group.first.first + i,
+        ..group.first
+    }
+}
+
+fn meet(
+    network: &mut Network,
+    groups: [PointGroup; 2],
+    n_axes: usize,
+    law: SpaceLaw,
+    numbers: [f64; 3],
+) {
+    let what = (Measure::Distance, law);
+    let name = format!("meet{}", network.n_lia());
+    network
+        .pairwise(&name, groups, n_axes, what, numbers)
+        .unwrap();
+}
+
+fn start(network: Network) -> Simulation {
+    let timeline = Timeline::new(Rate::new(RATE).unwrap());
+    Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop)).unwrap()
+}
+
+fn largest(x: &[f64]) -> f64 {
+    x.iter().map(|x| x.abs()).fold(0.0, f64::max)
+}
+
+/// Motion of two groups whose points meet in all pairs (`is_listed`: by a link each) after so many frames.
+fn motion(seed: u64, n_axes: usize, is_listed: bool, n_frames: u64) -> Simulation {
+    let mut network = Network::new();
+    network.part("sand", None);
+    let a = crowd(&mut network, "a", n_axes, 12, seed);
+    let b = crowd(&mut network, "b", n_axes, 17, seed ^ 1);
+    let numbers = [400.0, 0.02, GAP];
+    if is_listed {
+        let mut link = |a: SpacePoint, b: SpacePoint| {
+            let name = format!("l{}", network.n_lia());
+            network
+                .space_links(&name, (a, b), 1, n_axes, HERTZ, numbers)
+                .unwrap();
+        };
+        for i in 0..a.n {
+            (i + 1..a.n).for_each(|j| link(alone(a, i), alone(a, j)));
+        }
+        for i in 0..a.n {
+            (0..b.n).for_each(|j| link(alone(a, i), alone(b, j)));
+        }
+    } else {
+        meet(&mut network, [a, a], n_axes, HERTZ, numbers);
+        meet(&mut network, [a, b], n_axes, HERTZ, numbers);
+    }
+    let mut simulation = start(network);
+    simulation.skip(n_frames).unwrap();
+    simulation
+}
+
+#[test]
+fn all_pairs_are_as_a_link_each() {
+    for (seed, n_axes) in [(1, 2), (2, 3), (3, 2), (4, 3)] {
+        // Long enough that points have moved by several gaps; then rounding has grown.
+        let n_frames = 2_000;
+        let own = motion(seed, n_axes, false, n_frames);
+        let listed = motion(seed, n_axes, true, n_frames);
+        let apart: Vec<f64> = (own.positions().iter().zip(listed.positions()))
+            .map(|(own, listed)| own - listed)
+            .collect();
+        assert!(largest(&apart) < 1e-9, "{seed}: {}", largest(&apart));
+        let [own, listed] = [own, listed].map(|one| one.energy().unwrap());
+        for (own, listed) in [
+            (own.start, listed.start),
+            (own.stored, listed.stored),
+            (own.lost, listed.lost),
+            (own.produced, listed.produced),
+        ] {
+            assert!((own - listed).abs() < 1e-7 * listed.abs().max(1e-6));
+        }
+        assert!(listed.lost > 1e-5, "nothing met");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn the_ledger_closes_and_momentum_stays(seed in any::<u64>(), n_axes in 2_usize..=3) {
+        let mut network = Network::new();
+        network.part("sand", None);
+        let n = 40;
+        let own = crowd(&mut network, "m", n_axes, n, seed);
+        let masses = network.mats().m.clone();
+        meet(&mut network, [own, own], n_axes, LINEAR, [500.0, 0.03, GAP]);
+        let mut simulation = start(network);
+        let sum = |simulation: &Simulation| -> Vec<f64> {
+            let d = simulation.steps();
+            let along = |axis: usize| (axis * n..(axis + 1) * n).map(|i| masses[i] * d[i]).sum();
+            (0..n_axes).map(along).collect()
+        };
+        let before = sum(&simulation);
+        simulation.skip(6_000).unwrap();
+        let energy: Energy = simulation.energy().unwrap();
+        prop_assert!(energy.lost > 1e-5);
+        prop_assert!(energy.residual.abs() <= 1e-11 * energy.flow, "{energy:?}");
+        for (before, after) in before.iter().zip(sum(&simulation)) {
+            prop_assert!((before - after).abs() < 1e-18, "{before} became {after}");
+        }
+    }
+
+    /// A list that was made elsewhere gives the same sums in the same order.
+    #[test]
+    fn lists_of_neighbours_change_no_byte(seed in any::<u64>(), n_axes in 2_usize..=3) {
+        let mut network = Network::new();
+        network.part("sand", None);
+        let sand = crowd(&mut network, "m", n_axes, 30, seed);
+        let stones = crowd(&mut network, "s", n_axes, 6, seed ^ 3);
+        meet(&mut network, [sand, sand], n_axes, HERTZ, [400.0, 0.02, GAP]);
+        meet(&mut network, [stones, sand], n_axes, LINEAR, [300.0, 0.01, 1.5 * GAP]);
+        let (len, weight) = (30, 1.0);
+        network.listen("force", vec![Term::Force { first: 0, len, weight }]).unwrap();
+        let term = Term::Position { first: 3, len: 1, weight };
+        network.listen("x", vec![term]).unwrap();
+        let timeline = Timeline::new(Rate::new(RATE).unwrap());
+        let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-20.0), None).unwrap();
+        let plan = Arc::new(plan);
+        let by = |threads| Options { threads, ledger: false, ..options(OnFault::Stop) };
+        let mut one = Simulation::planned(plan.clone(), by(1)).unwrap();
+        let mut other = Simulation::planned(plan, by(3)).unwrap();
+        let n = 3_000;
+        let begin = play(&mut one, n, &[64]);
+        let heard: Vec<f64> = begin.iter().map(|&bits| f64::from_bits(bits)).collect();
+        let force = heard.iter().step_by(2).copied().fold(0.0, f64::max);
+        prop_assert!(force > 0.01, "{force}");
+        prop_assert!(begin == play(&mut other, n, &[33]));
+        let snapshot = one.snapshot();
+        let rest = play(&mut one, n, &[64]);
+        // The list of `other` is of other places.
+        let mut late = other;
+        play(&mut late, 2 * n, &[500]);
+        late.restore(&snapshot);
+        prop_assert!(rest == play(&mut late, n, &[100]));
+    }
+}
+
+/// One ball against a wall: half an oscillation of M on K.
+#[test]
+fn a_ball_leaves_a_plane_as_fast_as_it_came() {
+    let (m, k, v) = (2e-3, 2e4, 1.5);
+    let tilt = 0.3;
+    let normal = [sin(tilt), 0.0, cos(tilt)];
+    let mut network = Network::new();
+    network.part("wall", None);
+    let still = [0.0; 3];
+    let wall = points(&mut network, "w", 3, &[0.0], [&[0.1, -0.2, 0.3], &still]);
+    // It begins where it touches.
+    let at = [0.1 + GAP * normal[0], 5.0, 0.3 + GAP * normal[2]];
+    let speed = [-v * normal[0], 0.4, -v * normal[2]];
+    let ball = points(&mut network, "m", 3, &[m], [&at, &speed]);
+    let what = (Measure::Plane(normal), LINEAR);
+    network
+        .pairwise("touch", [wall, ball], 3, what, [k, 0.0, GAP])
+        .unwrap();
+    let mut simulation = start(network);
+    let half = std::f64::consts::PI * (m / k).sqrt();
+    let depth = v * (m / k).sqrt();
+    let n_mid = (0.5 * half * RATE).round() as u64;
+    simulation.skip(n_mid).unwrap();
+    let x = simulation.positions();
+    let along = |x: &[f64]| (0..3).map(|i| (x[3 + i] - x[i]) * normal[i]).sum::<f64>();
+    assert!((along(&x) - (GAP - depth)).abs() < 1e-2 * depth);
+    simulation.skip(500).unwrap();
+    let d = simulation.steps();
+    let away: f64 = (0..3).map(|i| d[3 + i] * normal[i] * RATE).sum();
+    assert!((away - v).abs() < 1e-2 * v, "{away}");
+    // Nothing pushes along the plane.
+    assert!((d[4] * RATE - 0.4).abs() < 1e-12);
+}
+
+#[test]
+fn a_ball_stays_within_a_sphere() {
+    let mut network = Network::new();
+    network.part("drum", None);
+    let still = [0.0; 3];
+    let drum = points(&mut network, "d", 3, &[0.0], [&[1.0, 1.0, 1.0], &still]);
+    let at = [1.02, 1.0, 1.0];
+    let ball = points(&mut network, "m", 3, &[1e-3], [&at, &[0.3, 2.0, -1.0]]);
+    let what = (Measure::Within, HERTZ);
+    network
+        .pairwise("skin", [drum, ball], 3, what, [3e5, 0.0, 0.1])
+        .unwrap();
+    let mut simulation = start(network);
+    let mut farthest: f64 = 0.0;
+    for _ in 0..2_000 {
+        simulation.skip(20).unwrap();
+        let x = simulation.positions();
+        let apart: Vec<f64> = (0..3).map(|i| x[3 + i] - x[i]).collect();
+        let far = apart.iter().map(|x| x * x).sum::<f64>().sqrt();
+        farthest = farthest.max(far);
+    }
+    assert!((0.1..0.104).contains(&farthest), "{farthest}");
+    let energy = simulation.energy().unwrap();
+    assert!(
+        (energy.stored - energy.start).abs() < 0.05 * energy.start,
+        "{energy:?}"
+    );
+}
+
+#[test]
+fn what_cannot_meet_is_refused() {
+    let mut network = Network::new();
+    network.part("sand", None);
+    let own = crowd(&mut network, "m", 3, 5, 1);
+    let few = crowd(&mut network, "s", 3, 2, 2);
+    let part = PointGroup { n: 3, ..own };
+    let far = PointGroup {
+        first: SpacePoint {
+            first: 20,
+            stride: 5,
+        },
+        n: 5,
+    };
+    let mut refused = |groups, measure, law, numbers, said: &str| {
+        let error = network.pairwise("c", groups, 3, (measure, law), numbers);
+        assert_eq!(error.unwrap_err().to_string(), format!("sand.c: {said}"));
+    };
+    let (near, numbers) = (Measure::Distance, [1.0, 0.0, GAP]);
+    refused(
+        [own, few],
+        near,
+        LINEAR,
+        numbers,
+        "needs two groups of points, the second not smaller than the first",
+    );
+    refused(
+        [part, own],
+        near,
+        LINEAR,
+        numbers,
+        "its two groups have points in common",
+    );
+    refused(
+        [own, far],
+        near,
+        LINEAR,
+        numbers,
+        "joins a module that does not exist",
+    );
+    refused(
+        [own, own],
+        near,
+        SpaceLaw::Spring,
+        numbers,
+        "only contacts act between all pairs of points",
+    );
+    refused(
+        [own, own],
+        near,
+        LINEAR,
+        [1.0, 0.0, 0.0],
+        "points that meet need a gap above 0: the distance at which they touch",
+    );
+    refused(
+        [few, own],
+        Measure::Plane([1.0, 1.0, 0.0]),
+        LINEAR,
+        numbers,
+        "the normal of a plane has a length of 1",
+    );
+    refused(
+        [own, own],
+        Measure::Within,
+        LINEAR,
+        numbers,
+        "points of one group meet by their distance",
+    );
+    // Twelve such contacts on a grain at once would diverge.
+    meet(&mut network, [own, own], 3, LINEAR, [5e5, 0.0, GAP]);
+    let timeline = Timeline::new(Rate::new(RATE).unwrap());
+    let error = Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop));
+    assert!(error.unwrap_err().to_string().contains("sand."));
+}
+
+/// Contacts that are too stiff for their steps make energy, which stops a render.
+#[test]
+fn made_energy_is_told_of() {
+    let mut network = Network::new();
+    network.part("drum", None);
+    let still = [0.0; 3];
+    let drum = points(&mut network, "d", 3, &[0.0], [&still, &still]);
+    let own = crowd(&mut network, "m", 3, 20, 7);
+    meet(&mut network, [own, own], 3, HERTZ, [300.0, 0.0, GAP]);
+    let law = SpaceLaw::Contact {
+        exponent: 1.5,
+        clamp: false,
+    };
+    network
+        .pairwise(
+            "skin",
+            [drum, own],
+            3,
+            (Measure::Within, law),
+            [3e9, 0.0, 0.04],
+        )
+        .unwrap();
+    let error = start(network).skip(44_100).unwrap_err().to_string();
+    assert!(error.contains("drum.meet0.0 made energy"), "{error}");
+}
