@@ -12,9 +12,8 @@ from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start, member_count
-from ergon.instruments.space import Space
+from ergon.instruments.space import Space, unit
 from ergon.instruments.space import add as add_points
-from ergon.instruments.space import unit
 from ergon.instruments.spread import is_pairwise, singles
 
 _Fields = Mapping[str, Any]
@@ -121,7 +120,7 @@ class Assembly:
                 own["normal"] = unit(fields["normal"])
                 return self.network.pairwise(module.name, *groups, axes=axes, **own)
             return self.network.space_but(module.name, first, second, axes=axes, **own)
-        own = _pick(fields, "K", "Z")
+        own = _pick(fields, "K", "Z", "yields", "breaks")
         rest = fields.get("rest")
         if rest is None:
             rest = self.network.distance(first, second, axes)

@@ -51,6 +51,20 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         "distance at which the spring has no force",
         shown="the distance at the beginning",
     )
+    memory = (
+        Field(
+            "yields",
+            k.FORCE,
+            "greatest force of the spring, either way: beyond it the rest length follows for good",
+            shown="never",
+        ),
+        Field(
+            "breaks",
+            k.SIZE,
+            "how much longer than its rest length it breaks, for good",
+            shown="never",
+        ),
+    )
     springs = (
         Field("K", k.STIFFNESS, "stiffness of each spring", required=True),
         Field("Z", k.DAMPING, "viscosity of each spring", 0.0),
@@ -61,6 +75,7 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         Field("from", PLACE, "where the first point begins", required=True),
         Field("to", PLACE, "where the last point begins", required=True),
         *springs,
+        *memory,
         rest,
         Field("ends", choice("fixed", "free", "left"), "which of its end points are held", "fixed"),
         drag,
@@ -72,6 +87,7 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         Field("across", PLACE, "from there to the corner at the end of a row", required=True),
         Field("up", PLACE, "from there to the corner at the end of a column", required=True),
         *springs,
+        *memory,
         Field("shear", k.STIFFNESS, "stiffness of the springs across each mesh, both ways", 0.0),
         Field(
             "held", choice("nothing", "corners", "top", "rim"), "which points are held", "nothing"
@@ -127,11 +143,18 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         "CHAIN": ("generator", Record("module", "points in a row, joined by springs", chain)),
         "CLOTH": ("generator", Record("module", "a net of points and springs", cloth)),
         "GRAINS": ("generator", Record("module", "free points in a box", grains)),
-        "RES": ("link", Record("module", "a spring along a distance", (between, stiff, rest))),
+        "RES": (
+            "link",
+            Record("module", "a spring along a distance", (between, stiff, rest, *memory)),
+        ),
         "FRO": ("link", Record("module", "a damper along a distance", (between, damp))),
         "REF": (
             "link",
-            Record("module", "a spring and damper along a distance", (between, stiff, damp, rest)),
+            Record(
+                "module",
+                "a spring and damper along a distance",
+                (between, stiff, damp, rest, *memory),
+            ),
         ),
         "BUT": ("link", Record("module", "a contact of spheres, or with a wall", contact)),
     }
@@ -216,6 +239,8 @@ def _chain(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
         rest=rest,
         K=fields["K"],
         Z=fields["Z"],
+        yields=fields["yields"],
+        breaks=fields["breaks"],
     )
     return first
 
@@ -283,6 +308,8 @@ def _cloth(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
             rest=math.dist(places[low], places[high]),
             K=stiffness,
             Z=damping,
+            yields=fields["yields"],
+            breaks=fields["breaks"],
         )
 
     spring, shear = (fields["K"], fields["Z"]), fields["shear"]

@@ -268,3 +268,56 @@ def test_the_schema_takes_lists_of_coordinates():
     assert not list(Draft7Validator(schema()).iter_errors(yaml.safe_load(text)))
     wrong = text.replace("X0: [0, 0, 1m]", "X0: {q: 1}")
     assert list(Draft7Validator(schema()).iter_errors(yaml.safe_load(wrong)))
+
+
+PULLED = """\
+ergon: 1
+instruments:
+  w:
+    space: 2
+    modules:
+      a: {SOL: {X0: [0, 0]}}
+      b: {MAS: {M: 1kg, X0: [10cm, 0], V0: [0.4m/s, 0]}}
+      s: {REF: {between: [a, b], K: 1kN/m%s}}
+    out: {x: {SOX: b.x}, f: {SOF: s}}
+render: {bits: float, tail: 0.1s}
+"""
+
+
+def test_a_spring_yields_and_stays_longer():
+    """Perfect plasticity: 80 mJ against 5 N along the line; then it swings about a new length."""
+    x, force = heard(PULLED % ", yields: 5N").T
+    # Until 5 N it takes 12.5 mJ; the rest of 80 mJ is 13.5 mm long.
+    stop = 0.1 + 5e-3 + (0.08 - 0.0125) / 5.0
+    assert x.max() == pytest.approx(stop, abs=1e-5)
+    assert -force.min() == pytest.approx(5.0, rel=1e-9)
+
+
+def test_a_spring_breaks_and_never_pulls_again():
+    x, force = heard(PULLED % ", breaks: 8mm").T
+    broken = int(np.argmax(x > 0.108))
+    assert broken > 0
+    assert not force[broken:].any()
+    # What is left of the speed after ½·8 N·8 mm stays.
+    speed = np.diff(x[broken:]) * 44_100
+    np.testing.assert_allclose(speed, np.sqrt(0.4**2 - 2 * 0.032), rtol=2e-3)
+
+
+def test_a_cloth_tears():
+    text = """\
+ergon: 1
+instruments:
+  net:
+    space: 3
+    gravity: 9.81m/s2
+    modules:
+      net: {CLOTH: {sides: [6, 5], M: 20g, at: [0, 0, 0], across: [10cm, 0, 0], up: [0, 0, 8cm],
+        K: 300N/m, Z: 0.01Ns/m, held: rim%s}}
+      stone: {MAS: {M: 60g, X0: [5cm, 4cm, 4cm], V0: [0, -1.5m/s, 0]}}
+      hit: {BUT: {between: [stone, net.all], K: 2kN/m, gap: 25mm}}
+    out: {y: {SOX: stone.y}}
+render: {bits: float, tail: 0.4s}
+"""
+    whole, torn = (heard(text % more)[:, 0] for more in ("", ", breaks: 4mm"))
+    assert whole[-1] > 0.4  # it holds the stone, and throws it back
+    assert torn[-1] < -0.3  # the stone is through

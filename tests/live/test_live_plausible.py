@@ -199,7 +199,7 @@ def test_who_hears_replies_to_another_says_so(tmp_path: Path):
     ) as process:
         try:
             assert process.stdout is not None
-            url = f"frame+udp:127.0.0.1:{int(process.stdout.readline())}?lockstep"
+            url = f"frame+udp:127.0.0.1:{int(process.stdout.readline())}?lockstep&patience=60"
             device = _core.Device(url)
             with pytest.raises(_core.EngineError, match="another program sends forces"):
                 device.direction(0, 1e-3)

@@ -99,18 +99,21 @@ class Score:
             return f"[{', '.join(f'{self.dice.uniform(-5, 5):.3g}cm' for _ in range(axes))}]"
 
         stiff = f"K: {self.by_ratio(1, 1e3)}N/m, Z: {self.by_ratio(1e-3, 0.1)}Ns/m"
+        tears = self.dice.choice(
+            ("", ", breaks: 5mm", ", yields: 100mN", ", yields: 1N, breaks: 2mm")
+        )
         lines = [f"ball: {{MAS: {{M: {self.by_ratio(1e-3, 0.1)}kg, X0: {place()}}}}}"]
         lines.append(f"nail: {{SOL: {{X0: {place()}}}}}")
         generator = self.dice.choice(
             (
-                f"CHAIN: {{masses: 5, M: 10g, from: {place()}, to: {place()}, {stiff}}}",
+                f"CHAIN: {{masses: 5, M: 10g, from: {place()}, to: {place()}, {stiff}{tears}}}",
                 f"CLOTH: {{sides: [3, 2], M: 10g, at: {place()}, across: {place()}, "
-                f"up: {place()}, {stiff}, shear: 5N/m}}",
+                f"up: {place()}, {stiff}, shear: 5N/m{tears}}}",
                 f"GRAINS: {{count: 9, M: 10g, from: {place()}, to: {place()}, scatter: 0.3}}",
             )
         )
         lines.append(f"net: {{{generator}}}")
-        lines.append(f"s: {{REF: {{between: [ball, nail], {stiff}}}}}")
+        lines.append(f"s: {{REF: {{between: [ball, nail], {stiff}{tears}}}}}")
         lines.append(f"c: {{BUT: {{between: [ball, net.all], {stiff}, gap: 1cm}}}}")
         wall = self.dice.choice(
             ("side: inside, gap: 4cm", f"normal: {place().replace('cm', '')}, gap: -1cm")
@@ -120,7 +123,7 @@ class Score:
         gravity = self.dice.choice(("", "    gravity: 9.81m/s2\n"))
         modules = "\n".join(f"      {line}" for line in lines)
         self.matter = f"  matter:\n    space: {axes}\n{gravity}    modules:\n{modules}\n"
-        self.matter += "    out: {x: {SOX: ball.x}, y: {SOV: net.1.y}, m: {SOF: m}}\n"
+        self.matter += "    out: {x: {SOX: ball.x}, y: {SOV: net.1.y}, m: {SOF: m}, w: {SOF: w}}\n"
         self.points += ["matter.ball.x", "matter.net.1.y"]
 
     def drive(self) -> None:

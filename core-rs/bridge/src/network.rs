@@ -219,7 +219,8 @@ impl Network {
     }
 
     /// Springs between `count` pairs of points in space that follow one another; an end is (first coordinate, stride).
-    #[pyo3(signature = (name, a, b, *, axes, rest, count=1, K=0.0, Z=0.0))]
+    /// Beyond the force `yields` [N] their rest length follows, and `breaks` [m] longer than it was they break.
+    #[pyo3(signature = (name, a, b, *, axes, rest, count=1, K=0.0, Z=0.0, yields=None, breaks=None))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn space_ref(
         &mut self,
@@ -231,9 +232,18 @@ impl Network {
         count: usize,
         K: f64,
         Z: f64,
+        yields: Option<f64>,
+        breaks: Option<f64>,
     ) -> PyResult<usize> {
         let links = SpaceLinks { count, axes };
-        self.space(name, (a, b), links, SpaceLaw::Spring, [K, Z, rest])
+        let law = match (yields, breaks) {
+            (None, None) => SpaceLaw::Spring,
+            _ => SpaceLaw::Yielding {
+                yields: yields.unwrap_or(f64::INFINITY),
+                breaks: breaks.unwrap_or(f64::INFINITY),
+            },
+        };
+        self.space(name, (a, b), links, law, [K, Z, rest])
     }
 
     /// Contacts between `count` pairs of points in space that follow one another, closed where they are nearer than `gap`.

@@ -1,5 +1,6 @@
 //! A network that plays: what is constant, what changes, and what can be read of it. `step` moves it on.
 
+mod account;
 mod build;
 mod coast;
 mod fault;
@@ -24,10 +25,10 @@ mod takeover;
 mod touched;
 pub(crate) mod written_hand;
 
+pub(crate) use account::Gain;
 pub use build::Options;
 pub(crate) use build::at_rest;
 pub use fault::{Fault, OnFault};
-pub(crate) use gain::Gain;
 pub use ledger::Energy;
 pub use lone_key::LoneKey;
 pub use record::Record;

@@ -151,6 +151,11 @@ impl Run {
         matches!(self.kind, Kind::Lnl { .. } | Kind::Bristle { .. })
     }
 
+    /// Whether its rest length changes for good.
+    pub(crate) fn yields(&self) -> bool {
+        matches!(&self.kind, Kind::Space(space) if space.law.yields())
+    }
+
     /// Whether it is dry friction that holds rigidly.
     pub(crate) fn is_dry(&self) -> bool {
         matches!(self.kind, Kind::Dry { .. })
@@ -318,10 +323,11 @@ impl Scheme {
         runs.any(|run| matches!(run.kind, Kind::Pairwise { .. }))
     }
 
-    /// Bristles of all LIAs, none of them bent; none where no link has any.
-    pub(crate) fn bends(&self) -> Vec<f64> {
-        let has_bristles = self.runs.iter().any(|run| run.bristle().is_some());
-        vec![0.0; if has_bristles { self.n_lia } else { 0 }]
+    /// What all LIAs remember at the beginning; nothing where no link remembers.
+    pub(crate) fn memory(&self) -> Vec<f64> {
+        let remembers = |run: &Run| run.bristle().is_some() || run.yields();
+        let any = self.runs.iter().any(remembers);
+        vec![0.0; if any { self.n_lia } else { 0 }]
     }
 
     /// Pass over springs all at once, but for links that `is_told` alone.

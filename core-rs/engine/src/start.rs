@@ -82,7 +82,8 @@ pub(crate) fn forces(
                 let ends = (run.a + i, run.b + i);
                 let (length, direction) = space.line(ends, |mat| x[mat]);
                 let v = space.stretch(ends, direction, |mat| mats.v0[mat]) * ca_step;
-                let f = space.law.force([run.k, run.z], length - run.rest, v);
+                let e = space.law.settled(run.k, length - run.rest, 0.0);
+                let f = space.law.force([run.k, run.z], e, v);
                 for ((a, b), along) in run.pairs(i).zip(direction) {
                     force[a] += f * along;
                     force[b] -= f * along;

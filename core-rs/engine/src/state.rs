@@ -13,8 +13,9 @@ pub(crate) struct Body {
     pub(crate) force: Vec<f64>,
     /// Force of each LIA now [N]: it pulls a towards b    (n_lia)
     pub(crate) link: Vec<f64>,
-    /// How far the bristles of each LIA are bent [m]; empty: there are none   (n_lia)
-    pub(crate) bristles: Vec<f64>,
+    /// What each LIA remembers [m]: how far its bristles are bent, or by how much its rest length has yielded, endless
+    /// where it is broken; empty: none remembers anything   (n_lia)
+    pub(crate) memory: Vec<f64>,
     /// Part of `force` by contacts of all pairs of points [N]   (n_mat; empty: there are none)
     pub(crate) pair_force: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
@@ -30,7 +31,7 @@ crate::archive::state!(Body {
     d,
     force,
     link,
-    bristles,
+    memory,
     pair_force,
     inner,
     outside,
@@ -67,7 +68,7 @@ impl Body {
         Self {
             force: vec![0.0; x.len()],
             link: vec![0.0; scheme.n_lia],
-            bristles: scheme.bends(),
+            memory: scheme.memory(),
             pair_force: vec![0.0; if scheme.has_pairwise() { x.len() } else { 0 }],
             inner: Vec::new(),
             outside: Vec::new(),
@@ -89,7 +90,7 @@ impl Body {
     pub(crate) fn copy_motion(&mut self, other: &Self) {
         self.x.copy_from_slice(&other.x);
         self.d.copy_from_slice(&other.d);
-        self.bristles.copy_from_slice(&other.bristles);
+        self.memory.copy_from_slice(&other.memory);
         self.inner.copy_from_slice(&other.inner);
     }
 }

@@ -60,9 +60,11 @@ impl Stiffening {
 /// Runs that stiffen and have an end that moves, but for couplings, which open.
 pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch> {
     let watch = |run: &Run| {
-        let has_free = (0..run.len).any(|i| moves(run.a + i) || moves(run.b + i));
-        let is_watched = has_free && run.gate.is_none();
-        let stiffening = Stiffening::of(&run.kind).filter(|_| is_watched)?;
+        let stiffening = Stiffening::of(&run.kind).filter(|_| run.gate.is_none())?;
+        let mut ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
+        if !ends.any(&moves) {
+            return None;
+        }
         Some(Watch {
             a: run.a,
             b: run.b,

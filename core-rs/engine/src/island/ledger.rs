@@ -104,9 +104,20 @@ crate::archive::state!(Ledger {
 fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
     let now = run.elongation(i, |mat| body.x[mat]);
     if run.n_axes() > 1 {
-        return (now, run.elongation(i, |mat| body.x[mat] - body.d[mat]));
+        let yielded = yielded(run, body, i);
+        let before = run.elongation(i, |mat| body.x[mat] - body.d[mat]);
+        return (now - yielded, before - yielded);
     }
     (now, now - (body.d[run.b + i] - body.d[run.a + i]))
+}
+
+/// How much the rest length of the i-th link of a run has grown.
+fn yielded(run: &Run, body: &Body, i: usize) -> f64 {
+    if run.yields() {
+        body.memory[run.first + i]
+    } else {
+        0.0
+    }
 }
 
 /// The stiffness that the links of a run have in common: now, and one step ago.
@@ -258,7 +269,7 @@ impl Ledger {
             if let Some((by, _)) = run.bristle() {
                 // What it takes and does not store is lost: between frames its bristles bend exactly.
                 for i in 0..run.len {
-                    let stored = next * by.energy(body.bristles[run.first + i]);
+                    let stored = next * by.energy(body.memory[run.first + i]);
                     let risen = stored - self.potential[run.first + i];
                     self.potential[run.first + i] = stored;
                     let stretch = s(run.b + i) - s(run.a + i);
@@ -296,6 +307,20 @@ impl Ledger {
                 let stored = 0.5
                     * (next * potential(run, tension_next, e_next)
                         + now * potential(run, tension, e));
+                if yielded(run, body, i).is_infinite() {
+                    self.lost.add(self.potential[run.first + i]);
+                    self.potential[run.first + i] = 0.0;
+                    continue;
+                }
+                if run.yields() {
+                    // What was stored before it yielded in this frame, and is not now, is lost.
+                    let before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
+                    let e_before = run.elongation(i, before) - yielded(run, body, i);
+                    let [then, earlier] = [e, e_before].map(|e| kernel::potential(run, e));
+                    let left = 0.5 * now * (then + earlier);
+                    self.lost.add(self.potential[run.first + i] - left);
+                    self.potential[run.first + i] = left;
+                }
                 let risen = stored - self.potential[run.first + i];
                 self.potential[run.first + i] = stored;
                 if finer.is_some() {

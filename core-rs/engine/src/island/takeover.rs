@@ -17,26 +17,26 @@ pub(crate) enum ItemTakeover {
     Report(usize, usize, bool),
     /// From a body to an equal one.
     Body(usize, usize),
-    /// Bristles of a link, there and here.
-    Bristles(usize, usize),
+    /// What a link remembers, there and here.
+    Memory(usize, usize),
     /// A part that may be mute: what it is called there and here.
     Part(usize, usize),
 }
 
 impl State {
-    /// How far the bristles of a link are bent [m].
-    fn bend(&self, link: usize) -> f64 {
+    /// What a link remembers [m].
+    fn memory_of(&self, link: usize) -> f64 {
         let fine = self.fine.as_ref().and_then(|fine| fine.bend_of(link));
-        let stepped = self.body.bristles.get(link).copied();
+        let stepped = self.body.memory.get(link).copied();
         fine.or(stepped).unwrap_or(0.0)
     }
 
-    fn set_bend(&mut self, link: usize, bend: f64) {
-        if let Some(own) = self.body.bristles.get_mut(link) {
-            *own = bend;
+    fn set_memory(&mut self, link: usize, memory: f64) {
+        if let Some(own) = self.body.memory.get_mut(link) {
+            *own = memory;
         }
         if let Some(fine) = &mut self.fine {
-            fine.set_bend(link, bend);
+            fine.set_bend(link, memory);
         }
     }
 }
@@ -86,7 +86,7 @@ impl Island {
         std::mem::swap(&mut body.d, &mut other.d);
         std::mem::swap(&mut body.inner, &mut other.inner);
         std::mem::swap(&mut body.link, &mut other.link);
-        std::mem::swap(&mut body.bristles, &mut other.bristles);
+        std::mem::swap(&mut body.memory, &mut other.memory);
         for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
             own.continue_from(their);
         }
@@ -155,9 +155,9 @@ impl Island {
             ItemTakeover::Body(from, to) if is_whole => {
                 self.state.bodies[to].continue_from(&mut old.state.bodies[from]);
             }
-            ItemTakeover::Bristles(from, to) => {
-                let bend = old.state.bend(from);
-                self.state.set_bend(to, bend);
+            ItemTakeover::Memory(from, to) => {
+                let memory = old.state.memory_of(from);
+                self.state.set_memory(to, memory);
             }
             ItemTakeover::Part(from, to) => {
                 let is_mute =

@@ -63,7 +63,7 @@ pub(crate) fn links(
             }
             Kind::Bristle { .. } => {
                 if let Some((by, step)) = run.bristle() {
-                    let bends = &body.bristles[run.first..run.first + run.len];
+                    let bends = &body.memory[run.first..run.first + run.len];
                     let Ends { da, db, .. } = ends;
                     for i in 0..run.len {
                         f[i] = by.force(bends[i], (db[i] - da[i]) / step);
@@ -98,7 +98,7 @@ pub(crate) fn links(
 
 /// Bend the bristles of a frame that has ended by what their ends moved in it.
 pub(crate) fn bend(scheme: &Scheme, body: &mut Body) {
-    if body.bristles.is_empty() {
+    if body.memory.is_empty() {
         return;
     }
     for run in &scheme.runs {
@@ -107,7 +107,7 @@ pub(crate) fn bend(scheme: &Scheme, body: &mut Body) {
         };
         for i in 0..run.len {
             let moved = body.d[run.b + i] - body.d[run.a + i];
-            let bend = &mut body.bristles[run.first + i];
+            let bend = &mut body.memory[run.first + i];
             *bend = by.slide(*bend, moved / step, step);
         }
     }

@@ -58,6 +58,7 @@ pub(super) fn forces(
         d,
         force,
         link: f,
+        memory,
         ..
     } = body;
     let f = &mut f[run.first..run.first + n];
@@ -74,9 +75,15 @@ pub(super) fn forces(
     for ((a, b), along) in ends.into_iter().zip([&*along_x, &*along_y, &*along_z]) {
         grow((&d[a..a + n], &d[b..b + n]), along, step);
     }
+    if link.law.yields() {
+        let memory = &mut memory[run.first..run.first + n];
+        for (e, memory) in e.iter_mut().zip(memory) {
+            *e = settle(link, run.k, *e, memory);
+        }
+    }
     match link.law {
         SpaceLaw::Spring => springs([run.k, run.z], e, step, f),
-        law @ SpaceLaw::Contact { .. } => {
+        law @ (SpaceLaw::Contact { .. } | SpaceLaw::Yielding { .. }) => {
             for ((f, &e), &step) in f.iter_mut().zip(&*e).zip(&*step) {
                 *f = law.force([run.k, run.z], e, step);
             }
@@ -93,12 +100,23 @@ pub(super) fn forces(
     }
 }
 
+/// Distance − rest [m] of a link whose rest length has grown by `memory` [m], which follows where it yields.
+fn settle(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
+    let settled = link.law.settled(k, e, *memory);
+    *memory = e - settled;
+    settled
+}
+
 /// [`forces`] of a run of one link, for which a pass each would cost ten times as much.
 fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
     let ends = (run.a, run.b);
     let (length, along) = link.line(ends, |mat| body.x[mat]);
     let step = link.stretch(ends, along, |mat| body.d[mat]);
-    let mut f = link.law.force([run.k, run.z], length - run.rest, step);
+    let mut e = length - run.rest;
+    if link.law.yields() {
+        e = settle(link, run.k, e, &mut body.memory[run.first]);
+    }
+    let mut f = link.law.force([run.k, run.z], e, step);
     if let Some(gate) = run.gate {
         f *= gates[gate];
     }

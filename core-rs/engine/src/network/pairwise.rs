@@ -165,7 +165,7 @@ fn refusal(
         Some("the coordinates of a group lie axis by axis")
     } else if a == b && measure != Measure::Distance {
         Some("points of one group meet by their distance")
-    } else if law == SpaceLaw::Spring {
+    } else if !matches!(law, SpaceLaw::Contact { .. }) {
         Some("only contacts act between all pairs of points")
     } else if measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")

@@ -16,6 +16,14 @@ pub(crate) const AXES_MAX: usize = 3;
 pub enum SpaceLaw {
     /// Spring and damper, `rest` long without force.
     Spring,
+    /// The same, whose rest length follows beyond a force, and which breaks where it is too long. Both are endless where
+    /// it never does.
+    Yielding {
+        /// Greatest force of the spring, either way [N]: perfect plasticity (Prandtl 1928).
+        yields: f64,
+        /// How much longer than `rest` it breaks [m], whatever it has yielded.
+        breaks: f64,
+    },
     /// A contact, closed where the distance is below `rest`: it pushes by K·p^exponent + Z·dp/dt, p the depth.
     Contact {
         /// Power of the depth, from 1 on.
@@ -73,11 +81,38 @@ pub struct SpacePoints<'a> {
     pub z: f64,
 }
 
+/// Distance − rest of a link that is broken.
+const BROKEN: f64 = f64::NEG_INFINITY;
+
 impl SpaceLaw {
+    /// Whether its rest length changes for good.
+    pub(crate) fn yields(self) -> bool {
+        matches!(self, Self::Yielding { .. })
+    }
+
+    /// Distance − rest at `e` [m] where the rest length had grown by `yielded` [m], once it has followed: what it grew is
+    /// the difference.
+    pub(crate) fn settled(self, k: f64, e: f64, yielded: f64) -> f64 {
+        let Self::Yielding { yields, breaks } = self else {
+            return e;
+        };
+        if e > breaks || yielded.is_infinite() {
+            return BROKEN;
+        }
+        let e = e - yielded;
+        if (k * e).abs() > yields {
+            (yields / k).copysign(e)
+        } else {
+            e
+        }
+    }
+
     /// Force that pulls the ends together [N], without damping, at distance − rest [m].
     pub(crate) fn elastic(self, k: f64, e: f64) -> f64 {
         match self {
-            Self::Spring => k * e,
+            // One that is broken is endlessly too short.
+            Self::Yielding { .. } if e == BROKEN => 0.0,
+            Self::Spring | Self::Yielding { .. } => k * e,
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => -k * power_law(-e, exponent),
         }
@@ -86,7 +121,8 @@ impl SpaceLaw {
     /// Force that pulls the ends together [N] at distance − rest `e` [m] that grows by `step` a frame.
     pub(crate) fn force(self, [k, z]: [f64; 2], e: f64, step: f64) -> f64 {
         match self {
-            Self::Spring => k * e + z * step,
+            Self::Yielding { .. } if e == BROKEN => 0.0,
+            Self::Spring | Self::Yielding { .. } => k * e + z * step,
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { clamp, .. } => {
                 let pull = self.elastic(k, e) + z * step;
@@ -98,7 +134,8 @@ impl SpaceLaw {
     /// Energy at distance − rest `e` [J].
     pub(crate) fn potential(self, k: f64, e: f64) -> f64 {
         match self {
-            Self::Spring => 0.5 * k * e * e,
+            Self::Yielding { .. } if e == BROKEN => 0.0,
+            Self::Spring | Self::Yielding { .. } => 0.5 * k * e * e,
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => k * power_law(-e, exponent + 1.0) / (exponent + 1.0),
         }
@@ -191,6 +228,15 @@ pub(crate) fn inverse(length: f64) -> f64 {
 }
 
 impl LinkKind {
+    /// Whether its force depends on what was before.
+    pub(crate) fn remembers(&self) -> bool {
+        match self {
+            Self::Bristle(_) => true,
+            Self::Space(space) => space.law.yields(),
+            _ => false,
+        }
+    }
+
     /// Whether it acts only while its ends meet.
     pub fn is_contact(&self) -> bool {
         match self {
@@ -325,6 +371,14 @@ impl Network {
                 ("rest", rest, Rule::NotNegative),
             ],
         )?;
+        if let SpaceLaw::Yielding { yields, breaks } = law
+            && !(yields > 0.0 && breaks > 0.0)
+        {
+            return Err(self.refused(
+                name,
+                "the force at which a link yields, and the length at which it breaks, are above 0",
+            ));
+        }
         if let SpaceLaw::Contact { exponent, .. } = law
             && !(1.0..=8.0).contains(&exponent)
         {

@@ -79,7 +79,9 @@ fn weight(run: &Run, c: f64) -> f64 {
 
 fn space_weight(law: SpaceLaw, run: &Run, c: f64) -> f64 {
     match law {
-        SpaceLaw::Spring | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
+        SpaceLaw::Spring | SpaceLaw::Yielding { .. } | SpaceLaw::Contact { exponent: 1.0, .. } => {
+            run.k + c * run.z
+        }
         SpaceLaw::Contact { .. } => c * run.z,
     }
 }

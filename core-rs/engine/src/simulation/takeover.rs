@@ -14,7 +14,7 @@ use super::bodies::{Body, Room, bodies, names};
 use super::side::{At, MatLocation, Side, others, spots};
 use crate::bank::are_same;
 use crate::island::ItemTakeover;
-use crate::network::{LinkKind, Network};
+use crate::network::Network;
 use crate::plan::{IslandPlan, ModalTransform, Plan};
 use crate::timeline::DriveKind;
 
@@ -60,7 +60,7 @@ impl Takeover {
         );
         takeover.bodies(&there, &here, &islands);
         takeover.mats(&there, &here, &islands, &banks);
-        takeover.bristles(&there, &here, &islands);
+        takeover.memory(&there, &here, &islands);
         takeover.voices(&there, &here, new.frame);
         takeover.holds(&there, &here);
         takeover
@@ -169,23 +169,31 @@ impl Takeover {
         }
     }
 
-    /// Bristles of islands that are not the same, by the names of their links.
-    fn bristles(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
-        let found = |side: &Side<'_>, same: &[bool]| -> Vec<(String, (At, usize))> {
+    /// What links of islands that are not the same remember, by the names of these links; of some with one name by their
+    /// order.
+    fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
+        let found = |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (At, usize))> {
             let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
             let links = others.flat_map(|(&(at, _, island_plan), _)| {
                 let network = &island_plan.network;
                 let runs = network.runs().iter();
-                let own = runs.filter(|run| matches!(run.kind, LinkKind::Bristle(_)));
-                own.map(move |run| (network.link_name(run.first), (at, run.first)))
+                let own = runs.filter(|run| run.kind.remembers());
+                let links = own.flat_map(|run| run.first..run.first + run.len);
+                links.map(move |link| (network.link_name(link), (at, link)))
             });
-            links.collect()
+            let mut known: HashMap<String, usize> = HashMap::new();
+            let numbered = links.map(|(name, place)| {
+                let next = known.entry(name.clone()).or_default();
+                *next += 1;
+                ((name, *next), place)
+            });
+            numbered.collect()
         };
-        let by_name: HashMap<String, (At, usize)> = found(there, &islands[0]).into_iter().collect();
+        let by_name: HashMap<_, _> = found(there, &islands[0]).into_iter().collect();
         for (name, (to, own)) in found(here, &islands[1]) {
             if let Some(&(from, their)) = by_name.get(&name) {
                 self.items
-                    .push((from, to, ItemTakeover::Bristles(their, own)));
+                    .push((from, to, ItemTakeover::Memory(their, own)));
             }
         }
     }

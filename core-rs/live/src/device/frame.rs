@@ -75,7 +75,7 @@ impl Frame {
 
     /// The device at the other end of a port.
     pub(super) fn over(mut port: Port, url: &Url) -> Result<Self, DeviceError> {
-        let who = ask(&mut port).map_err(|gone| url.closed(gone))?;
+        let who = ask(&mut port, first_reply(url)?).map_err(|gone| url.closed(gone))?;
         let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&who).ok_or_else(|| {
             url.cannot("the numbers that the device tells of itself are impossible")
@@ -90,8 +90,7 @@ impl Frame {
                 url.cannot("the device sends integers only and does not support the option wide")
             );
         }
-        let patience = url.number("patience", LOCKSTEP_PATIENCE.as_secs_f64())?;
-        let patience = Duration::from_secs_f64(patience.clamp(0.0, LONGEST_PATIENCE));
+        let patience = patience(url)?;
         let mut this = Self {
             port,
             spec,
@@ -108,7 +107,7 @@ impl Frame {
             new: true,
         };
         // Where it is before the first force: X(0).
-        let patience = Instant::now() + FIRST_REPLY;
+        let patience = Instant::now() + first_reply(url)?;
         while this.last.is_none() && Instant::now() < patience {
             this.put([0.0; MAX_AXES], flag::ASK)
                 .and_then(|()| this.take(Instant::now() + ASK_AGAIN))
@@ -189,9 +188,27 @@ impl Frame {
     }
 }
 
+/// How long a reply is waited for in lockstep.
+fn patience(url: &Url) -> Result<Duration, DeviceError> {
+    let patience = url.number("patience", LOCKSTEP_PATIENCE.as_secs_f64())?;
+    Ok(Duration::from_secs_f64(
+        patience.clamp(0.0, LONGEST_PATIENCE),
+    ))
+}
+
+/// How long the first reply is waited for.
+fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
+    let own = if url.lockstep {
+        patience(url)?
+    } else {
+        Duration::ZERO
+    };
+    Ok(own.max(FIRST_REPLY))
+}
+
 /// Ask who is there until somebody says so.
-fn ask(port: &mut Port) -> Result<Option<wire::DeviceInfo>, Gone> {
-    let patience = Instant::now() + FIRST_REPLY;
+fn ask(port: &mut Port, patience: Duration) -> Result<Option<wire::DeviceInfo>, Gone> {
+    let patience = Instant::now() + patience;
     let mut inbox = Inbox::<512>::new();
     let (mut bytes, mut packet, mut who) = ([0; 512], [0; wire::LONGEST], None);
     let mut seq = 0;

@@ -85,7 +85,7 @@ fn heard(network: &Network) -> (Vec<Sum>, Vec<f64>) {
                     for run in network.runs() {
                         let links = run.first.max(first)..(run.first + run.len).min(first + len);
                         for link in links {
-                            let (a, b) = (run.a + link - run.first, run.b + link - run.first);
+                            let (a, b) = run.pair(link - run.first, 0);
                             for (end, sign) in [(a, weight), (b, -weight)] {
                                 sum.positions.push((end, sign * run.k));
                                 sum.velocities.push((end, sign * run.z));
