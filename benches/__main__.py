@@ -17,6 +17,7 @@ from benches.cluster import cluster
 from benches.duet import duet
 from benches.edits import edits
 from benches.gong import gong
+from benches.grains import grains
 from benches.growth import growth
 from benches.hammer import hammer
 from benches.haply import haply
@@ -48,7 +49,7 @@ def main(arguments: list[str]) -> int:
     asked = parser.parse_args(arguments)
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
-    networks = (bank, string, mesh, hammer, gong, matter, quetzalcoatl, growth)
+    networks = (bank, string, mesh, hammer, gong, matter, grains, quetzalcoatl, growth)
     scenes: dict[str, Callable[[], list[Row]]] = {
         **{scene.__name__: partial(scene, loops) for scene in networks},
         "laws": laws,

@@ -4,7 +4,9 @@
 //! Pairs are taken in the order of their points, whatever the cells: the same sums in the same order, however long a list
 //! of neighbours was kept.
 
-use crate::network::{AXES_MAX, PairRun, Pairwise, distance};
+use std::ops::Range;
+
+use crate::network::{AXES_MAX, Measure, PairRun, Pairwise, distance};
 use crate::scheme::Run;
 use crate::state::Body;
 
@@ -17,6 +19,8 @@ const ROOM: usize = 24;
 /// is a fault.
 const MOST: usize = 512;
 
+type Vector = [f64; AXES_MAX];
+
 /// A pair of points: their first coordinates.
 pub(crate) type Ends = (usize, usize);
 
@@ -25,17 +29,22 @@ pub(crate) type Ends = (usize, usize);
 pub(crate) struct Neighbours {
     /// First coordinate of each point: the first group, and the second where it is another   (n)
     mats: Vec<u32>,
-    /// Positions now and where the list was made [m]   (n each)
-    x: [Vec<f64>; AXES_MAX],
-    from: [Vec<f64>; AXES_MAX],
+    /// Positions now and where the list was made, and last steps [m]; 0 along axes that there are not   (n each)
+    x: Vec<Vector>,
+    from: Vec<Vector>,
+    d: Vec<Vector>,
+    /// Forces on the points, and how strongly all others push each [N]   (n)
+    force: Vec<[f64; AXES_MAX + 1]>,
     /// Where the points that each point may meet begin in `others`   (n + 1)
     starts: Vec<u32>,
     others: Vec<u32>,
-    /// Cell of each point   (n)
-    cells: Vec<[i32; AXES_MAX]>,
-    /// Where the points of each bucket begin in `members`   (n_buckets + 1)
-    buckets: Vec<u32>,
+    /// The grid, and the cell of each point in it   (n)
+    grid: Grid,
+    cells: Vec<[u32; AXES_MAX]>,
+    /// Where the points of each cell begin in `members`, and where these points are [m]   (n_cells + 1, n, n)
+    begins: Vec<u32>,
     members: Vec<u32>,
+    places: Vec<Vector>,
     is_made: bool,
     /// More points are near each other than any pushing allows.
     is_full: bool,
@@ -48,16 +57,20 @@ impl Neighbours {
         let second = run.b..run.b + if pairs.is_within { 0 } else { run.n };
         let mats: Vec<u32> = first.chain(second).map(|mat| mat as u32).collect();
         let n = mats.len();
-        let room = || std::array::from_fn(|_| vec![0.0; n]);
-        let n_buckets = (2 * n).next_power_of_two();
+        let room = || vec![[0.0; AXES_MAX]; n];
+        let grid = Grid::new(n, pairs.link.n_axes);
         Self {
             x: room(),
             from: room(),
+            d: room(),
+            force: vec![[0.0; AXES_MAX + 1]; n],
             starts: vec![0; n + 1],
             others: Vec::with_capacity(if pairs.is_searched() { ROOM * n } else { 0 }),
             cells: vec![[0; AXES_MAX]; n],
-            buckets: vec![0; n_buckets + 1],
+            begins: vec![0; grid.n_cells() + 1],
             members: vec![0; n],
+            places: room(),
+            grid,
             mats,
             is_made: false,
             is_full: false,
@@ -87,57 +100,71 @@ impl Neighbours {
             }
             return true;
         }
-        self.see(pairs, x);
-        if !self.is_made || self.has_moved(0.5 * SKIN * run.rest) {
-            self.search(pairs, run.rest * (1.0 + SKIN));
-        }
-        let reach = run.rest * run.rest;
-        let [x, y, z] = &self.x;
+        self.follow(run, x);
         for (i, range) in self.starts.windows(2).enumerate() {
-            let (xi, yi, zi) = (x[i], y[i], z[i]);
+            let here = self.x[i];
             for &j in &self.others[range[0] as usize..range[1] as usize] {
-                let j = j as usize;
-                let apart = [x[j] - xi, y[j] - yi, z[j] - zi];
-                let square = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
-                // What is not a number goes on, and is found there.
-                if square >= reach {
-                    continue;
+                if let Some((e, along)) = meeting(run.rest, here, self.x[j as usize]) {
+                    let ends = (self.mats[i] as usize, self.mats[j as usize] as usize);
+                    each(ends, e, along);
                 }
-                let (length, along) = pairs.link.measure.of(apart);
-                let ends = (self.mats[i] as usize, self.mats[j] as usize);
-                each(ends, length - run.rest, along);
             }
         }
         !self.is_full
     }
 
-    /// Copy positions to where they lie together.
-    fn see(&mut self, pairs: &Pairwise, x: impl Fn(usize) -> f64) {
-        let n_first = pairs.n_first;
-        for axis in 0..pairs.link.n_axes {
-            let [a, b] = match axis {
-                0 => [0, 0],
-                _ => [0, 1].map(|end| pairs.link.offsets[end][axis - 1]),
-            };
-            let own = &mut self.x[axis];
-            for (i, (own, &mat)) in own.iter_mut().zip(&self.mats).enumerate() {
-                *own = x(mat as usize + if i < n_first { a } else { b });
-            }
+    /// Know which points may meet at positions `x`.
+    fn follow(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
+        gather(&run.pairs, &self.mats, &mut self.x, x);
+        if !self.is_made || self.has_moved(0.5 * SKIN * run.rest) {
+            self.search(&run.pairs, run.rest * (1.0 + SKIN));
         }
+    }
+
+    /// Set `force` to those of all pairs by the law of a run, whose K and Z are `by`. False where there are too many pairs.
+    fn push(&mut self, run: &PairRun, by: [f64; 2], x: &[f64], d: &[f64]) -> bool {
+        self.follow(run, |mat| x[mat]);
+        gather(&run.pairs, &self.mats, &mut self.d, |mat| d[mat]);
+        self.force.fill([0.0; AXES_MAX + 1]);
+        let law = run.pairs.link.law;
+        // Of two groups only the second is told of: half the push to each of one, the whole to the other.
+        let share = if run.pairs.is_within { 0.5 } else { 1.0 };
+        for (i, range) in self.starts.windows(2).enumerate() {
+            let (here, step_here) = (self.x[i], self.d[i]);
+            let mut own = [0.0; AXES_MAX + 1];
+            for &j in &self.others[range[0] as usize..range[1] as usize] {
+                let j = j as usize;
+                let Some((e, along)) = meeting(run.rest, here, self.x[j]) else {
+                    continue;
+                };
+                let there = self.d[j];
+                let step = along[0] * (there[0] - step_here[0])
+                    + along[1] * (there[1] - step_here[1])
+                    + along[2] * (there[2] - step_here[2]);
+                let f = law.force(by, e, step);
+                let part = [f * along[0], f * along[1], f * along[2], -share * f];
+                let other = &mut self.force[j];
+                for axis in 0..=AXES_MAX {
+                    own[axis] += part[axis];
+                    other[axis] -= part[axis];
+                }
+            }
+            let force = &mut self.force[i];
+            for axis in 0..AXES_MAX {
+                force[axis] += own[axis];
+            }
+            force[AXES_MAX] -= own[AXES_MAX];
+        }
+        !self.is_full
     }
 
     /// Whether any point has moved farther than `most` [m] since the list was made, or is not a number.
     fn has_moved(&self, most: f64) -> bool {
-        let [x, y, z] = &self.x;
-        let [from_x, from_y, from_z] = &self.from;
         let most = most * most;
-        let stays = |i: usize| {
-            let (x, y, z) = (x[i] - from_x[i], y[i] - from_y[i], z[i] - from_z[i]);
-            x * x + y * y + z * z <= most
-        };
         let mut stay = true;
-        for i in 0..x.len() {
-            stay &= stays(i);
+        for (now, from) in self.x.iter().zip(&self.from) {
+            let [x, y, z] = [now[0] - from[0], now[1] - from[1], now[2] - from[2]];
+            stay &= x * x + y * y + z * z <= most;
         }
         !stay
     }
@@ -146,9 +173,7 @@ impl Neighbours {
     #[cold]
     fn search(&mut self, pairs: &Pairwise, reach: f64) {
         let n = self.mats.len();
-        for (from, x) in self.from.iter_mut().zip(&self.x) {
-            from.copy_from_slice(x);
-        }
+        self.from.copy_from_slice(&self.x);
         self.fill_cells(reach);
         self.others.clear();
         self.is_full = false;
@@ -165,13 +190,9 @@ impl Neighbours {
             let [cx, cy, cz] = self.cells[i];
             for dz in -depth..=depth {
                 for dy in -1..=1 {
-                    for dx in -1..=1 {
-                        let cell = [
-                            cx.wrapping_add(dx),
-                            cy.wrapping_add(dy),
-                            cz.wrapping_add(dz),
-                        ];
-                        self.near(i, cell, least, reach);
+                    let row = [cy.wrapping_add_signed(dy), cz.wrapping_add_signed(dz)];
+                    for cells in self.grid.three(cx, row) {
+                        self.near(i, cells, least, reach);
                     }
                 }
             }
@@ -181,58 +202,120 @@ impl Neighbours {
         self.is_made = true;
     }
 
-    /// Note the points of a cell, from point `least` on, that are within `reach` of point `i`.
-    fn near(&mut self, i: usize, cell: [i32; AXES_MAX], least: usize, reach: f64) {
-        let [x, y, z] = &self.x;
-        let bucket = bucket(cell, self.buckets.len() - 1);
-        let (begin, end) = (self.buckets[bucket], self.buckets[bucket + 1]);
-        for &member in &self.members[begin as usize..end as usize] {
-            let j = member as usize;
-            // Other cells share the bucket.
-            if j >= least && self.cells[j] == cell {
-                let apart = distance(x[j] - x[i], y[j] - y[i], z[j] - z[i]);
-                if apart <= reach {
-                    self.others.push(member);
-                }
+    /// Note the points of some cells, from point `least` on, that are within `reach` of point `i`.
+    #[inline(always)]
+    fn near(&mut self, i: usize, cells: Range<usize>, least: usize, reach: f64) {
+        let here = self.x[i];
+        let range = self.begins[cells.start] as usize..self.begins[cells.end] as usize;
+        let points = self.members[range.clone()].iter().zip(&self.places[range]);
+        for (&member, there) in points {
+            let [x, y, z] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+            if member as usize >= least && distance(x, y, z) <= reach {
+                self.others.push(member);
             }
         }
     }
 
-    /// Sort the points into cells as wide as `reach` [m], and these into buckets.
+    /// Sort the points into cells as wide as `reach` [m].
     fn fill_cells(&mut self, reach: f64) {
-        let n_buckets = self.buckets.len() - 1;
-        let [x, y, z] = &self.x;
         let wide = 1.0 / reach;
-        for (i, cell) in self.cells.iter_mut().enumerate() {
+        self.begins.fill(0);
+        for (cell, x) in self.cells.iter_mut().zip(&self.x) {
             // Far away, and where a position is not a number, cells are one: `as` saturates.
-            *cell = [x[i], y[i], z[i]].map(|x| (x * wide).floor() as i32);
+            *cell = x.map(|x| (x * wide).floor() as i32 as u32);
+            self.begins[self.grid.index(*cell) + 1] += 1;
         }
-        self.buckets.fill(0);
-        for &cell in &self.cells {
-            self.buckets[bucket(cell, n_buckets) + 1] += 1;
+        for i in 1..self.begins.len() {
+            self.begins[i] += self.begins[i - 1];
         }
-        for i in 0..n_buckets {
-            self.buckets[i + 1] += self.buckets[i];
-        }
-        // From the last on, so that each bucket's end becomes its beginning.
+        // From the last on, so that where each cell ends becomes where it begins.
         for (i, &cell) in self.cells.iter().enumerate().rev() {
-            let end = &mut self.buckets[bucket(cell, n_buckets) + 1];
+            let end = &mut self.begins[self.grid.index(cell) + 1];
             *end -= 1;
             self.members[*end as usize] = i as u32;
+            self.places[*end as usize] = self.x[i];
         }
-        self.buckets.copy_within(1.., 0);
-        self.buckets[n_buckets] = self.cells.len() as u32;
+        self.begins.copy_within(1.., 0);
+        if let Some(last) = self.begins.last_mut() {
+            *last = self.cells.len() as u32;
+        }
     }
 }
 
-/// The bucket of a cell; a power of two of them.
-fn bucket(cell: [i32; AXES_MAX], n_buckets: usize) -> usize {
-    /// Large primes (Teschner et al. 2003, §4).
-    const PRIMES: [u32; AXES_MAX] = [73_856_093, 19_349_663, 83_492_791];
-    let mixed = cell.iter().zip(PRIMES).fold(0, |mixed, (&cell, prime)| {
-        mixed ^ (cell as u32).wrapping_mul(prime)
-    });
-    mixed as usize & (n_buckets - 1)
+/// A grid of cells that repeats itself: what lies beyond it shares cells with what lies in it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Grid {
+    /// Powers of two of which there are so many cells along each axis.
+    bits: [u32; AXES_MAX],
+}
+
+impl Grid {
+    /// Least power of two along an axis: the three cells around a point are three.
+    const LEAST: u32 = 2;
+
+    /// With twice as many cells as points, or more.
+    fn new(n: usize, n_axes: usize) -> Self {
+        let all = (2 * n.max(1)).next_power_of_two().ilog2();
+        let each = all.div_ceil(n_axes as u32).max(Self::LEAST);
+        let bits = [each, each, if n_axes == AXES_MAX { each } else { 0 }];
+        Self { bits }
+    }
+
+    fn n_cells(self) -> usize {
+        1 << self.bits.iter().sum::<u32>()
+    }
+
+    #[inline(always)]
+    fn index(self, [x, y, z]: [u32; AXES_MAX]) -> usize {
+        let [of_x, of_y, of_z] = self.bits;
+        let within = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
+        (((within(z, of_z) << of_y) | within(y, of_y)) << of_x) | within(x, of_x)
+    }
+
+    /// The cells at `x` and beside it in a row (y, z): one range, or two where the row ends between them.
+    #[inline(always)]
+    fn three(self, x: u32, [y, z]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
+        let row = self.index([0, y, z]);
+        let n = 1 << self.bits[0];
+        let x = x as usize & (n - 1);
+        let (before, after) = (x.wrapping_sub(1) & (n - 1), (x + 1) & (n - 1));
+        let (main, other) = if before > x {
+            (x..x + 2, Some(before))
+        } else if after < x {
+            (before..x + 1, Some(after))
+        } else {
+            (before..after + 1, None)
+        };
+        let other = other.map(|cell| row + cell..row + cell + 1);
+        std::iter::once(row + main.start..row + main.end).chain(other)
+    }
+}
+
+/// Distance − rest and direction of a pair that touches. What is not a number goes on, and is found later.
+#[inline(always)]
+fn meeting(rest: f64, here: Vector, there: Vector) -> Option<(f64, Vector)> {
+    let apart = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+    let square = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
+    if square >= rest * rest {
+        return None;
+    }
+    let (length, along) = Measure::Distance.of(apart);
+    Some((length - rest, along))
+}
+
+/// Copy what each coordinate has to where the coordinates of a point lie together.
+fn gather(pairs: &Pairwise, mats: &[u32], into: &mut [Vector], of: impl Fn(usize) -> f64) {
+    let (first, second) = into.split_at_mut(pairs.n_first);
+    let (first_mats, second_mats) = mats.split_at(pairs.n_first);
+    for (end, own, mats) in [(0, first, first_mats), (1, second, second_mats)] {
+        let offsets = pairs.link.offsets[end];
+        for (own, &mat) in own.iter_mut().zip(mats) {
+            own[0] = of(mat as usize);
+            for axis in 1..pairs.link.n_axes {
+                own[axis] = of(mat as usize + offsets[axis - 1]);
+            }
+        }
+    }
 }
 
 /// Add the forces of all pairs to the coordinates of the points, and note how strongly each point of the second group is
@@ -245,6 +328,7 @@ pub(super) fn forces(
     neighbours: &mut Neighbours,
 ) {
     let open = run.gate.map_or(1.0, |gate| gates[gate]);
+    let by = [open * run.k, open * run.z];
     let Body {
         x,
         d,
@@ -253,26 +337,44 @@ pub(super) fn forces(
         ..
     } = body;
     let own = &mut link[run.first..run.first + run.len];
-    own.fill(0.0);
     let Pairwise {
         link, is_within, ..
     } = &pairs.pairs;
-    let push = |ends: Ends, e: f64, along: [f64; AXES_MAX]| {
-        let step = link.stretch(ends, along, |mat| d[mat]);
-        let f = open * link.law.force([run.k, run.z], e, step);
-        for (axis, along) in along.into_iter().enumerate().take(link.n_axes) {
-            let (a, b) = link.pair(ends, axis);
-            pair_force[a] += f * along;
-            pair_force[b] -= f * along;
+    if !pairs.pairs.is_searched() {
+        own.fill(0.0);
+        neighbours.touching(
+            pairs,
+            |mat| x[mat],
+            |ends, e, along| {
+                let step = link.stretch(ends, along, |mat| d[mat]);
+                let f = link.law.force(by, e, step);
+                for (axis, along) in along.into_iter().enumerate().take(link.n_axes) {
+                    let (a, b) = link.pair(ends, axis);
+                    pair_force[a] += f * along;
+                    pair_force[b] -= f * along;
+                }
+                own[ends.1 - run.b] += f;
+            },
+        );
+        return;
+    }
+    let is_found = neighbours.push(pairs, by, x, d);
+    let n_first = pairs.pairs.n_first;
+    for (i, (&mat, force)) in neighbours.mats.iter().zip(&neighbours.force).enumerate() {
+        let end = usize::from(i >= n_first);
+        for axis in 0..link.n_axes {
+            let at = match axis {
+                0 => mat as usize,
+                _ => mat as usize + link.offsets[end][axis - 1],
+            };
+            pair_force[at] += force[axis];
         }
-        if *is_within {
-            own[ends.0 - run.b] += 0.5 * f;
-            own[ends.1 - run.b] += 0.5 * f;
-        } else {
-            own[ends.1 - run.b] += f;
-        }
-    };
-    if !neighbours.touching(pairs, |mat| x[mat], push) {
+    }
+    let told = if *is_within { 0 } else { n_first };
+    for (own, force) in own.iter_mut().zip(&neighbours.force[told..]) {
+        *own = force[AXES_MAX];
+    }
+    if !is_found {
         own.fill(f64::NAN);
         pair_force[run.a] = f64::NAN;
     }
