@@ -31,6 +31,7 @@ from benches.native import Loops, compiler
 from benches.pages import pages
 from benches.part_modes import admittance, part_modes
 from benches.planning import planning
+from benches.precision import precision
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
 from benches.replan import replan
@@ -49,7 +50,7 @@ def main(arguments: list[str]) -> int:
     asked = parser.parse_args(arguments)
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
-    networks = (bank, string, mesh, hammer, gong, matter, grains, quetzalcoatl, growth)
+    networks = (bank, string, mesh, hammer, gong, precision, matter, grains, quetzalcoatl, growth)
     scenes: dict[str, Callable[[], list[Row]]] = {
         **{scene.__name__: partial(scene, loops) for scene in networks},
         "laws": laws,

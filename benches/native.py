@@ -1,4 +1,4 @@
-"""Plain C loops, compiled in the same run that measures them."""
+"""Plain loops in C, and a mesh's in Rust, compiled in the same run that measures them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,12 @@ from typing import Any
 
 import numpy as np
 
+_MESH = Path(__file__).parent / "rust" / "mesh.rs"
+# As the engine is built; it chooses the vector width when it runs.
+_RUSTC = (
+    "rustc", "--edition", "2024", "--crate-type", "cdylib", "-C", "opt-level=3",
+    "-C", "codegen-units=1", "-C", "panic=abort", "--check-cfg", "cfg(single)",
+)  # fmt: skip
 _SOURCES = sorted((Path(__file__).parent / "c").glob("*.c"))
 # -march=native: the reference may use all that the machine has; no contraction: the same sums.
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
@@ -43,8 +49,26 @@ class Loops:
         getattr(self._library, name)(*(_argument(value) for value in arguments))
 
 
+class RustMesh:
+    """The loops of `rust/mesh.rs` for one type."""
+
+    def __init__(self, *, is_single: bool) -> None:
+        """Compile; raises where there is no `rustc`, or it fails."""
+        with tempfile.TemporaryDirectory() as folder:
+            library = Path(folder) / "mesh.so"
+            cfg = ["--cfg", "single"] if is_single else []
+            subprocess.run([*_RUSTC, *cfg, str(_MESH), "-o", str(library)], check=True)
+            self._library = ctypes.CDLL(str(library))
+
+    def call(self, *arguments: Any) -> None:
+        """Go on some frames: arrays by their address, ints as int64."""
+        self._library.mesh(*(_argument(value) for value in arguments))
+
+
 def _argument(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         assert value.flags.c_contiguous
         return ctypes.c_void_p(value.ctypes.data)
+    if isinstance(value, np.float32):
+        return ctypes.c_float(float(value))
     return ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)

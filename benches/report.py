@@ -44,6 +44,11 @@ interleaved, medians. Only the ratios travel to other machines.
 * Late ticks begin more than half a tick after they were due. The bare loop is a thread in C that
   does nothing but wake so often, under SCHED_FIFO, while the duet plays: what is late there is late
   by the machine. A virtual one is stopped by its host for milliseconds, whatever runs in it.
+* A mesh in f32 is no part of the engine: its loops are copied to `benches/rust/mesh.rs`, C's are
+  compiled with another type, and `python -m benches precision` times all of them in turns, by
+  processor time, least of eleven. The copy in f64 is held to the engine's samples. What memory
+  allows: 144 bytes a mass and frame go beyond the nearest cache (x, d and forces in two passes over
+  the links, then all that a mass is), at the speed at which numpy adds two arrays of that size.
 * Growth in all sizes: `benches/growth.csv`.
 * Targets in brackets are wall time on an idle machine; beside it stands processor time, which does
   not count what else the machine did.

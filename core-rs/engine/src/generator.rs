@@ -28,6 +28,8 @@ pub use stiff_string::stiff_string;
 pub use string::{Ends, string};
 pub use tune::{Tuned, tune};
 
+use crate::maths::wide::wide;
+
 /// Most MATs of one generator: they fit the memory.
 pub const MAX_MASSES: usize = 2_000_000;
 
@@ -204,12 +206,19 @@ impl Topology {
 
     /// y = K x of the network with springs of `factor`, x and y (n_mat,).
     pub fn apply(&self, x: &[f64], y: &mut [f64]) {
+        pull(&self.runs, self.n_mat, x, y);
+    }
+}
+
+wide! {
+    /// y = K x of springs between `n_mat` MATs and fixed points behind them.
+    fn pull(runs: &[LinkRun], n_mat: usize, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
-        for run in &self.runs {
+        for run in runs {
             let LinkRun {
                 a, b, len, factor, ..
             } = *run;
-            if a + len <= self.n_mat && b + len <= self.n_mat {
+            if a + len <= n_mat && b + len <= n_mat {
                 // A loop for each end: no loop writes what it reads.
                 let (xa, xb) = (&x[a..a + len], &x[b..b + len]);
                 for (y, (xa, xb)) in y[a..a + len].iter_mut().zip(xa.iter().zip(xb)) {
@@ -221,10 +230,10 @@ impl Topology {
                 continue;
             }
             for i in 0..len {
-                let at = |point: usize| x[..self.n_mat].get(point).copied().unwrap_or(0.0);
+                let at = |point: usize| x[..n_mat].get(point).copied().unwrap_or(0.0);
                 let force = factor * (at(a + i) - at(b + i));
                 for (point, force) in [(a + i, force), (b + i, -force)] {
-                    if let Some(y) = y[..self.n_mat].get_mut(point) {
+                    if let Some(y) = y[..n_mat].get_mut(point) {
                         *y += force;
                     }
                 }

@@ -4,7 +4,7 @@
 //! the same way again and adds up the vector. Only pairs that have settled lose orthogonality
 //! (Paige 1971), so the pair sought does not. A Rayleigh quotient squares the vector's error away.
 
-use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scattered};
+use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scattered, take_from};
 use super::{Apply, Mode};
 use crate::interrupt;
 
@@ -70,21 +70,19 @@ struct Small {
     scale: f64,
 }
 
-/// One step of Lanczos: q is replaced by what follows it, `before` by q.
+/// One step of Lanczos: q is replaced by what follows it, `before` by q; `image` is room   (n each).
 fn step(
     q: &mut Vec<f64>,
     before: &mut Vec<f64>,
+    image: &mut [f64],
     beta: f64,
     apply: Apply<'_>,
     null: &[Vec<f64>],
 ) -> (f64, f64) {
     interrupt::poll();
     let mut next = std::mem::take(before);
-    let mut image = vec![0.0; q.len()];
-    apply(q, &mut image);
-    for (next, image) in next.iter_mut().zip(&image) {
-        *next = image - beta * *next;
-    }
+    apply(q, image);
+    take_from(image, beta, &mut next);
     let alpha = dot(q, &next);
     add(-alpha, q, &mut next);
     // The nullspace is the lowest of all: rounding brings it back unless it is kept out.
@@ -102,7 +100,7 @@ impl Small {
         let n = start.len();
         // In exact arithmetic n steps see everything; lost orthogonality costs a few times as many.
         let most = 4 * n + 100;
-        let (mut q, mut before) = (start.to_vec(), vec![0.0; n]);
+        let (mut q, mut before, mut image) = (start.to_vec(), vec![0.0; n], vec![0.0; n]);
         let mut small = Self {
             alphas: Vec::new(),
             betas: Vec::new(),
@@ -113,7 +111,7 @@ impl Small {
         let (mut beta, mut look) = (0.0, 4.0);
         loop {
             let alpha;
-            (alpha, beta) = step(&mut q, &mut before, beta, apply, null);
+            (alpha, beta) = step(&mut q, &mut before, &mut image, beta, apply, null);
             small.alphas.push(alpha);
             small.scale = f64::max(small.scale, alpha.abs() + beta);
             let steps = small.alphas.len();
@@ -205,11 +203,11 @@ impl Small {
     fn vector(&self, start: Vec<f64>, apply: Apply<'_>, null: &[Vec<f64>]) -> Vec<f64> {
         let n = start.len();
         let (mut q, mut before, mut beta) = (start, vec![0.0; n], 0.0);
-        let mut sum = vec![0.0; n];
+        let (mut sum, mut image) = (vec![0.0; n], vec![0.0; n]);
         for (i, weight) in self.lowest.iter().enumerate() {
             add(*weight, &q, &mut sum);
             if i + 1 < self.lowest.len() {
-                (_, beta) = step(&mut q, &mut before, beta, apply, null);
+                (_, beta) = step(&mut q, &mut before, &mut image, beta, apply, null);
             }
         }
         orthogonalise(&mut sum, null);

@@ -1,29 +1,49 @@
 //! Sums and combinations of long vectors, in an order that no SIMD width changes.
 
 use crate::maths::sqrt;
+use crate::maths::wide::wide;
 
 /// Partial sums kept side by side: as many as the widest registers hold, always.
 const LANES: usize = 8;
 
-/// Sum of products.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; LANES];
-    let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let tail = a_chunks.remainder().iter().zip(b_chunks.remainder());
-    let tail = tail.fold(0.0, |sum, (a, b)| sum + a * b);
-    for (a, b) in a_chunks.zip(b_chunks) {
-        for lane in 0..LANES {
-            sums[lane] += a[lane] * b[lane];
+wide! {
+    /// Sum of products.
+    pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+        let mut sums = [0.0; LANES];
+        let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+        let tail = a_chunks.remainder().iter().zip(b_chunks.remainder());
+        let tail = tail.fold(0.0, |sum, (a, b)| sum + a * b);
+        for (a, b) in a_chunks.zip(b_chunks) {
+            for lane in 0..LANES {
+                sums[lane] += a[lane] * b[lane];
+            }
         }
+        let [s0, s1, s2, s3, s4, s5, s6, s7] = sums;
+        ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + tail
     }
-    let [s0, s1, s2, s3, s4, s5, s6, s7] = sums;
-    ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + tail
 }
 
-/// y += factor·x.
-pub(crate) fn add(factor: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += factor * x;
+wide! {
+    /// y += factor·x.
+    pub(crate) fn add(factor: f64, x: &[f64], y: &mut [f64]) {
+        for (y, x) in y.iter_mut().zip(x) {
+            *y += factor * x;
+        }
+    }
+}
+
+wide! {
+    /// y = x − factor·y.
+    pub(super) fn take_from(x: &[f64], factor: f64, y: &mut [f64]) {
+        for (y, x) in y.iter_mut().zip(x) {
+            *y = x - factor * *y;
+        }
+    }
+}
+
+wide! {
+    fn divide(x: &mut [f64], by: f64) {
+        x.iter_mut().for_each(|x| *x /= by);
     }
 }
 
@@ -36,7 +56,7 @@ pub(crate) fn norm(x: &[f64]) -> f64 {
 pub(crate) fn normalise(x: &mut [f64]) -> f64 {
     let length = norm(x);
     if length > 0.0 {
-        x.iter_mut().for_each(|x| *x /= length);
+        divide(x, length);
     }
     length
 }

@@ -15,6 +15,8 @@ use crate::units::frame;
 
 /// Oscillators of one bank: enough to fill vectors for long, few enough to share out to threads.
 const TOGETHER: usize = 2_048;
+/// After so many handed over, their memory is given back.
+const GIVEN_BACK: usize = 1 << 16;
 /// A part with so many has banks of its own, so that its sound depends on no other part to the last bit. Smaller parts share
 /// banks: a few CELs would leave most of a vector empty.
 const OF_ONE_PART: usize = 256;
@@ -106,7 +108,15 @@ pub(in crate::plan) fn oscillators(
         *sizes.entry(*part).or_insert(0) += usize::from(!own.heard.is_empty());
     }
     let mut banks: Vec<BankPlan> = Vec::new();
-    for (i, mut oscillator) in all.into_iter().enumerate() {
+    // Backwards, so that what is handed over can be given back: millions of them are not held twice.
+    all.reverse();
+    for i in 0..all.len() {
+        if i % GIVEN_BACK == 0 {
+            all.shrink_to_fit();
+        }
+        let Some(mut oscillator) = all.pop() else {
+            break;
+        };
         if oscillator.heard.is_empty() {
             continue;
         }
@@ -135,6 +145,11 @@ pub(in crate::plan) fn hear(heard: &mut Vec<(u32, f64)>, output: u32, weight: f6
     }
     match heard.iter_mut().find(|(known, _)| *known == output) {
         Some((_, known)) => *known += weight,
-        None => heard.push((output, weight)),
+        None => {
+            if heard.is_empty() {
+                heard.reserve_exact(1); // most are heard by one output alone
+            }
+            heard.push((output, weight));
+        }
     }
 }
