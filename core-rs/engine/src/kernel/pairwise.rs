@@ -362,12 +362,12 @@ pub(super) fn forces(
     let n_first = pairs.pairs.n_first;
     for (i, (&mat, force)) in neighbours.mats.iter().zip(&neighbours.force).enumerate() {
         let end = usize::from(i >= n_first);
-        for axis in 0..link.n_axes {
+        for (axis, part) in force.iter().enumerate().take(link.n_axes) {
             let at = match axis {
                 0 => mat as usize,
                 _ => mat as usize + link.offsets[end][axis - 1],
             };
-            pair_force[at] += force[axis];
+            pair_force[at] += part;
         }
     }
     let told = if *is_within { 0 } else { n_first };
