@@ -115,6 +115,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "points": len(point),
         "modes": look.n_modes,
         "parts": [_part(stage, run.part, run) for run in look.runs()],
+        "space": list(_in_space(stage, point)),
         "keys": [
             {"name": name, "point": point.get(mat), "player": players.get(name), "hand": is_real}
             for name, mat, is_real in _keys(stage)
@@ -144,8 +145,31 @@ def _part(stage: Stage, name: str, run: LookRun) -> dict[str, Any]:
         "layout": _layout(stage, name),
         "why": "frozen" if is_frozen else run.why,
         "modes": modes,
-        "exaggeration": None,
+        "exaggeration": 1.0 if _axes(stage, name) > 1 else None,  # it is where it is
     }
+
+
+def _axes(stage: Stage, name: str) -> int:
+    """How many axes the masses of a key or an instrument move along."""
+    instrument = stage.piece.instruments.get(name)
+    return instrument.axes if instrument else 1
+
+
+def _in_space(stage: Stage, point: dict[int, int]) -> Iterator[list[int]]:
+    """Of each point in space the points of the file that are its coordinates, axis by axis."""
+    from ergon.instruments.module_kinds import HOLDERS, member_count
+
+    for name, instrument in stage.piece.instruments.items():
+        for module in instrument.modules if instrument.axes > 1 else ():
+            first = stage.built.assembly.mats.get((name, module.name))
+            if module.kind not in HOLDERS or first is None:
+                continue
+            n = member_count(module.kind, module.fields)
+            for i in range(n):
+                axes = [point.get(first + axis * n + i) for axis in range(instrument.axes)]
+                known = [one for one in axes if one is not None]
+                if len(known) == len(axes):
+                    yield known
 
 
 def _layout(stage: Stage, name: str) -> str:
@@ -198,9 +222,10 @@ def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
         if name in piece.keys:
             places[points] = _key_places(list(piece.keys).index(name), len(piece.keys), len(points))
         else:
-            bench = np.array([network.position_of(mats[at]) for at in points])
             across, middle = _placing(stage, name, instruments)
-            places[points, :2] = across * _spread(bench)
+            if _axes(stage, name) == 1:  # points in space are where their coordinates say
+                bench = np.array([network.position_of(mats[at]) for at in points])
+                places[points, :2] = across * _spread(bench)
             places[points] += middle
     return places
 

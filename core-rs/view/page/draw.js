@@ -95,11 +95,19 @@ export class Drawing {
       for (let p = part.first, at = 4 * part.first; p < part.first + part.count; p++, at += 4) {
         data[at] = gain * motion.z[p];
         data[at + 1] = gain * motion.sweep[p];
-        data[at + 2] = seen[i] === 0 ? HIDDEN : seen[i] * (dark ? 0.02 : motion.light[p]);
+        data[at + 2] = seen[i] === 0 || model.drawn[p] !== p ? HIDDEN : seen[i] * (dark ? 0.02 : motion.light[p]);
         data[at + 3] = motion.sign[p];
       }
     });
     this.state.put();
+    if (model.space.length) this.standInSpace(model, motion);
+  }
+
+  /** Points in space move along all axes: along x and y their places do. */
+  standInSpace(model, motion) {
+    const { data } = this.rest;
+    for (const axes of model.space) for (const p of axes) data.set(motion.where(p).slice(0, 2), 4 * p);
+    this.rest.put();
   }
 
   points(model, gain) {
@@ -141,7 +149,7 @@ export class Drawing {
       const d = e.t - t;
       const { size, light } = spark(look.still && d < 0.1 * reach ? 0.1 * reach : d, reach, Math.abs(e.impulse) / (ergons.greatest || 1));
       const radius = px * near * SPARK * size;
-      found.points.push(p);
+      found.points.push(model.drawn[p]);
       found.values.push(d, e.impulse, radius, light);
       found.radii.push(radius);
     });
@@ -210,16 +218,16 @@ function contactsAt(story, motion, t, px) {
     const link = model.contacts[c.contact];
     const flash = link ? contactFlash(t - c.t, Math.abs(c.force) / (contacts.greatest || 1)) : 0;
     if (flash <= 0) return;
-    found.at.push(...middle(model, motion, link.a, link.b), flash);
+    found.at.push(...middle(motion, link.a, link.b), flash);
     found.radii.push(px * CONTACT);
   });
   return found;
 }
 
 /** Between two points, as they are drawn [m]. */
-function middle(model, motion, a, b) {
-  const height = (p) => model.z[p] + motion.exaggeration(model.partOf[p]) * motion.z[p];
-  return [(model.x[a] + model.x[b]) / 2, (model.y[a] + model.y[b]) / 2, (height(a) + height(b)) / 2];
+function middle(motion, a, b) {
+  const [from, to] = [motion.where(a), motion.where(b)];
+  return from.map((x, i) => (x + to[i]) / 2);
 }
 
 /** Of each loudspeaker: its level [dB re full scale], and that as a share from 0 (−60 dB) to 1. */

@@ -12,9 +12,9 @@ export function pick(story, motion, look, x, y, width, height) {
   let found = null;
   model.parts.forEach((part, i) => {
     if (look.seen[i] === 0) return;
-    const gain = motion.exaggeration(i);
     for (let p = part.first; p < part.first + part.count; p++) {
-      const at = project(look.matrix, model.x[p], model.y[p], model.z[p] + gain * motion.z[p], width, height);
+      if (model.drawn[p] !== p) continue;
+      const at = project(look.matrix, ...motion.where(p), width, height);
       if (!at) continue;
       const far = (at[0] - x) ** 2 + (at[1] - y) ** 2;
       if (far < best) {
@@ -42,7 +42,8 @@ export function describe(story, motion, point, t) {
     // The table has no masses: ½ω²A², by which cells of one mass can be compared.
     lines.push(`energy ${si(0.5 * (omega * one.amplitude) ** 2, "J")} per kg`);
   } else if (part.kind !== "none") {
-    lines.push(`displacement ${si(motion.z[point], "m")}`);
+    if (model.inSpace(point)) lines.push(`at ${motion.where(point).map((x) => si(x, "m")).join(", ")}`);
+    else lines.push(`displacement ${si(motion.z[point], "m")}`);
     if (motion.sweep[point] > 0) lines.push(`±${si(motion.sweep[point], "m")}`);
   } else lines.push("not computed");
   lines.push(...hand(story, point, t), ...lastErgon(story, point, t));

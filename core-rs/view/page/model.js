@@ -3,6 +3,9 @@
 const NONE = 0xffffffff;
 const MOST = 1 << 22; // points and modes that a page takes
 
+/** Along which axis of the picture each axis of a space goes: the last is up. */
+export const ALONG = { 2: [0, 2], 3: [0, 1, 2] };
+
 /** What a file shows: its manifest, and the tables that come after it. */
 export class Model {
   constructor(bytes) {
@@ -25,6 +28,13 @@ export class Model {
       this.partOf.fill(i, part.first, part.first + part.count);
       part.shapes = []; // of each of its modes: which, and its shape over the part's points
     });
+    // Points in space: the points of the file that are their coordinates, axis by axis. The first of them is drawn.
+    this.space ??= [];
+    if (!this.space.every((axes) => [2, 3].includes(axes.length) && axes.every((p) => p >= 0 && p < n))) {
+      throw new Error("a point in space has coordinates that the model has not");
+    }
+    this.drawn = Uint32Array.from(range(0, n));
+    for (const axes of this.space) for (const p of axes) this.drawn[p] = axes[0];
     this.links = new Uint32Array(0);
     this.names = [];
     this.version = 0; // goes up with every table, so that what is drawn follows
@@ -36,6 +46,11 @@ export class Model {
     this.x.set(x);
     this.y.set(y);
     for (let i = 0; i < n; i++) this.z[i] = z[i] + rest[i];
+    for (const axes of this.space) {
+      const at = [x[axes[0]], y[axes[0]], z[axes[0]]];
+      axes.forEach((p, axis) => (at[ALONG[axes.length][axis]] += rest[p]));
+      for (const p of axes) [this.x[p], this.y[p], this.z[p]] = at;
+    }
     const [omega, sigma] = doubles(view, 4 + 16 * n, 2, n);
     this.omega.set(omega);
     this.sigma.set(sigma);
@@ -72,7 +87,14 @@ export class Model {
   /** The name of a point; of one without, its part and number. */
   nameOf(point) {
     const part = this.parts[this.partOf[point]];
+    if (this.inSpace(point)) return (this.names[point] || part.name).replace(/\.[xyz]$/, "");
     return this.names[point] || `${part.name}.${point - part.first}`;
+  }
+
+  /** Whether a point of the file is a coordinate of one in space. */
+  inSpace(point) {
+    this.coordinates ??= new Set(this.space.flat());
+    return this.coordinates.has(point);
   }
 
   /** Where an ergon was written, or nothing. */

@@ -1,9 +1,11 @@
 // Where every point is at an instant, as it is drawn: position of what goes slowly, sweep of what only strobes, light.
 
 import { flight } from "./flights.js";
+import { ALONG } from "./model.js";
 
 export const STROBE = 25; // [Hz] above which a point is seen as its sweep
 const SPAN = 12; // octaves of speed from dark to bright
+const IN_SPACE = 0.5; // light of a point in space at least: where it is says how it moves
 const SHOWN = 0.12; // share of a part's size that its largest displacement is drawn at
 
 export class Motion {
@@ -11,6 +13,7 @@ export class Motion {
     const n = story.model.n;
     this.story = story;
     this.z = new Float32Array(n); // [m]
+    this.aside = [new Float32Array(n), new Float32Array(n)]; // of points in space, along x and y [m]
     this.sweep = new Float32Array(n); // [m]
     this.light = new Float32Array(n); // 0 at rest … 1
     this.sign = new Float32Array(n); // of meshes: −1 … 1
@@ -32,6 +35,30 @@ export class Motion {
       else if (part.kind === "modal") this.modal(part, i, t, rate);
       else if (part.kind === "sampled") this.sampled(part, i, t);
     });
+    for (const axes of story.model.space) this.inSpace(axes);
+  }
+
+  /** All coordinates of a point in space are where the point is. */
+  inSpace(axes) {
+    const moved = [0, 0, 0];
+    let light = 0;
+    axes.forEach((p, axis) => {
+      moved[ALONG[axes.length][axis]] = this.z[p];
+      light = Math.max(light, this.light[p]);
+    });
+    for (const p of axes) {
+      [this.aside[0][p], this.aside[1][p], this.z[p]] = moved;
+      this.light[p] = Math.max(IN_SPACE, light);
+      this.sign[p] = 0;
+    }
+  }
+
+  /** Where a point is drawn [m]. */
+  where(p) {
+    const { model } = this.story;
+    const gain = this.exaggeration(model.partOf[p]);
+    const [x, y] = this.aside;
+    return [model.x[p] + gain * x[p], model.y[p] + gain * y[p], model.z[p] + gain * this.z[p]];
   }
 
   free(part, i, t, rate) {

@@ -264,15 +264,16 @@ impl<'a> Maker<'a> {
     pub(super) fn finish(mut self, plan: Arc<Plan>) -> Look {
         let mats = self.network.mats();
         let mut points: Vec<Point> = Vec::new();
+        let holds = holding(self.network);
         for mat in 0..self.network.n_mat() {
-            let moves = mats.kind[mat] != MatKind::Sol;
-            if !moves {
+            if mats.kind[mat] == MatKind::Sol && !holds[mat] {
                 continue;
             }
             let (how, rest) = match &self.found[mat] {
                 Some(found) => (found.how, found.rest),
                 None => {
-                    let is_moved = plan.unmoved.binary_search(&(mat as u32)).is_err();
+                    let is_unmoved = plan.unmoved.binary_search(&(mat as u32)).is_ok();
+                    let is_moved = mats.kind[mat] != MatKind::Sol && !is_unmoved;
                     (How::NotComputed { is_moved }, self.rest(mat))
                 }
             };
@@ -386,6 +387,17 @@ fn kind(how: How) -> (u8, usize) {
         How::Modal(body) => (2, body),
         How::NotComputed { is_moved } => (3, usize::from(is_moved)),
     }
+}
+
+/// MATs of links in space: a fixed point is seen where something in space hangs on it   (n_mat)
+fn holding(network: &Network) -> Vec<bool> {
+    let mut holds = vec![false; network.n_mat()];
+    for run in network.runs().iter().filter(|run| run.n_axes() > 1) {
+        for (a, b) in (0..run.len).flat_map(|i| run.pairs(i)) {
+            (holds[a], holds[b]) = (true, true);
+        }
+    }
+    holds
 }
 
 fn moving(network: &Network) -> Vec<usize> {
