@@ -264,9 +264,8 @@ impl<'a> Maker<'a> {
     pub(super) fn finish(mut self, plan: Arc<Plan>) -> Look {
         let mats = self.network.mats();
         let mut points: Vec<Point> = Vec::new();
-        let holds = holding(self.network);
-        for mat in 0..self.network.n_mat() {
-            if mats.kind[mat] == MatKind::Sol && !holds[mat] {
+        for (mat, holds) in holding(self.network).into_iter().enumerate() {
+            if mats.kind[mat] == MatKind::Sol && !holds {
                 continue;
             }
             let (how, rest) = match &self.found[mat] {
