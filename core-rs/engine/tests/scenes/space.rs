@@ -8,7 +8,7 @@ use ergon_engine::chance::Chance;
 use ergon_engine::maths::{cos, sin};
 use ergon_engine::network::{Network, SpaceLaw, SpacePoint, SpacePoints, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{Energy, OnFault, Options, Simulation};
+use ergon_engine::simulation::{Energy, OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use proptest::prelude::*;
@@ -485,54 +485,66 @@ fn a_wire_yields_and_breaks() {
     assert!(energy.residual.abs() < 1e-11 * energy.flow, "{energy:?}");
 }
 
-/// A net that is thrown against its own threads: the ledger closes, broken links never pull, and what is broken stays so.
-#[test]
-fn a_net_tears_and_its_ledger_closes() {
+/// A row that is thrown apart, so that some of its links break; each is heard. With more: a weight hangs on it.
+fn torn_row(is_more: bool) -> Network {
     let law = SpaceLaw::Yielding {
         yields: 0.8,
         breaks: 4e-3,
     };
-    let net = || {
-        let mut network = Network::new();
-        network.part("net", None);
-        let n = 8;
-        let x0: Vec<f64> = (0..3 * n)
-            .map(|at| {
-                if at < n {
-                    0.02 * at as f64
-                } else {
-                    1e-3 * sin(at as f64)
-                }
-            })
-            .collect();
-        let mut v0 = vec![0.0; 3 * n];
-        (v0[0], v0[n - 1], v0[2 * n + 4]) = (-4.0, 5.0, 2.0);
-        let masses = vec![2e-3; n];
-        let points = SpacePoints {
-            n_axes: 3,
-            masses: &masses,
-            x0: &x0,
-            v0: &v0,
-            z: 0.0,
-        };
-        let first = network.points("m", true, points).unwrap();
-        let ends = [first, first + 1].map(|first| SpacePoint { first, stride: n });
-        network
-            .space_links("s", (ends[0], ends[1]), n - 1, 3, law, [400.0, 0.01, 0.02])
-            .unwrap();
-        for link in 0..n - 1 {
-            let (len, weight) = (1, 1.0);
-            let term = Term::Force {
-                first: link,
-                len,
-                weight,
-            };
-            network.listen(&format!("f{link}"), vec![term]).unwrap();
-        }
-        network
+    let mut network = Network::new();
+    network.part("net", None);
+    let n = 8;
+    let x0: Vec<f64> = (0..3 * n)
+        .map(|at| {
+            if at < n {
+                0.02 * at as f64
+            } else {
+                1e-3 * sin(at as f64)
+            }
+        })
+        .collect();
+    let mut v0 = vec![0.0; 3 * n];
+    (v0[0], v0[n - 1], v0[2 * n + 4]) = (-4.0, 5.0, 2.0);
+    let masses = vec![2e-3; n];
+    let points = SpacePoints {
+        n_axes: 3,
+        masses: &masses,
+        x0: &x0,
+        v0: &v0,
+        z: 0.0,
     };
+    let first = network.points("m", true, points).unwrap();
+    let ends = [first, first + 1].map(|first| SpacePoint { first, stride: n });
+    network
+        .space_links("s", (ends[0], ends[1]), n - 1, 3, law, [400.0, 0.01, 0.02])
+        .unwrap();
+    for link in 0..n - 1 {
+        let (len, weight) = (1, 1.0);
+        let term = Term::Force {
+            first: link,
+            len,
+            weight,
+        };
+        network.listen(&format!("f{link}"), vec![term]).unwrap();
+    }
+    if is_more {
+        let weight = point(&mut network, "w", 1e-3, [0.0, 0.1, 0.0], [0.0; 3]);
+        let end = SpacePoint { first, stride: n };
+        link(
+            &mut network,
+            (end, weight),
+            SpaceLaw::Spring,
+            [20.0, 0.0, 0.1],
+        );
+    }
+    network
+}
+
+/// A net that is thrown against its own threads: the ledger closes, broken links never pull, and what is broken stays so.
+#[test]
+fn a_net_tears_and_its_ledger_closes() {
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
-    let mut simulation = start(net(), &timeline);
+    let mut simulation = start(torn_row(false), &timeline);
     let n = 20_000;
     let sound = play(&mut simulation, n, &[64]);
     let energy = simulation.energy().unwrap();
@@ -543,11 +555,41 @@ fn a_net_tears_and_its_ledger_closes() {
     assert!(still(n - 1) >= 1 && still(n - 1) < 7, "{}", still(n - 1));
     assert_eq!(still(n - 1), still(n - 5_000));
     // A snapshot knows what is broken.
-    let mut other = start(net(), &timeline);
+    let mut other = start(torn_row(false), &timeline);
     play(&mut other, n / 2, &[100]);
     let snapshot = other.snapshot();
     let rest = play(&mut other, n / 2, &[64]);
     assert!(rest == sound[7 * (n / 2)..]);
     simulation.restore(&snapshot);
     assert!(rest == play(&mut simulation, n / 2, &[9]));
+}
+
+/// What is torn stays torn where an edit changes the rest.
+#[test]
+fn an_edit_mends_nothing() {
+    let timeline = Timeline::new(Rate::new(RATE).unwrap());
+    let version = |is_more| {
+        let network = Arc::new(torn_row(is_more));
+        Arc::new(Plan::new(network, &timeline, &Budget::Error(-20.0), None).unwrap())
+    };
+    let options = Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    };
+    let n = 10_000;
+    let mut old = Simulation::planned(version(false), options).unwrap();
+    let before = play(&mut old, n, &[64]);
+    let broken = |sound: &[u64], link: usize| {
+        let end = &sound[sound.len() - 7 * 500..];
+        end.iter().skip(link).step_by(7).all(|bits| bits << 1 == 0)
+    };
+    let torn: Vec<bool> = (0..7).map(|link| broken(&before, link)).collect();
+    assert!(torn.contains(&true) && torn.contains(&false), "{torn:?}");
+    let mut new = Simulation::planned_from(version(true), options, n as u64).unwrap();
+    let mut takeover = Takeover::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut takeover));
+    let after = play(&mut new, 500, &[64]);
+    for (link, torn) in torn.into_iter().enumerate() {
+        assert_eq!(broken(&after, link), torn, "link {link}");
+    }
 }
