@@ -100,6 +100,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     piece = stage.piece
     point = {mat: at for at, mat in enumerate(look.mats())}
     players = {player.key: player.name for player in piece.players.values()}
+    in_space = ([point.get(mat) for mat in axes] for axes in stage.built.points_in_space())
     contacts = [(one.name, point.get(one.a), point.get(one.b)) for one in look.contacts()]
     return {
         "made_by": f"{MARK.decode()} {_core.__version__}",
@@ -115,7 +116,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "points": len(point),
         "modes": look.n_modes,
         "parts": [_part(stage, run.part, run) for run in look.runs()],
-        "space": list(_in_space(stage, point)),
+        "space": [axes for axes in in_space if None not in axes],
         "keys": [
             {"name": name, "point": point.get(mat), "player": players.get(name), "hand": is_real}
             for name, mat, is_real in _keys(stage)
@@ -153,23 +154,6 @@ def _axes(stage: Stage, name: str) -> int:
     """How many axes the masses of a key or an instrument move along."""
     instrument = stage.piece.instruments.get(name)
     return instrument.axes if instrument else 1
-
-
-def _in_space(stage: Stage, point: dict[int, int]) -> Iterator[list[int]]:
-    """Of each point in space the points of the file that are its coordinates, axis by axis."""
-    from ergon.instruments.module_kinds import HOLDERS, member_count
-
-    for name, instrument in stage.piece.instruments.items():
-        for module in instrument.modules if instrument.axes > 1 else ():
-            first = stage.built.assembly.mats.get((name, module.name))
-            if module.kind not in HOLDERS or first is None:
-                continue
-            n = member_count(module.kind, module.fields)
-            for i in range(n):
-                axes = [point.get(first + axis * n + i) for axis in range(instrument.axes)]
-                known = [one for one in axes if one is not None]
-                if len(known) == len(axes):
-                    yield known
 
 
 def _layout(stage: Stage, name: str) -> str:

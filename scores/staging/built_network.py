@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
+from ergon.instruments.module_kinds import HOLDERS, member_count
 from ergon.notation.clock.shifted import Elsewhere
 from ergon.scores.reading.piece import Piece, is_same_matter
 from ergon.scores.staging.listening import Listening, fades, listen
@@ -28,6 +29,16 @@ class BuiltNetwork:
     def network(self) -> _core.Network:
         """The network that the modules make."""
         return self.assembly.network
+
+    def points_in_space(self) -> Iterator[list[int]]:
+        """Of each point in space its coordinates, as MATs, axis by axis."""
+        for name, instrument in self.piece.instruments.items():
+            for module in instrument.modules if instrument.axes > 1 else ():
+                first = self.assembly.mats.get((name, module.name))
+                if module.kind in HOLDERS and first is not None:
+                    n = member_count(module.kind, module.fields)
+                    for i in range(first, first + n):
+                        yield [i + axis * n for axis in range(instrument.axes)]
 
     def of(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
         """The same modules as another piece's, if they are the same and heard in the same way.
