@@ -137,6 +137,7 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
             "stage",
             name=stage.name,
             kept=stage.kept,
+            removal=stage.is_removal,
             rms_m=fit.rms,
             replay_m=stage.replay,
             bic=fit.bic,
@@ -144,10 +145,13 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
             parameters=_numbers(stage),
         )
         return
-    name = stage.name if stage.name == "M K Z" else f"+ {stage.name}"
+    sign = "- " if stage.is_removal else "+ "
+    name = stage.name if stage.name == "M K Z" else sign + stage.name
     what = _what(stage)
     if stage.score is not None and not stage.kept and stage.score < SCORE_MIN:
         what = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
+    elif stage.is_removal:
+        what = "taken away" if stage.kept else "stays"
     elif not stage.kept:
         what += ", not kept"
     left, off = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +15,7 @@ from .emulate import Quantity
 from .metrology_compare import calibration
 from .metrology_fit import gesture, written
 from .outcome import Refused
+from .view import serve_shown
 
 if TYPE_CHECKING:
     from ergon.metrology.comparison import Replay
@@ -37,6 +39,8 @@ _HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
     "--width", type=click.IntRange(24, 1000), help="Width in characters. Default: the terminal's."
 )
 @options.target("Write a picture of asked, real, model and residual into this SVG file.")
+@click.option("--view", is_flag=True, help="Show all four in a browser then, until Ctrl-C.")
+@options.view_at
 @options.force
 @options.dry_run
 @options.speaking
@@ -51,6 +55,8 @@ def replay(
     force_step: float,
     width: int | None,
     output: str | None,
+    view: bool,
+    view_at: str | None,
     force: bool,
     dry: bool,
 ) -> None:
@@ -59,7 +65,8 @@ def replay(
     A device is pushed by the ladder and then by knocks, or along what --score plays on a key, and
     nobody may touch it; of a take the recorded gesture counts. Drawn are the force that was asked
     for, the real key and its model, and the residual (real less model); the table has the residual
-    of each second, also in steps of the sensor.
+    of each second, also in steps of the sensor. --view shows the four in a browser as
+    curves that run, until Ctrl-C.
     """
     from ergon.exchange.safe import check_target
     from ergon.metrology import comparison
@@ -86,6 +93,8 @@ def replay(
 
         title = f"{real} and {file}"
         written(console, picture(found, title), Path(output), force=force, dry=dry)
+    if view or view_at is not None:
+        _show(console, found, view_at)
 
 
 def _pushed(
@@ -116,6 +125,21 @@ def _drawn(found: Replay, width: int | None) -> str:
 
     columns = width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     return panels(rows(found), width=columns, heights=_HEIGHTS)
+
+
+def _show(console: Console, found: Replay, at: str | None) -> None:
+    """Asked, real, model and residual in a browser, until Ctrl-C."""
+    from ergon.api.pages import ANYWHERE
+    from ergon.api.render import FileOptions
+    from ergon.api.viewing import render_view
+    from ergon.common.report import Report
+    from ergon.metrology.replay_scene import write_scene
+
+    with TemporaryDirectory(prefix="ergon-replay-") as made:
+        folder = Path(made)
+        options = FileOptions(motion=True, see="all")
+        shown = render_view(write_scene(found, folder), folder, options, Report())
+        serve_shown(console, shown, at or ANYWHERE, [])
 
 
 def _tell(console: Console, found: Replay, noise: float | None, step: float | None) -> None:

@@ -139,15 +139,17 @@ osc = several(
     ),
 )
 
+view_at = click.option(
+    "--view-at",
+    metavar="HOST:PORT",
+    help="Show it here. Default: any free port of this machine. Where others can reach it, the "
+    "address has a key.",
+)
+
 # Pages that see a performance.
 view = several(
     click.option("--view", is_flag=True, help="Show in a browser what moves while it plays."),
-    click.option(
-        "--view-at",
-        metavar="HOST:PORT",
-        help="Show it here. Default: any free port of this machine. Where others can reach it, the "
-        "address has a key.",
-    ),
+    view_at,
 )
 
 see = click.option(

@@ -116,7 +116,7 @@ def view(
             _film(console, maker, shown)
             return
         asked = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
-        _serve(console, shown, at, [name for name, wanted in asked.items() if wanted])
+        serve_shown(console, shown, at, [name for name, wanted in asked.items() if wanted])
 
 
 def _of_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:
@@ -137,7 +137,8 @@ def _of_score(console: Console, path: Path, see: str | None, trust: bool, folder
     return render_view(path, folder, FileOptions(motion=True, see=see, trust=trust), console)
 
 
-def _serve(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
+def serve_shown(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
+    """Serve the page with a motion file until Ctrl-C; `asked` are words of the page's address."""
     from ergon.api.pages import serve
 
     server = serve(at, "at", console, shown.motion, shown.sound)

@@ -2,12 +2,14 @@
 
 A part stays only where the information criterion falls, a gesture that was held out is followed
 better, and its parameters are known to a half of themselves. Dry friction comes before modes: what
-it leaves unexplained hides them.
+it leaves unexplained hides them. But a delay or a mode that is not found yet looks like a contact
+that gives way, so what was kept of friction is taken away again once they are known, and stays away
+where the criterion falls.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +41,8 @@ class Stage:
     """A part that was tried: its fit, how a held-out gesture was followed, and whether it stayed.
 
     `replay` is the rms [m] of the difference from the held-out positions, their noise included. Of
-    a mode that was not tried, `fit` is the fit before, and `score` says why.
+    a mode that was not tried, `fit` is the fit before, and `score` says why. `is_removal` says that
+    the part was taken away, and `kept` that it stays away.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Stage:
     replay: float
     kept: bool
     score: float | None = None
+    is_removal: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +99,20 @@ def measure(
     ticks = [{}, *({"delay": n / judge.gestures[0].rate} for n in _DELAYS)]
     rows = [_with(best.fit.row, added) for added in ticks]
     take(judge.best_of("delay", rows, (*best.fit.columns, INDEX["delay"]), best))
-    while n_modes(best.fit.row) < MODES_MAX and not _is_noise(best.fit, noise):
-        stage = _mode(judge, best)
-        take(stage)
-        if not stage.kept:
-            break
+
+    def take_modes() -> None:
+        while n_modes(best.fit.row) < MODES_MAX and not _is_noise(best.fit, noise):
+            take(_mode(judge, best))
+            if not stages[-1].kept:
+                break
+
+    take_modes()
+    removals = []
+    for name in _doubtful(best):
+        removals.append(judge.without(name, best))
+        take(removals[-1])
+    if any(stage.kept for stage in removals):
+        take_modes()
     return Measured(tuple(stages), best.fit, best.replay, noise)
 
 
@@ -112,6 +125,15 @@ _FRICTIONS: tuple[tuple[str, Callable[[Floats, Floats], dict[str, float]]], ...]
         lambda row, guess: {"static_dry": 1.2 * row[INDEX["dry"]], "static_speed": 5e-3},
     ),
 )
+
+
+# Kinds of friction that a delay or a mode may have been taken for, and their parameters.
+_DOUBTFUL = {"presliding": ("presliding",), "Stribeck": ("static_dry", "static_speed")}
+
+
+def _doubtful(stage: Stage) -> list[str]:
+    """Kinds of friction that were kept before delay and modes were known."""
+    return [name for name, own in _DOUBTFUL.items() if INDEX[own[0]] in stage.fit.columns]
 
 
 def _with(row: Floats, added: dict[str, float]) -> Floats:
@@ -186,6 +208,14 @@ class _Judge:
             and all(_is_known(fit, index) for index in set(columns) - set(before.fit.columns))
         )
         return Stage(name, fit, replay, kept, score)
+
+    def without(self, name: str, before: Stage) -> Stage:
+        """Take a kind of friction away and fit the rest; it stays away where BIC falls."""
+        own = _DOUBTFUL[name]
+        gone = {INDEX[parameter] for parameter in own}
+        columns = tuple(index for index in before.fit.columns if index not in gone)
+        found = self.stage(name, _with(before.fit.row, dict.fromkeys(own, 0.0)), columns, before)
+        return replace(found, kept=found.fit.bic < before.fit.bic, is_removal=True)
 
     def best_of(
         self,

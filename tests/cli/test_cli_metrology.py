@@ -2,14 +2,19 @@
 
 import json
 import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
 from collections.abc import Set
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import records
+from commands import ERGON, records
 from emulators import emulator
 from measured_keys import KEY, Floats, knocks, path, rain, read
+from patience import PATIENCE
 from recordings import Axis, end, header, row, rows
 from sweep import few
 
@@ -244,6 +249,20 @@ def test_a_gesture_of_a_score_leads_the_real_key(capsys: Capture):
         assert all(second["real_m"] > 1e-3 for second in seconds)
         assert app.run(command) == 2
         assert "choose a key of the score by --key" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_replay_is_seen_in_a_browser():
+    Path("true.yaml").write_text(TRUE)
+    command = [*ERGON, "metrology", "replay", "true.yaml", "knocks.take", "--view", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        told = map(json.loads, process.stdout)
+        ready = next(record for record in told if record["event"] == "ready")
+        with urllib.request.urlopen(ready["url"] + "motion", timeout=PATIENCE) as answer:
+            assert answer.read(4) == b"ERGM"
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 130
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,89 @@
+"""A replay as a score for the page: asked, real, model and residual as curves that run.
+
+Each curve is a chain of points in space. Its first point goes where the key goes; the next ones
+follow later and later, so that a chain shows the last half second as an oscilloscope does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .comparison import Replay
+    from .gesture import Floats
+
+_POINTS, _LENGTH, _LASTS = 100, 1.0, 0.5  # of a chain; m; s that it shows
+_HEIGHT = 0.1  # m: the most that a curve goes up or down
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """What a chain shows: values (n,), their unit and its size in SI, and where it stands [m]."""
+
+    name: str
+    values: Floats
+    unit: tuple[str, float]
+    above: float
+    behind: float = 0.0
+
+
+def write_scene(found: Replay, folder: Path) -> Path:
+    """Write a score of a replay into a folder, with its take; the path of the score."""
+    gesture = found.gesture
+    t = np.arange(gesture.force.size) / gesture.rate
+    real = np.interp(t, found.t, gesture.position[gesture.counts]) - gesture.start
+    curves = (
+        [_Curve("asked", gesture.force, ("N", 1.0), 0.5)],
+        [
+            _Curve("real", real, ("mm", 1e-3), 0.25),
+            _Curve("model", found.model - gesture.start, ("mm", 1e-3), 0.25, 0.05),
+        ],
+        [_Curve("residual", np.interp(t, found.t, found.residual), ("um", 1e-6), 0.0)],
+    )
+    columns, chains, told = {}, "", []
+    for together in curves:
+        unit, size = together[0].unit
+        a_centimetre = _rounded(max(float(np.abs(curve.values).max()) for curve in together) / size)
+        names = " and ".join(curve.name for curve in together)
+        told.append(f"{names} {a_centimetre:g} {unit} a cm")
+        for curve in together:
+            columns[curve.name] = curve.above + 0.01 / (a_centimetre * size) * curve.values
+            chains += _chain(curve)
+    np.savez(folder / "replay.npz", allow_pickle=False, t=t, **columns)
+    takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in columns)
+    score = folder / "replay.yaml"
+    # A piece ends with its last event, and this one has none: all of it is its tail.
+    score.write_text(
+        f"ergon: 1\ntitle: 'from above: {', '.join(told)}'\nrates: {{audio: 8kHz}}\n"
+        f"render: {{tail: {t[-1]:.3f}s}}\ntakes:\n{takes}"
+        f"instruments:\n  replay:\n    space: 3\n    modules:\n{chains}",
+        encoding="utf-8",
+    )
+    return score
+
+
+def _rounded(most: float) -> float:
+    """What a centimetre is, of 1, 2, 5, 10 …, so that the greatest value stays in the height."""
+    least = most / (100 * _HEIGHT) or 1.0
+    decade = 10.0 ** np.floor(np.log10(least))
+    return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= least))
+
+
+def _chain(curve: _Curve) -> str:
+    """Modules: points that go where a take says, each later than the one before."""
+    place = f"{curve.behind}m, {curve.above}m"
+    leads = "".join(
+        f"      {curve.name}_{i}: {{ENX: {{to: {curve.name}.{i}.z, from: {curve.name}, "
+        f"at: {i * _LASTS / (_POINTS - 1):.5f}s}}}}\n"
+        for i in range(_POINTS)
+    )
+    # The springs are drawn, and too weak to pull heavy points sideways.
+    return (
+        f"      {curve.name}: {{CHAIN: {{masses: {_POINTS}, ends: free, M: {_POINTS}kg, "
+        f"K: 1e-9N/m, from: [0m, {place}], to: [-{_LENGTH}m, {place}]}}}}\n{leads}"
+    )
