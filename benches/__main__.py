@@ -1,7 +1,7 @@
 """`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md.
 
 `--minutes 10`: how long the duet, `pages` and `soak_live` are; a minute otherwise.
-`--runs 20`: how often each stop is done.
+`--runs 20`: how often each stop is done, and how many keys are measured by each way.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from benches.laws import laws
 from benches.matter import matter
 from benches.measure import Row
 from benches.mesh import mesh
+from benches.metrology import metrology
 from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
 from benches.pages import pages
@@ -54,6 +55,7 @@ def main(arguments: list[str]) -> int:
     scenes: dict[str, Callable[[], list[Row]]] = {
         **{scene.__name__: partial(scene, loops) for scene in networks},
         "laws": laws,
+        "metrology": partial(metrology, asked.runs),
         "gesture": hands.gesture,
         "check": reading.check,
         "planning": planning,

@@ -120,8 +120,8 @@ class Assembly:
                 own["normal"] = unit(fields["normal"])
                 return self.network.pairwise(module.name, *groups, axes=axes, **own)
             return self.network.space_but(module.name, first, second, axes=axes, **own)
-        own = _pick(fields, "K", "Z", "yields", "breaks")
-        rest = fields.get("rest")
+        own = _pick(fields, "K", "Z", "yields", "breaks", "core")
+        rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")
         if rest is None:
             rest = self.network.distance(first, second, axes)
         return self.network.space_ref(module.name, first, second, axes=axes, rest=rest, **own)

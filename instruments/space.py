@@ -110,6 +110,18 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         v0,
         drag,
     )
+    near = Field(
+        "K",
+        k.STIFFNESS,
+        "stiffness of the spring that it is at distances far below `core`",
+        required=True,
+    )
+    core = Field(
+        "core",
+        k.SIZE,
+        "distance beyond which the force falls: far away as one over the square of the distance",
+        required=True,
+    )
     contact = (
         between,
         Field("K", k.STIFFNESS, "stiffness", required=True),
@@ -155,6 +167,10 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
                 "a spring and damper along a distance",
                 (between, stiff, damp, rest, *memory),
             ),
+        ),
+        "ATTRACTION": (
+            "link",
+            Record("module", "masses that attract each other", (between, near, core)),
         ),
         "BUT": ("link", Record("module", "a contact of spheres, or with a wall", contact)),
     }

@@ -63,6 +63,11 @@ def tangle(
             elif (a + b) % 3 == 2:
                 lines.append(f"      s{a}{b}: {{REF: {{{ends}}}}}")
                 links.append(matter.Link(a, b, stiff, damp, length))
+            else:
+                core = round(draw.uniform(0.01, 0.05), 4)
+                ends = f"between: [m{a}, m{b}], K: {stiff}, core: {core}"
+                lines.append(f"      a{a}{b}: {{ATTRACTION: {{{ends}}}}}")
+                links.append(matter.Link(a, b, stiff, 0.0, 0.0, core=core))
     names = "xyz"[:axes]
     outputs = ", ".join(f"m{i}{c}: {{SOX: m{i}.{c}}}" for i in range(1, n) for c in names)
     return (
@@ -88,6 +93,32 @@ def test_it_moves_as_dop853_does(seed: int, axes: int, damping: float, order: in
     size = np.abs(exact).max()
     assert errors[1] < 1e-4 * size
     assert 0.75 * 2**order < errors[0] / errors[1] < 1.25 * 2**order
+
+
+def test_a_planet_goes_round():
+    """Its period is 2 pi / sqrt(K/M (1 + (r/core)^2)^-1.5): far away that of Kepler's third law."""
+    r, core, stiff, mass = 0.12, 0.02, 3e3, 5e-3
+    speed = r * np.sqrt(stiff / mass * (1 + (r / core) ** 2) ** -1.5)
+    text = f"""ergon: 1
+instruments:
+  t:
+    space: 2
+    modules:
+      sun: {{SOL: {{X0: [0, 0]}}}}
+      planet: {{MAS: {{M: {mass}, X0: [{r}, 0], V0: [0, {float(speed)!r}]}}}}
+      pull: {{ATTRACTION: {{between: [sun, planet], K: {stiff}, core: {core}}}}}
+    out: {{x: {{SOX: planet.x}}, y: {{SOX: planet.y}}}}
+render: {{tail: 1s}}
+"""
+    errors = []
+    for rate in (44_100, 88_200):
+        ours = heard(text, rate)
+        turn = speed / r * np.arange(len(ours)) / rate
+        exact = r * np.stack([np.cos(turn), np.sin(turn)], 1)
+        errors.append(float(np.abs(ours - exact).max()))
+    assert turn[-1] > 4 * np.pi  # it goes round more than twice
+    assert errors[0] < 3e-5 * r
+    assert 3.5 < errors[0] / errors[1] < 4.5
 
 
 @pytest.mark.slow

@@ -115,6 +115,9 @@ class Score:
         lines.append(f"net: {{{generator}}}")
         lines.append(f"s: {{REF: {{between: [ball, nail], {stiff}{tears}}}}}")
         lines.append(f"c: {{BUT: {{between: [ball, net.all], {stiff}, gap: 1cm}}}}")
+        lines.append(
+            f"a: {{ATTRACTION: {{between: [ball, net.1], {stiff.partition(',')[0]}, core: 2cm}}}}"
+        )
         wall = self.dice.choice(
             ("side: inside, gap: 4cm", f"normal: {place().replace('cm', '')}, gap: -1cm")
         )

@@ -220,7 +220,8 @@ impl Network {
 
     /// Springs between `count` pairs of points in space that follow one another; an end is (first coordinate, stride).
     /// Beyond the force `yields` [N] their rest length follows, and `breaks` [m] longer than it was they break.
-    #[pyo3(signature = (name, a, b, *, axes, rest, count=1, K=0.0, Z=0.0, yields=None, breaks=None))]
+    /// Beyond the distance `core` [m] their force falls as that of masses that attract each other.
+    #[pyo3(signature = (name, a, b, *, axes, rest, count=1, K=0.0, Z=0.0, yields=None, breaks=None, core=None))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn space_ref(
         &mut self,
@@ -234,10 +235,15 @@ impl Network {
         Z: f64,
         yields: Option<f64>,
         breaks: Option<f64>,
+        core: Option<f64>,
     ) -> PyResult<usize> {
         let links = SpaceLinks { count, axes };
-        let law = match (yields, breaks) {
-            (None, None) => SpaceLaw::Spring,
+        let law = match (core, yields, breaks) {
+            (Some(core), None, None) => SpaceLaw::Attraction { core },
+            (Some(_), ..) => {
+                return Err(refused(name, "an attraction neither yields nor breaks"));
+            }
+            (None, None, None) => SpaceLaw::Spring,
             _ => SpaceLaw::Yielding {
                 yields: yields.unwrap_or(f64::INFINITY),
                 breaks: breaks.unwrap_or(f64::INFINITY),

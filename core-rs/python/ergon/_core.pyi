@@ -490,13 +490,15 @@ class Network:
         Z: float = 0.0,
         yields: float | None = None,
         breaks: float | None = None,
+        core: float | None = None,
     ) -> int:
         """Springs K [N/m] and dampers Z [N·s/m] along the distance of points; the first LIA's index.
 
         They join `count` pairs of points that follow one another, have no force at a distance of
         `rest` [m], and begin with the ends a and b, each (first MAT, stride). Beyond the force
         `yields` [N] the rest length follows; `breaks` [m] longer than `rest` a link breaks for
-        good. Raises EngineError.
+        good. Beyond `core` [m] the force falls as that of masses that attract each other; such
+        links neither yield nor break. Raises EngineError.
         """
     def space_but(
         self,

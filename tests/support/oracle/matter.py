@@ -12,7 +12,7 @@ class Link:
     """Between two points: K·(distance - rest) + Z·rate; a contact only while that is below 0.
 
     With `normal` the first end is a plane; with `inside` a contact holds the second end in a
-    sphere around the first.
+    sphere around the first. With `core` the spring falls off as Plummer's attraction does.
     """
 
     a: int
@@ -24,6 +24,7 @@ class Link:
     exponent: float = 1.0
     normal: tuple[float, ...] | None = None
     inside: bool = False
+    core: float = np.inf
 
 
 def forces(
@@ -46,7 +47,7 @@ def forces(
         if link.is_contact:
             pull = -link.K * (-e) ** link.exponent + link.Z * rate if e < 0.0 else 0.0
         else:
-            pull = link.K * e + link.Z * rate
+            pull = link.K * e * (1.0 + (e / link.core) ** 2) ** -1.5 + link.Z * rate
         f[link.a] += pull * along
         f[link.b] -= pull * along
     return f

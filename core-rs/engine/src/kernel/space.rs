@@ -83,7 +83,7 @@ pub(super) fn forces(
     }
     match link.law {
         SpaceLaw::Spring => springs([run.k, run.z], e, step, f),
-        law @ (SpaceLaw::Contact { .. } | SpaceLaw::Yielding { .. }) => {
+        law => {
             for ((f, &e), &step) in f.iter_mut().zip(&*e).zip(&*step) {
                 *f = law.force([run.k, run.z], e, step);
             }

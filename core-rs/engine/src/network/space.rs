@@ -24,6 +24,12 @@ pub enum SpaceLaw {
         /// How much longer than `rest` it breaks [m], whatever it has yielded.
         breaks: f64,
     },
+    /// A mass that attracts by K·ℓ/(1 + (ℓ/core)²)^1.5 at distance − rest ℓ: a spring near by, and far away as 1/ℓ²
+    /// (Plummer 1911).
+    Attraction {
+        /// Distance [m] beyond which the force falls.
+        core: f64,
+    },
     /// A contact, closed where the distance is below `rest`: it pushes by K·p^exponent + Z·dp/dt, p the depth.
     Contact {
         /// Power of the depth, from 1 on.
@@ -113,6 +119,10 @@ impl SpaceLaw {
             // One that is broken is endlessly too short.
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => k * e,
+            Self::Attraction { core } => {
+                let far = 1.0 + (e / core) * (e / core);
+                k * e / (far * far.sqrt())
+            }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => -k * power_law(-e, exponent),
         }
@@ -123,6 +133,7 @@ impl SpaceLaw {
         match self {
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => k * e + z * step,
+            Self::Attraction { .. } => self.elastic(k, e) + z * step,
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { clamp, .. } => {
                 let pull = self.elastic(k, e) + z * step;
@@ -136,6 +147,11 @@ impl SpaceLaw {
         match self {
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => 0.5 * k * e * e,
+            // Of k·core²·(1 − 1/√far), without the difference of numbers that are nearly the same.
+            Self::Attraction { core } => {
+                let far = 1.0 + (e / core) * (e / core);
+                k * e * e / (far + far.sqrt())
+            }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => k * power_law(-e, exponent + 1.0) / (exponent + 1.0),
         }
@@ -235,6 +251,18 @@ impl LinkKind {
             Self::Space(space) => space.law.yields(),
             _ => false,
         }
+    }
+
+    /// Whether it is seen between its ends: neither a contact nor an attraction.
+    pub fn is_drawn(&self) -> bool {
+        let attracts = matches!(
+            self,
+            Self::Space(SpaceLink {
+                law: SpaceLaw::Attraction { .. },
+                ..
+            })
+        );
+        !attracts && !self.is_contact()
     }
 
     /// Whether it acts only while its ends meet.
@@ -378,6 +406,11 @@ impl Network {
                 name,
                 "the force at which a link yields, and the length at which it breaks, are above 0",
             ));
+        }
+        if let SpaceLaw::Attraction { core } = law
+            && !(core > 0.0 && core.is_finite())
+        {
+            return Err(self.refused(name, "the core of an attraction must be above 0"));
         }
         if let SpaceLaw::Contact { exponent, .. } = law
             && !(1.0..=8.0).contains(&exponent)

@@ -79,9 +79,11 @@ fn weight(run: &Run, c: f64) -> f64 {
 
 fn space_weight(law: SpaceLaw, run: &Run, c: f64) -> f64 {
     match law {
-        SpaceLaw::Spring | SpaceLaw::Yielding { .. } | SpaceLaw::Contact { exponent: 1.0, .. } => {
-            run.k + c * run.z
-        }
+        // An attraction is stiffest where its ends are at one place, along it and across.
+        SpaceLaw::Spring
+        | SpaceLaw::Yielding { .. }
+        | SpaceLaw::Attraction { .. }
+        | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
         SpaceLaw::Contact { .. } => c * run.z,
     }
 }

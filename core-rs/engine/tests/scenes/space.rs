@@ -255,7 +255,11 @@ fn tangle(seed: u64) -> (Network, Timeline, Vec<f64>) {
                     let law = SpaceLaw::Contact { exponent, clamp };
                     link(&mut network, ends, law, [2e3, 0.02, 0.6 * rest])
                 }
-                _ => continue,
+                _ => {
+                    let core = draw(0.01, 0.05);
+                    let numbers = [draw(20.0, 200.0), 0.0, 0.0];
+                    link(&mut network, ends, SpaceLaw::Attraction { core }, numbers)
+                }
             };
         }
     }
@@ -335,13 +339,12 @@ fn a_free_tangle_keeps_its_momenta() {
         .collect();
     for i in 0..4 {
         for j in 0..i {
-            let numbers = [800.0, 0.03, 0.04];
-            link(
-                &mut network,
-                (points[i], points[j]),
-                SpaceLaw::Spring,
-                numbers,
-            );
+            let (law, numbers) = if j == 0 {
+                (SpaceLaw::Attraction { core: 0.02 }, [800.0, 0.0, 0.0])
+            } else {
+                (SpaceLaw::Spring, [800.0, 0.03, 0.04])
+            };
+            link(&mut network, (points[i], points[j]), law, numbers);
         }
     }
     let timeline = Timeline::new(Rate::new(RATE).unwrap());

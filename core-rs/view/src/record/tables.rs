@@ -46,14 +46,14 @@ fn points(look: &Look, setup: &Setup) -> Bytes {
     table
 }
 
-/// Springs, by the points of their ends. Contacts are in the manifest.
+/// Springs, by the points of their ends. Contacts are in the manifest, and nothing is between masses that attract each other.
 fn links(look: &Look, network: &Network) -> Bytes {
     let mut by_mat = vec![None; network.n_mat()];
     for (at, point) in look.points.iter().enumerate() {
         by_mat[point.mat] = Some(at as u32);
     }
     let springs = network.runs().iter();
-    let springs = springs.filter(|run| !run.kind.is_contact());
+    let springs = springs.filter(|run| run.kind.is_drawn());
     let pairs: Vec<(u32, u32)> = springs
         .flat_map(|run| (0..run.len).flat_map(move |i| run.pairs(i)))
         .filter_map(|(a, b)| Some((by_mat[a]?, by_mat[b]?)))
