@@ -42,12 +42,13 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "bow-and-breath": 37.0,
     "bloom": 14.38,
     "near-and-far": 33.14,
+    "one-rope": 39.08,
     "night-piece": 178.15,
     "procession": 176.97,
     "feathers": 240.0,
     "feathers-small": 240.0,
 }
-LIVE = [SCORES / f"{name}.yaml" for name in ("duet", "fader", "feathers", "feathers-small")]
+LIVE = [SCORES / f"{name}.yaml" for name in ("duet", "fader", "one-rope", "feathers", "feathers-small")]
 # `make test` renders these, `make test-long` all.
 SHORT = {"strokes", "bloom", "one-gesture"}
 HEARD = {  # how many seconds are rendered here; others wholly
@@ -63,6 +64,7 @@ HEARD = {  # how many seconds are rendered here; others wholly
     "bow-and-breath": 2.0,
     "bloom": 0.7,
     "near-and-far": 2.0,
+    "one-rope": 1.0,
     "night-piece": 6.0,
     "procession": 1.0,
     "feathers": 0.5,
