@@ -24,6 +24,8 @@ pub use parts::{Run, runs};
 
 /// What is written is told so long before it strikes [s].
 const AHEAD: f64 = 1.0;
+/// What struck before the first look is told so long after it [s]: a live page goes back no further.
+const BACK: f64 = 5.0;
 
 /// What is recorded beside what moves.
 #[derive(Clone, Debug)]
@@ -74,8 +76,12 @@ pub struct Recorder {
     /// Points by MAT.
     points: HashMap<usize, usize>,
     frame: u64,
+    /// Where the simulation was when it began to be seen [s]: what its score wrote before did not strike in it.
+    since: f64,
     last: f64,
     told: usize,
+    /// Strikes that nobody knew beforehand and that no look has told: instant [s], point of the file, impulse [N·s].
+    struck: Vec<(f64, u32, f64)>,
     squares: Vec<f64>,
     heard: u64,
     segment: Segment,
@@ -118,8 +124,10 @@ impl Recorder {
             points,
             rate: simulation.rate(),
             frame: 0,
+            since: simulation.frame() as f64 / simulation.rate(),
             last: 0.0,
             told: 0,
+            struck: Vec::new(),
             squares: vec![0.0; setup.n_speakers],
             heard: 0,
             segment: Segment::default(),
@@ -162,8 +170,9 @@ impl Recorder {
         if self.frame == 0 {
             // What is looked at later than from its beginning on has a past.
             self.last = (now - 1.0 / self.setup.fps).max(0.0);
-            let last = self.last;
-            self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < last);
+            // An instant lies within the frame that its strike acts in.
+            let since = (self.since - 0.5 / self.rate).max(now - BACK);
+            self.told = (self.setup.ergons).partition_point(|ergon| ergon.time < since);
         }
         self.fly(&glance.tracks, now, is_first);
         self.touch(&glance.pushes);
@@ -173,6 +182,7 @@ impl Recorder {
         }
         self.sample(&glance.tracks);
         self.foretell(now);
+        self.tell_struck(now);
         self.hands(glance, now);
         self.levels(now);
         self.last = now;
@@ -257,7 +267,7 @@ impl Recorder {
         self.segment.count += 1;
     }
 
-    /// What will strike within a second.
+    /// What will strike within a second, and what has struck before the first look.
     fn foretell(&mut self, now: f64) {
         while let Some(ergon) = self.setup.ergons.get(self.told).copied() {
             if ergon.time >= now + AHEAD {
@@ -279,16 +289,23 @@ impl Recorder {
     /// A strike that nobody knew beforehand was done at `seconds`. What is seen next tells it; its speed is not known.
     pub fn struck(&mut self, seconds: f64, point: u32, impulse: f64) {
         let mat = self.setup.strike_points.get(&point);
-        let Some(&at) = mat.and_then(|mat| self.points.get(mat)) else {
-            return;
-        };
-        let last = self.last;
-        let to = self.event(last, kind::ERGONS);
-        to.f32(seconds - last);
-        to.u32(at as u32);
-        to.f32(impulse);
-        to.f32(f64::NAN);
-        to.u32(u32::MAX);
+        if let Some(&at) = mat.and_then(|mat| self.points.get(mat)) {
+            self.struck.push((seconds, at as u32, impulse));
+        }
+    }
+
+    fn tell_struck(&mut self, now: f64) {
+        for (seconds, point, impulse) in std::mem::take(&mut self.struck) {
+            if seconds < now - BACK {
+                continue;
+            }
+            let to = self.event(now, kind::ERGONS);
+            to.f32(seconds - now);
+            to.u32(point);
+            to.f32(impulse);
+            to.f32(f64::NAN);
+            to.u32(u32::MAX);
+        }
     }
 
     fn hands(&mut self, glance: &Glance, now: f64) {

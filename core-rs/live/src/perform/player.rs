@@ -22,6 +22,7 @@ use super::guidance::GuidanceState;
 use super::hand::Mover;
 use super::scale::Scale;
 use super::status::{Event, EventKind, Status};
+use super::window::Strikes;
 use super::{Command, Garbage, Hand, HandLimit, Slot, Stage, Window};
 use crate::audio::{Feed, Shared, Tap};
 use crate::recording::{self, RowSink};
@@ -63,6 +64,8 @@ pub(super) struct Player {
     /// What pages see, and what they will see once its simulation plays.
     window: Option<Box<Window>>,
     next_window: Option<Box<Window>>,
+    /// What a window is to tell of strikes.
+    struck: Strikes,
     /// Strikes of this tick: ticket, point, impulse [N·s].
     strikes: Vec<(u64, u32, f64)>,
     clock: Clock,
@@ -154,6 +157,7 @@ impl Player {
             has_positions: false,
             waiting: Vec::with_capacity(SCHEDULED_MAX),
             strikes: Vec::with_capacity(STRIKES_MAX),
+            struck: Strikes::new(),
             tap: None,
             window: None,
             next_window: None,
@@ -291,7 +295,8 @@ impl Player {
             }
         }
         if let Some(window) = &mut self.window {
-            window.look(&mut self.stage.simulation, self.status.dropped);
+            let simulation = &mut self.stage.simulation;
+            window.look(simulation, &mut self.struck, self.status.dropped);
         }
     }
 
@@ -300,8 +305,8 @@ impl Player {
         for at in 0..self.strikes.len() {
             let (ticket, point, impulse) = self.strikes[at];
             let is_struck = self.stage.simulation.strike(point, impulse);
-            if let Some(window) = self.window.as_mut().filter(|_| is_struck) {
-                window.strike(self.stage.simulation.frame(), point, impulse);
+            if is_struck && self.stage.is_seen {
+                (self.struck).add(self.stage.simulation.frame(), point, impulse);
             }
             self.tell(if is_struck {
                 EventKind::Struck(ticket)

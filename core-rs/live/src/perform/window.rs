@@ -19,7 +19,7 @@ pub use ear::Ear;
 pub(super) use showing::Relay;
 pub use showing::Showing;
 
-/// Strikes by hand and by MIDI that a picture tells; of more at once the rest is heard and not seen.
+/// Strikes by hand and by MIDI that a picture tells; of more at once the first are heard and not seen.
 const STRIKES_MAX: usize = 256;
 
 /// A strike that nobody knew beforehand.
@@ -29,6 +29,27 @@ struct Strike {
     point: u32,
     /// [N·s]
     impulse: f64,
+}
+
+/// Strikes that no picture has told yet. They outlast a window: those since its last picture are in the first of the next one.
+pub(super) struct Strikes(Vec<Strike>);
+
+impl Strikes {
+    pub(super) fn new() -> Self {
+        Self(Vec::with_capacity(STRIKES_MAX))
+    }
+
+    /// Add one that was done at a frame.
+    pub(super) fn add(&mut self, frame: u64, point: u32, impulse: f64) {
+        if self.0.len() == STRIKES_MAX {
+            self.0.remove(0);
+        }
+        self.0.push(Strike {
+            frame,
+            point,
+            impulse,
+        });
+    }
 }
 
 /// What the physics thread leaves for pages.
@@ -52,8 +73,6 @@ pub struct Window {
     pace: f64,
     /// Number of the last video frame that was looked at.
     last: Option<u64>,
-    strikes: Vec<Strike>,
-    n_strikes: usize,
     squares: Vec<f64>,
     heard: u64,
     pictures: Input<Picture>,
@@ -89,8 +108,6 @@ pub fn window(
     let window = Window {
         pace: setup.fps / simulation.rate(),
         last: None,
-        strikes: picture.strikes,
-        n_strikes: 0,
         squares: picture.squares,
         heard: 0,
         pictures: to_pictures,
@@ -115,25 +132,19 @@ impl Window {
         }
     }
 
-    /// Take a strike that was done at a frame; the next picture tells it.
-    pub(super) fn strike(&mut self, frame: u64, point: u32, impulse: f64) {
-        if let Some(next) = self.strikes.get_mut(self.n_strikes) {
-            *next = Strike {
-                frame,
-                point,
-                impulse,
-            };
-            self.n_strikes += 1;
-        }
-    }
-
     /// Whether it is a window on this simulation.
     pub(super) fn is_of(&self, simulation: &Simulation) -> bool {
         self.look.is_of(simulation)
     }
 
-    /// Look where a video frame has begun since the last time. Of another simulation than its own it shows nothing.
-    pub(super) fn look(&mut self, simulation: &mut Simulation, dropped: u64) {
+    /// Look where a video frame has begun since the last time, and take the strikes. Of another simulation than its own it shows
+    /// nothing.
+    pub(super) fn look(
+        &mut self,
+        simulation: &mut Simulation,
+        strikes: &mut Strikes,
+        dropped: u64,
+    ) {
         let now = (simulation.frame() as f64 * self.pace) as u64;
         if self.last == Some(now) || !self.is_of(simulation) {
             return;
@@ -145,8 +156,9 @@ impl Window {
         }
         let picture = self.pictures.input_buffer_mut();
         simulation.glance(&self.look, &mut picture.glance);
-        std::mem::swap(&mut picture.strikes, &mut self.strikes);
-        picture.n_strikes = std::mem::take(&mut self.n_strikes);
+        picture.n_strikes = strikes.0.len();
+        picture.strikes[..strikes.0.len()].copy_from_slice(&strikes.0);
+        strikes.0.clear();
         std::mem::swap(&mut picture.squares, &mut self.squares);
         self.squares.fill(0.0);
         picture.heard = std::mem::take(&mut self.heard);

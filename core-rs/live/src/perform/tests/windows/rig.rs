@@ -1,5 +1,7 @@
 //! A scene, a window on it, and a performance whose ticks and pages go on by hand.
 
+use ergon_engine::simulation::Look;
+
 use super::*;
 
 pub(super) const FPS: f64 = 60.0;
@@ -193,4 +195,29 @@ pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
         bytes = &bytes[n..];
     }
     all
+}
+
+/// Ergons that chunks tell, by rising instant: [s], MAT, impulse [N·s].
+pub(super) fn ergons(bytes: &[u8], look: &Look) -> Vec<(f64, usize, f64)> {
+    let word = |own: &[u8], at: usize| <[u8; 4]>::try_from(&own[at..at + 4]).unwrap();
+    let mut told = Vec::new();
+    for (_, t, payload) in (chunks(bytes).iter()).filter(|one| one.0 == kind::ERGONS) {
+        for own in payload.chunks(20) {
+            let number = |at| f64::from(f32::from_le_bytes(word(own, at)));
+            let point = u32::from_le_bytes(word(own, 4)) as usize;
+            told.push((t + number(0), look.points[point].mat, number(8)));
+        }
+    }
+    told.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    told
+}
+
+/// Instants are those of the strikes to a hundredth of a frame.
+pub(super) fn assert_ergons(told: &[(f64, usize, f64)], wanted: &[(f64, usize, f64)]) {
+    assert_eq!(told.len(), wanted.len(), "{told:?}, {wanted:?}");
+    for (own, wanted) in told.iter().zip(wanted) {
+        assert!((own.0 - wanted.0).abs() < 1e-7, "{own:?}, {wanted:?}");
+        assert_eq!(own.1, wanted.1);
+        assert!((own.2 / wanted.2 - 1.0).abs() < 1e-6, "{own:?}, {wanted:?}");
+    }
 }
