@@ -1,10 +1,10 @@
-"""Parts of a score for other programs: tables of modes, programs of Faust."""
+"""Parts of a score for other programs: tables of modes, programs of Faust, models of mi-gen."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon.instruments.model import Target
-    from ergon.models.network import Part
+    from ergon.models.network import Part, Stepped
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
@@ -91,6 +91,33 @@ def faust_programs(
     out. Raises ScoreError, OptionError, and ModelError with the places of what is not written.
     """
     from ergon.models.faust_program import program
+    from ergon.models.network import MOST
+
+    return _programs(score, options, report, program, most=MOST, laws=False)
+
+
+def mi_gen_models(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """Parts of a score as models of mi-gen (v2); without `parts` one model, of all parts together.
+
+    Inputs are those of a program of Faust; an output hears one point, or the links of one point.
+    Raises ScoreError, OptionError, and ModelError with the places of what the format cannot say.
+    """
+    from ergon.models.mi_gen import MOST, model
+
+    return _programs(score, options, report, model, most=MOST, laws=True)
+
+
+def _programs(
+    score: str | Path,
+    options: ExportOptions | None,
+    report: Report | None,
+    program: Callable[[Stepped, str], str],
+    *,
+    most: int,
+    laws: bool,
+) -> tuple[ExportedPart, ...]:
     from ergon.models.network import stepped
 
     options = options or ExportOptions()
@@ -102,7 +129,7 @@ def faust_programs(
     made = []
     for name, own in wholes:
         parts, struck = _parts(piece, own), _struck(piece, own)
-        network = stepped(parts, struck, piece.rate)
+        network = stepped(parts, struck, piece.rate, most=most, laws=laws)
         warnings = tuple(f"{one} is left out" for one in network.left_out)
         made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
     return tuple(made)

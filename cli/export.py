@@ -11,7 +11,7 @@ import click
 
 from ergon.api import score
 from ergon.api.errors import OptionError
-from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mode_tables
+from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mi_gen_models, mode_tables
 from ergon.api.options import ReadOptions
 
 from . import options
@@ -28,12 +28,14 @@ if TYPE_CHECKING:
 FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
     "modal": mode_tables,
     "faust": faust_programs,
+    "mdl": mi_gen_models,
 }
-_ENDINGS = {"modal": ".csv", "faust": ".dsp"}
+_ENDINGS = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl"}
 _OPTIONS = {
     "daw": ("--no-stems", "--bits"),
     "modal": ("PART", "--upto"),
     "faust": ("PART",),
+    "mdl": ("PART",),
 }
 _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
@@ -46,7 +48,8 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
     type=click.Choice(["daw", *FORMATS]),
     default="daw",
     show_default=True,
-    help="What the files are for: a workstation, tables of modes (CSV), programs of Faust.",
+    help="What the files are for: a workstation, tables of modes (CSV), programs of Faust, "
+    "models of mi-gen.",
 )
 @click.option(
     "-o",
@@ -88,6 +91,9 @@ def export(
 
     faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers and contacts,
     stepped sample by sample.
+
+    mdl: SCORE.mdl, or PART.mdl of each part that is named: a model of mi-gen, which `ergon import`
+    reads.
     """
     given = {"PART": parts or None, "--no-stems": stems, "--bits": bits, "--upto": upto}
     for name, value in given.items():

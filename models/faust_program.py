@@ -30,7 +30,7 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     yield f"// {_plain(title)}, made by ergon: a network that is stepped sample by sample."
     yield f"// Its numbers hold at {network.rate!r} Hz alone. Compile it with -double."
     for kind, words in (
-        ("input", network.inputs),
+        ("input", [one.name for one in network.inputs]),
         ("output", [one.name for one in network.outputs]),
     ):
         yield from (f"// {kind} {number}: {_plain(word)}" for number, word in enumerate(words, 1))
@@ -67,6 +67,7 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
         if _moves(point):
             terms = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
             terms += [f"+ {inputs[one]}" for one in point.forces]
+            terms += [f"+ W_{word}"] if point.weight else []
             yield f"  y_{word} = {_step(word, point, terms)};"
     yield "};"
 
@@ -80,6 +81,8 @@ def _constants(word: str, point: Point) -> Iterator[str]:
     yield f"X0_{word} = {_number(point.x0)}; // [m] where it starts"
     if _moves(point):
         yield f"D0_{word} = {_number(point.d0)}; // [m] its step before it starts"
+        if point.weight:
+            yield f"W_{word} = {_number(point.weight)}; // [N] a force that never changes"
         yield f"G_{word} = {_number(point.gain)}; // [m/N] step for a force"
         if point.kappa or point.zeta:
             yield f"K_{word} = {_number(point.kappa)}; // of its way from its rest, in a step"

@@ -21,7 +21,7 @@ title: Networks
 instruments:
   wire: {modules: {s: {STRING: {masses: 12, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.centre}}
   sheet:
-    modules: {p: {PLATE: {radius: 2, M: 50g, f: 300Hz, t60: 1s, rim: fixed}}}
+    modules: {p: {PLATE: {radius: 2, M: 50g, f: 300Hz, t60: 1s, rim: fixed, X0: 0.2mm, V0: 0.1m/s}}}
     out: {SOX: p.centre}
   sky: {modules: {b: {BANK: {count: 9, M: 2g, f: 200Hz..900Hz, t60: 1s}}}, out: {SOX: b.all}}
   mesh:
@@ -40,6 +40,7 @@ instruments:
       hammer: {CEL: {M: 20g, f: 1Hz, t60: 0.6s, X0: -2mm, V0: 1m/s}}
       p: {CEL: {M: 1kg, f: 880Hz, t60: 3s, X0: 0.1mm, rest: 0.2mm}}
       slow: {CEL: {M: 1kg, K: 1N/m, Z: 9Ns/m, X0: 1mm}}
+      fall: {ENF: {to: slow, from: -2N}}
       hit: {BUT: {between: [hammer, p], K: 1e5N/m, gap: 1mm, exponent: 1.5, Z: 2Ns/m}}
       up: {BUT: {between: [slow, p], K: 1e4N/m, gap: 0.3mm, side: above, clamp: true}}
       tie: {REF: {between: [slow, p], K: 3e3N/m, Z: 0.1Ns/m, rest: 1mm}}
@@ -130,7 +131,7 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
     ("old", "new", "line", "says"),
     [
         ("t60: 2s}}", "t60: 2s, hardening: 1e6N/m3}}", 4, "a STRING that hardens"),
-        ("t60: 2s}}", "t60: 2s, X0: 1mm}}", 4, "a STRING that starts elsewhere"),
+        ("t60: 2s}}", "t60: 2s, X0: {at: 3, x: 1mm}}}", 4, "members that start elsewhere"),
         ("count: 9", "count: 2000", 8, "2,000 masses, and at most 200"),
         (
             "{RES: {between: [n, g], K: 0.2}}",
@@ -139,7 +140,7 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
             "mesh.k: LNL",
         ),
         ("\n    out: {SOX: m}", "", 13, "nothing of mesh is heard"),
-        ("gap: 1mm, ", "gap: 1mm, contact: exact, ", 25, "a contact that is exact"),
+        ("gap: 1mm, ", "gap: 1mm, contact: exact, ", 26, "a contact that is exact"),
     ],
 )
 def test_what_is_not_written(
@@ -159,7 +160,7 @@ def test_what_is_not_written(
 
 def test_all_that_is_not_written_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(
-        SCORE.replace("t60: 2s", "t60: 2s, X0: 1mm").replace("count: 9", "count: 2000")
+        SCORE.replace("t60: 2s", "t60: 2s, hardening: 1e6N/m3").replace("count: 9", "count: 2000")
     )
     assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
     err = capsys.readouterr().err
