@@ -74,7 +74,7 @@ def mode_tables(
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         all_modes = [modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in names]
-        tables = [(one, {**one.points, **_touched(piece, built, one)}) for one in all_modes]
+        tables = [(one, {**one.points, **touched(piece, built, one)}) for one in all_modes]
     return tuple(
         _table(one, points, ca_rates.get(one.part)) for one, points in tables if one.masses
     )
@@ -176,7 +176,7 @@ def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
     return [target for target in found if target.part in names]
 
 
-def _touched(
+def touched(
     piece: Piece, built: BuiltNetwork, found: PartModes
 ) -> Mapping[str, NDArray[np.complex128]]:
     """How much each mode moves at the ends of the part's own contacts and laws: its hammers."""
@@ -200,26 +200,16 @@ def _table(
     import numpy as np
 
     swings = found.poles.imag > 0.0
-    warnings = []
-    if left_out := int(np.count_nonzero(~swings)):
-        noun = "mode that does" if left_out == 1 else "modes that do"
-        warnings.append(f"{left_out} {noun} not oscillate left out")
-    if found.n_laws:
-        warnings.append("laws of its links were taken at their slope at rest")
-    if found.n_contacts:
-        warnings.append("its contacts counted as open")
-    if not found.is_certified:
-        warnings.append("modes may be missing, for the search ended before all were known")
     poles = found.poles[swings]
     columns: dict[str, NDArray[np.float64]] = {
         "frequency [Hz]": found.frequencies[swings],
         "T60 [s]": found.t60[swings],
         "decay [1/s]": 0.0 - poles.real,
     }
-    swing = _swing(poles, ca_rate)
+    per_second = swing(poles, ca_rate)
     points = {label: moves[swings] for label, moves in at.items()}
     for struck, heard in _ways(points):
-        gain = points[struck] * points[heard] / swing
+        gain = points[struck] * points[heard] / per_second
         columns[f"amplitude {struck} to {heard} [m/Ns]"] = np.abs(gain)
         columns[f"phase {struck} to {heard} [rad]"] = np.angle(gain)
     text = io.StringIO()
@@ -228,10 +218,28 @@ def _table(
     rows.writerow(("mode", *columns))
     values = zip(*(column.tolist() for column in columns.values()), strict=True)
     rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
-    return ExportedPart(found.part, text.getvalue(), tuple(warnings), found.inputs)
+    return ExportedPart(found.part, text.getvalue(), tuple(left_out(found)), found.inputs)
 
 
-def _swing(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
+def left_out(found: PartModes) -> list[str]:
+    """What a bank of modes leaves out, in sentences."""
+    import numpy as np
+
+    swings = found.poles.imag > 0.0
+    warnings = []
+    if n_out := int(np.count_nonzero(~swings)):
+        noun = "mode that does" if n_out == 1 else "modes that do"
+        warnings.append(f"{n_out} {noun} not oscillate left out")
+    if found.n_laws:
+        warnings.append("laws of its links were taken at their slope at rest")
+    if found.n_contacts:
+        warnings.append("its contacts counted as open")
+    if not found.is_certified:
+        warnings.append("modes may be missing, for the search ended before all were known")
+    return warnings
+
+
+def swing(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
     """By what the product of two shapes is divided, for the answer to one newton-second [1/s]."""
     import numpy as np
 
