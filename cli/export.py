@@ -93,7 +93,7 @@ def export(
     each.
 
     faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers and contacts,
-    stepped sample by sample.
+    stepped sample by sample; of a part with a MODES a resonator for each mode.
 
     mdl: SCORE.mdl, or PART.mdl of each part that is named: a model of mi-gen, which `ergon import`
     reads.

@@ -2,44 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
+from ergon.models.bank import UNITS, Bank
 from ergon.models.derivative import weights
 
-UNITS = ("m", "m/s", "m/s^2")
 MODES_FROM, OUTPUT = 100, 9_999  # numbers of instruments; those of lower numbers come first
-
-
-@dataclass(frozen=True, slots=True)
-class Way:
-    """From a point that is struck to an output: so many modes, each with four numbers.
-
-    `rows` hold the damped frequency [Hz], the decay [1/s], and of an impulse of 1 N·s the amplitude
-    [m] and phase [rad].
-    """
-
-    struck: int
-    heard: int
-    rows: Sequence[tuple[float, float, float, float]]
-
-
-@dataclass(frozen=True, slots=True)
-class Bank:
-    """A part by its modes: points that are struck, outputs, and ways between them.
-
-    Each output is differentiated so many times. `strikes` are those of each point: instant [s] and
-    impulse [N·s]. `full` is the size of each output that is full scale.
-    """
-
-    name: str
-    rate: float
-    seconds: float
-    struck: Sequence[str]
-    strikes: Sequence[Sequence[tuple[float, float]]]
-    heard: Sequence[tuple[str, int]]
-    full: Sequence[float]
-    ways: Sequence[Way]
 
 
 def orchestra(bank: Bank) -> str:

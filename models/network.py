@@ -217,7 +217,8 @@ class _Builder:
         fields, where = module.fields, (part.name, module.name)
         self.at[where] = []
         if module.kind == "MODES":
-            self._refuse(module.place, f"{name}: MODES is no network of masses; use --to modal")
+            why = f"{name}: MODES is a bank of resonators, and no network of masses"
+            self._refuse(module.place, f"{why}; name {part.name} for a Faust program of its own")
             return
         starts = {one: fields.get(one) or 0.0 for one in ("X0", "V0")}
         if not all(isinstance(value, float) for value in starts.values()):

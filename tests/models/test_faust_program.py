@@ -9,7 +9,7 @@ from faust_built import heard, needs_faust
 from oracle import mims
 from planned_sound import off_db, played
 
-from ergon.api.export import faust_programs
+from ergon.api.export import ExportOptions, faust_programs
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 
@@ -166,3 +166,45 @@ def test_all_that_is_not_written_is_told(capsys: pytest.CaptureFixture[str]) -> 
     err = capsys.readouterr().err
     assert "s.yaml:4: wire.s" in err
     assert "s.yaml:8: sky.b" in err
+
+
+BELL = """\
+ergon: 1
+instruments:
+  bell:
+    modules:
+      b: {MODES: {M: 30g, f: [440Hz, 921Hz, 1500Hz], t60: [3s, 2s, 1s],
+          places: {rim: [1, 0.4, 0.7], crown: [-0.4, 1, 0.2]}}}
+    out: {a: {SOX: b.crown}, b: {SOX: [b.rim, b.crown]}, c: {SOV: b.crown}, d: {SOA: b.rim}}
+  wire: {modules: {s: {STRING: {masses: 12, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.centre}}
+strikes:
+  a: {to: [bell.b.rim], at: 0s, impulse: 2mNs}
+  b: {to: [bell.b.crown], at: 0s, impulse: 1mNs}
+render: {tail: 0.3s}
+"""
+
+
+@needs_faust
+def test_a_body_of_known_modes_is_a_bank_of_resonators() -> None:
+    Path("s.yaml").write_text(BELL)
+    exact = played(BELL, method="modal")[:, :4]
+    bell, wire = faust_programs("s.yaml", ExportOptions(parts=("bell", "wire")))
+    assert (bell.part, wire.part) == ("bell", "wire")
+    assert "// input 1: force on bell.b.0 [N]\n// input 2: force on bell.b.1 [N]\n" in bell.text
+    assert "// output 3: out c [m/s]" in bell.text
+    Path("b.dsp").write_text(bell.text)
+    fed = np.zeros((len(exact), 2))
+    fed[0] = 2e-3 * RATE, 1e-3 * RATE
+    assert off_db(heard(Path("b.dsp"), fed, RATE), exact) < -200
+    # At another rate it is the same body.
+    fed = np.zeros((round(0.3 * 88_200), 2))
+    fed[0] = 2e-3 * 88_200, 1e-3 * 88_200
+    assert off_db(heard(Path("b.dsp"), fed, 88_200)[::2, :2], exact[:, :2]) < -200
+
+
+def test_modes_are_written_where_their_part_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("s.yaml").write_text(BELL)
+    assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
+    assert "s.yaml:5: bell.b: MODES is a bank of resonators" in capsys.readouterr().err
+    assert app.run(["export", "s.yaml", "belt", "--to", "faust", "-o", "d"]) == 2
+    assert "did you mean 'bell'?" in capsys.readouterr().err
