@@ -25,6 +25,12 @@ _LEAST = 1e-12  # of the largest amplitude: less is no sound, but rounding
 _LEVEL = 0.1  # of full scale, of what is at the reference level
 
 
+def is_heard(piece: Piece, part: str) -> bool:
+    """Whether a part is an instrument with an output of positions, speeds or accelerations."""
+    instrument = piece.instruments.get(part)
+    return instrument is not None and any(one.is_movement for one in instrument.outputs)
+
+
 def bank_of(piece: Piece, ready: Ready, found: PartModes) -> Bank:
     """A part as resonators. Raises OptionError for too many, or where nothing is heard."""
     from ergon.models.bank import Bank
@@ -40,7 +46,8 @@ def bank_of(piece: Piece, ready: Ready, found: PartModes) -> Bank:
     inputs = _inputs(piece, ready, found)
     ca_rate = instrument.ca_rate if instrument else None
     if len(inputs) > _POINTS:
-        why = f"{found.part} is struck at {len(inputs):,} points, and at most {_POINTS} are written"
+        why = f"{found.part} is struck at {len(inputs):,} points, and at most {_POINTS} are "
+        why += "written; name other PARTs"
         raise OptionError("parts", why)
     ways: list[Way] = []
     for struck, (_, moves, _) in enumerate(inputs):

@@ -7,6 +7,7 @@ from pathlib import Path
 from ergon.common.report import Report
 
 from . import score as scores
+from .banks import is_heard
 from .export import HIGHEST, ExportedPart, ExportOptions, banks_of
 from .parts import hertz, named
 
@@ -18,7 +19,8 @@ def csound_orchestras(
 
     A resonator for each mode goes from each point that is struck or touched to each output of
     positions, speeds or accelerations; the score of the file has the strikes of the piece, each on
-    the nearest sample. Modes are those of `mode_tables`. Raises ScoreError and OptionError.
+    the nearest sample. Without `parts` those are written of which a movement is heard. Modes are
+    those of `mode_tables`. Raises ScoreError and OptionError.
     """
     from ergon.models.csound import orchestra
 
@@ -28,4 +30,6 @@ def csound_orchestras(
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     with scores.staging(lambda: loaded, report):
         names = named(piece, options.parts)
-        return banks_of(piece, loaded.inputs, names, upto, orchestra, report)
+        heard = [name for name in names if options.parts or is_heard(piece, name)]
+        # Where nothing is heard the first part is refused.
+        return banks_of(piece, loaded.inputs, heard or names, upto, orchestra, report)
