@@ -171,6 +171,12 @@ class _Builder:
 
     def made(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
         for part in parts:
+            if part.ca_rate not in (None, self.to.rate):
+                why = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
+                self._refuse(
+                    part.modules[0].place,
+                    f"{part.name}: {why} {self.to.rate:,g} Hz; write the same",
+                )
             for module in part.modules:
                 self._holder(part, module)
         for part in parts:

@@ -171,7 +171,7 @@ def test_a_score_that_was_imported_is_exported_and_imported_again() -> None:
             19,
             "none of mi-gen",
         ),
-        ("ergon: 1", "ergon: 1\nrates: {audio: 48kHz}", 9, "this score has 48,000 Hz"),
+        ("ergon: 1", "ergon: 1\nrates: {audio: 48kHz}", 9, "net: its numbers are for 44,100 Hz"),
         ("M: 1.3, K: 0.01", "M: 1.3, K: -0.01", 8, "net.m: a stiffness or a viscosity below 0"),
     ],
 )
@@ -203,3 +203,9 @@ def test_names_are_kept_and_parts_are_told_apart(capsys: pytest.CaptureFixture[s
     assert app.run(["export", "s.yaml", "c", "--to", "mdl", "-o", "d"]) == 0
     assert "c: c.r, which joins a.out1 is left out" in capsys.readouterr().err
     import_model("d/s.mdl", ModelOptions(dialect="v2"))
+
+
+def test_a_model_is_for_one_rate(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("s.yaml").write_text(SI.replace("ergon: 1", "ergon: 1\nrates: {audio: 48kHz}"))
+    assert app.run(["export", "s.yaml", "--to", "mdl", "-o", "d"]) == 2
+    assert "s.yaml:6: a model of mi-gen is for 44,100 Hz" in capsys.readouterr().err
