@@ -1,17 +1,18 @@
-"""Parts of a score for other programs: tables of modes, programs of Faust."""
+"""Parts of a score for other programs: tables of modes, programs of Faust, models of mi-gen."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
 
 from . import score as scores
+from .banks import bank_of, left_out, swing, touched
 from .modes import modes_of
 from .options import ReadOptions
 from .parts import hertz, named
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon.instruments.model import Target
-    from ergon.models.network import Part
+    from ergon.models.bank import Bank
+    from ergon.models.network import Part, Stepped
+    from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.built_network import BuiltNetwork
 
     from .modes import PartModes
 
-_HITS = ("BUT", "LNL", "BRISTLE", "DRY")
 HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
 
 
@@ -74,7 +75,7 @@ def mode_tables(
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         all_modes = [modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in names]
-        tables = [(one, {**one.points, **_touched(piece, built, one)}) for one in all_modes]
+        tables = [(one, {**one.points, **touched(piece, built, one)}) for one in all_modes]
     return tuple(
         _table(one, points, ca_rates.get(one.part)) for one, points in tables if one.masses
     )
@@ -86,15 +87,85 @@ def faust_programs(
     """Parts of a score as programs of Faust; without `parts` one program, of all parts together.
 
     A program steps masses, springs, dampers and contacts sample by sample as the engine does, at
-    the rate of the score. Its inputs are forces [N] on what is struck and what an ENF pushes, and
-    the positions [m] of an ENX; its outputs are those of the parts. Links to other parts are left
-    out. Raises ScoreError, OptionError, and ModelError with the places of what is not written.
+    the rate of the score; a part with a MODES that is named is a bank of resonators, its contacts
+    open, at any rate. Inputs of a program are forces [N] on what is struck and what an ENF pushes,
+    and the positions [m] of an ENX; its outputs are those of the parts. Links to other parts are
+    left out. Raises ScoreError, OptionError, and ModelError with the places of what is not written.
     """
+    from ergon.models.faust_bank import program as bank_program
     from ergon.models.faust_program import program
-    from ergon.models.network import stepped
+    from ergon.models.network import MOST
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    banks = [name for name in options.parts if _is_bank(piece, name)]
+    if not banks:
+        return _programs(score, loaded, options, program, most=MOST, laws=False)
+    others = [name for name in options.parts if name not in banks]
+    with scores.staging(lambda: loaded, report):
+        made = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, report)
+    if others:
+        own = replace(options, parts=others)
+        made += _programs(score, loaded, own, program, most=MOST, laws=False)
+    return tuple(sorted(made, key=lambda one: options.parts.index(one.part)))
+
+
+def _is_bank(piece: Piece, name: str) -> bool:
+    instrument = piece.instruments.get(name)
+    return instrument is not None and any(one.kind == "MODES" for one in instrument.modules)
+
+
+def banks_of(
+    piece: Piece,
+    inputs: tuple[Path, ...],
+    names: Sequence[str],
+    upto: float,
+    written: Callable[[Bank], str],
+    report: Report | None,
+) -> tuple[ExportedPart, ...]:
+    """A file for each part that has modes up to `upto` [Hz]. Raises ScoreError and OptionError."""
+    from ergon.scores.staging.stage import prepare
+
+    upto = min(upto, 0.499 * piece.rate)
+    made = []
+    with (report or Report()).waiting("computing modes"):
+        ready = prepare(piece)
+        for name in names:
+            found = modes_of(piece, ready.built, name, {"to": upto}, inputs)
+            if not found.masses:
+                continue
+            text = written(bank_of(piece, ready, found))
+            made.append(ExportedPart(name, text, tuple(left_out(found)), inputs))
+    return tuple(made)
+
+
+def mi_gen_models(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """Parts of a score as models of mi-gen (v2); without `parts` one model, of all parts together.
+
+    Inputs are those of a program of Faust; an output hears one point, or the links of one point.
+    Raises ScoreError, OptionError, and ModelError with the places of what the format cannot say.
+    """
+    from ergon.models.mi_gen import MOST, model
+
+    options = options or ExportOptions()
+    loaded = scores.read(score, options, report)
+    return _programs(score, loaded, options, model, most=MOST, laws=True)
+
+
+def _programs(
+    score: str | Path,
+    loaded: Loaded,
+    options: ExportOptions,
+    program: Callable[[Stepped, str], str],
+    *,
+    most: int,
+    laws: bool,
+) -> tuple[ExportedPart, ...]:
+    from ergon.models.network import stepped
+
     piece = scores.piece_of(loaded)
     title = Path(score).stem if str(score) != scores.STDIN else "score"
     names = named(piece, options.parts)
@@ -102,7 +173,7 @@ def faust_programs(
     made = []
     for name, own in wholes:
         parts, struck = _parts(piece, own), _struck(piece, own)
-        network = stepped(parts, struck, piece.rate)
+        network = stepped(parts, struck, piece.rate, most=most, laws=laws)
         warnings = tuple(f"{one} is left out" for one in network.left_out)
         made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
     return tuple(made)
@@ -149,50 +220,22 @@ def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
     return [target for target in found if target.part in names]
 
 
-def _touched(
-    piece: Piece, built: BuiltNetwork, found: PartModes
-) -> Mapping[str, NDArray[np.complex128]]:
-    """How much each mode moves at the ends of the part's own contacts and laws: its hammers."""
-    name_of, slots = built.network.name_of, {name: at for at, name in enumerate(found.masses)}
-    points = {}
-    for owner, module in piece.modules():
-        if owner != found.part or module.kind not in _HITS:
-            continue
-        for end in module.fields["between"]:
-            names = [name_of(mat) for mat in built.assembly.members(end)]
-            own = [slots[name] for name in names if name in slots]
-            if own:
-                label = names[0] if len(names) == 1 else end.text
-                points[label] = found.shapes[:, own].sum(axis=1)
-    return points
-
-
 def _table(
     found: PartModes, at: Mapping[str, NDArray[np.complex128]], ca_rate: float | None
 ) -> ExportedPart:
     import numpy as np
 
     swings = found.poles.imag > 0.0
-    warnings = []
-    if left_out := int(np.count_nonzero(~swings)):
-        noun = "mode that does" if left_out == 1 else "modes that do"
-        warnings.append(f"{left_out} {noun} not oscillate left out")
-    if found.n_laws:
-        warnings.append("laws of its links were taken at their slope at rest")
-    if found.n_contacts:
-        warnings.append("its contacts counted as open")
-    if not found.is_certified:
-        warnings.append("modes may be missing, for the search ended before all were known")
     poles = found.poles[swings]
     columns: dict[str, NDArray[np.float64]] = {
         "frequency [Hz]": found.frequencies[swings],
         "T60 [s]": found.t60[swings],
         "decay [1/s]": 0.0 - poles.real,
     }
-    swing = _swing(poles, ca_rate)
+    per_second = swing(poles, ca_rate)
     points = {label: moves[swings] for label, moves in at.items()}
     for struck, heard in _ways(points):
-        gain = points[struck] * points[heard] / swing
+        gain = points[struck] * points[heard] / per_second
         columns[f"amplitude {struck} to {heard} [m/Ns]"] = np.abs(gain)
         columns[f"phase {struck} to {heard} [rad]"] = np.angle(gain)
     text = io.StringIO()
@@ -201,17 +244,7 @@ def _table(
     rows.writerow(("mode", *columns))
     values = zip(*(column.tolist() for column in columns.values()), strict=True)
     rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
-    return ExportedPart(found.part, text.getvalue(), tuple(warnings), found.inputs)
-
-
-def _swing(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
-    """By what the product of two shapes is divided, for the answer to one newton-second [1/s]."""
-    import numpy as np
-
-    if ca_rate is None:
-        return np.asarray(poles.imag)
-    # The shapes of a discrete network are those of its poles z - 1.
-    return np.asarray((np.exp(poles / ca_rate)).imag) / ca_rate
+    return ExportedPart(found.part, text.getvalue(), tuple(left_out(found)), found.inputs)
 
 
 def _ways(points: Mapping[str, object]) -> list[tuple[str, str]]:

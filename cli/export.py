@@ -11,7 +11,8 @@ import click
 
 from ergon.api import score
 from ergon.api.errors import OptionError
-from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mode_tables
+from ergon.api.export import ExportedPart, ExportOptions, faust_programs, mi_gen_models, mode_tables
+from ergon.api.export_csound import csound_orchestras
 from ergon.api.options import ReadOptions
 
 from . import options
@@ -28,12 +29,16 @@ if TYPE_CHECKING:
 FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
     "modal": mode_tables,
     "faust": faust_programs,
+    "mdl": mi_gen_models,
+    "csound": csound_orchestras,
 }
-_ENDINGS = {"modal": ".csv", "faust": ".dsp"}
+_ENDINGS = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl", "csound": ".csd"}
 _OPTIONS = {
     "daw": ("--no-stems", "--bits"),
     "modal": ("PART", "--upto"),
     "faust": ("PART",),
+    "mdl": ("PART",),
+    "csound": ("PART", "--upto"),
 }
 _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
@@ -46,7 +51,8 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
     type=click.Choice(["daw", *FORMATS]),
     default="daw",
     show_default=True,
-    help="What the files are for: a workstation, tables of modes (CSV), programs of Faust.",
+    help="What the files are for: a workstation, tables of modes (CSV), programs of Faust, "
+    "models of mi-gen, orchestras of Csound.",
 )
 @click.option(
     "-o",
@@ -62,7 +68,7 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
     help="Of daw: whether to render the mix, and one file for each player.",
 )
 @options.bits
-@click.option("--upto", metavar="FREQUENCY", help="Of modal: the highest mode (20kHz).")
+@click.option("--upto", metavar="FREQUENCY", help="Of modal and csound: the highest mode (20kHz).")
 @options.force
 @options.trust
 @options.speaking
@@ -87,7 +93,12 @@ def export(
     each.
 
     faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers and contacts,
-    stepped sample by sample.
+    stepped sample by sample; of a part with a MODES a resonator for each mode.
+
+    mdl: SCORE.mdl, or PART.mdl of each part that is named: a model of mi-gen, which `ergon import`
+    reads.
+
+    csound: PART.csd of each part: a resonator for each of its modes, and its strikes.
     """
     given = {"PART": parts or None, "--no-stems": stems, "--bits": bits, "--upto": upto}
     for name, value in given.items():

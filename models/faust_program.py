@@ -27,15 +27,15 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     links = [names.new(_word(link.name)) for link in network.links]
     inputs = [f"in_{number}" for number in range(1, len(network.inputs) + 1)]
     outputs = [f"out_{number}" for number in range(1, len(network.outputs) + 1)]
-    yield f"// {_plain(title)}, made by ergon: a network that is stepped sample by sample."
+    yield f"// {plain(title)}, made by ergon: a network that is stepped sample by sample."
     yield f"// Its numbers hold at {network.rate!r} Hz alone. Compile it with -double."
     for kind, words in (
-        ("input", network.inputs),
+        ("input", [one.name for one in network.inputs]),
         ("output", [one.name for one in network.outputs]),
     ):
-        yield from (f"// {kind} {number}: {_plain(word)}" for number, word in enumerate(words, 1))
-    yield from (f"// Left out: {_plain(one)}" for one in network.left_out)
-    yield f'declare name "{_plain(title)}";'
+        yield from (f"// {kind} {number}: {plain(word)}" for number, word in enumerate(words, 1))
+    yield from (f"// Left out: {plain(one)}" for one in network.left_out)
+    yield f'declare name "{plain(title)}";'
     yield ""
     for word, point in zip(points, network.points, strict=True):
         yield from _constants(word, point)
@@ -67,6 +67,7 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
         if _moves(point):
             terms = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
             terms += [f"+ {inputs[one]}" for one in point.forces]
+            terms += [f"+ W_{word}"] if point.weight else []
             yield f"  y_{word} = {_step(word, point, terms)};"
     yield "};"
 
@@ -76,10 +77,12 @@ def _moves(point: Point) -> bool:
 
 
 def _constants(word: str, point: Point) -> Iterator[str]:
-    yield f"// {_plain(point.name)}: {point.said}"
+    yield f"// {plain(point.name)}: {point.said}"
     yield f"X0_{word} = {_number(point.x0)}; // [m] where it starts"
     if _moves(point):
         yield f"D0_{word} = {_number(point.d0)}; // [m] its step before it starts"
+        if point.weight:
+            yield f"W_{word} = {_number(point.weight)}; // [N] a force that never changes"
         yield f"G_{word} = {_number(point.gain)}; // [m/N] step for a force"
         if point.kappa or point.zeta:
             yield f"K_{word} = {_number(point.kappa)}; // of its way from its rest, in a step"
@@ -88,7 +91,7 @@ def _constants(word: str, point: Point) -> Iterator[str]:
 
 
 def _link_constants(word: str, link: Link) -> Iterator[str]:
-    yield f"// {_plain(link.name)}: {link.said}"
+    yield f"// {plain(link.name)}: {link.said}"
     yield f"K_{word} = {_number(link.K)}; // [N/m{'' if link.exponent in (None, 1.0) else '^n'}]"
     yield f"Z_{word} = {_number(link.z)}; // [N/m] for a step of 1 m"
     yield f"L_{word} = {_number(link.offset)}; // [m]"
@@ -147,6 +150,6 @@ def _word(name: str) -> str:
     return _NO_LETTER.sub("_", name)
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """A text that ends neither a comment nor a string."""
     return "".join(c if c.isprintable() and c not in '"\\' else " " for c in text)

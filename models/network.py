@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +16,8 @@ from ergon.models.first_step import last_step, ratios
 from ergon.notation.text.values import Place
 
 MOST = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
+
+NOWHERE = Place("", 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +55,16 @@ class Point:
     is_ca: bool = False
     fed: int | None = None
     forces: list[int] = field(default_factory=list)  # inputs that push it
+    weight: float = 0.0  # [N] a force that never changes
+    place: Place = NOWHERE
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
     """A link between the points `a` and `b`: K in N/m, `z` the force for a step of one metre.
 
-    A contact has an `exponent`, and the `side` (1 or -1) from which the first point comes.
+    A contact has an `exponent`, and the `side` (1 or -1) from which the first point comes. Of an
+    LNL `law` has what the score says, and K and z are 0.
     """
 
     name: str
@@ -72,6 +77,37 @@ class Link:
     exponent: float | None = None
     side: int = 1
     is_clamped: bool = False
+    law: Law | None = None
+    place: Place = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The law of an LNL: the fields of the module, and the law of the core.
+
+    `per_step` is the speed for a step of one metre: 1 under `units: ca`, else the rate [1/s].
+    """
+
+    fields: Mapping[str, Any]
+    of: _core.Law
+    per_step: float
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A generator of equal masses and equal links, `sides` across and up, at rest at 0.
+
+    Its points that move are the first of `points`, row by row.
+    """
+
+    name: str
+    kind: str
+    is_held: bool
+    sides: tuple[int, int]
+    points: range
+    links: range
+    K: float
+    z: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +118,15 @@ class Heard:
     points: Sequence[int] = ()
     links: Sequence[int] = ()
     order: int = 0
+    place: Place = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Fed:
+    """An input: what it is, and the take that a score feeds it from, if it does."""
+
+    name: str
+    take: str = ""
 
 
 @dataclass(slots=True)
@@ -91,23 +136,33 @@ class Stepped:
     rate: float
     points: list[Point] = field(default_factory=list)
     links: list[Link] = field(default_factory=list)
-    inputs: list[str] = field(default_factory=list)
+    inputs: list[Fed] = field(default_factory=list)
     outputs: list[Heard] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=list)
 
 
-def stepped(parts: Sequence[Part], struck: Iterable[Target], rate: float) -> Stepped:
+def stepped(
+    parts: Sequence[Part],
+    struck: Iterable[Target],
+    rate: float,
+    *,
+    most: int = MOST,
+    laws: bool = False,
+) -> Stepped:
     """Parts as the engine steps them at `rate` [Hz], with the links between them.
 
-    `struck` points have an input for a force. Links to other parts are left out. Raises ModelError
-    with the places of all that cannot be told.
+    `struck` points have an input for a force. Links to other parts are left out. `most` points are
+    told, and `laws` (LNL) where they are asked for. Raises ModelError with the places of all that
+    cannot be told.
     """
-    return _Builder(Stepped(rate)).made(parts, struck)
+    kinds = ("RES", "FRO", "REF", "BUT", *(("LNL",) if laws else ()))
+    return _Builder(Stepped(rate), most, kinds).made(parts, struck)
 
 
 class _Builder:
-    def __init__(self, made: Stepped) -> None:
-        self.to = made
+    def __init__(self, made: Stepped, most: int, kinds: Sequence[str]) -> None:
+        self.to, self.most, self.kinds = made, most, kinds
         self.at: dict[tuple[str, str], list[int]] = {}  # points of a module
         self.centres: dict[tuple[str, str], int] = {}
         self.links: dict[tuple[str, str], list[int]] = {}
@@ -116,6 +171,12 @@ class _Builder:
 
     def made(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
         for part in parts:
+            if part.ca_rate not in (None, self.to.rate):
+                why = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
+                self._refuse(
+                    part.modules[0].place,
+                    f"{part.name}: {why} {self.to.rate:,g} Hz; write the same",
+                )
             for module in part.modules:
                 self._holder(part, module)
         for part in parts:
@@ -129,16 +190,16 @@ class _Builder:
         for part in parts:
             for output in part.outputs:
                 self._output(part, output)
-        if len(self.to.points) > MOST:
+        if len(self.to.points) > self.most:
             self._refuse(
                 parts[0].modules[0].place,
-                f"there are {len(self.to.points):,} masses, and at most {MOST:,} are written",
+                f"there are {len(self.to.points):,} masses, and at most {self.most:,} are written",
             )
         if not any(part.outputs for part in parts):
             names = ", ".join(part.name for part in parts)
             self._refuse(parts[0].modules[0].place, f"nothing of {names} is heard: it has no out")
         if self.refused:
-            raise _error(self.refused)
+            raise refusal(self.refused)
         self._start()
         return self.to
 
@@ -152,7 +213,7 @@ class _Builder:
         name = f"{part.name}.{module.name}" if module.name else part.name
         if module.kind in _POINTS:
             point = _POINTS[module.kind](module.fields, name, part.ca_rate, self.to.rate)
-            point.is_ca = part.ca_rate is not None
+            point.is_ca, point.place = part.ca_rate is not None, module.place
             self.at[where] = [len(self.to.points)]
             self.to.points.append(point)
         elif module.kind in GENERATORS:
@@ -162,10 +223,12 @@ class _Builder:
         fields, where = module.fields, (part.name, module.name)
         self.at[where] = []
         if module.kind == "MODES":
-            self._refuse(module.place, f"{name}: MODES is no network of masses; use --to modal")
+            why = f"{name}: MODES is a bank of resonators, and no network of masses"
+            self._refuse(module.place, f"{why}; name {part.name} for a Faust program of its own")
             return
-        if any(fields.get(one) not in (None, 0.0) for one in ("X0", "V0")):
-            self._refuse(module.place, f"{name}: a {module.kind} that starts elsewhere than at 0")
+        starts = {one: fields.get(one) or 0.0 for one in ("X0", "V0")}
+        if not all(isinstance(value, float) for value in starts.values()):
+            self._refuse(module.place, f"{name}: members that start elsewhere than the others")
             return
         assembly = Assembly()
         assembly.part(part.name, [module], ca_rate=part.ca_rate)
@@ -174,9 +237,9 @@ class _Builder:
         if not {*parts.kinds} <= {"CEL", "RES", "FRO", "REF"} or (parts.stiffness < 0).any():
             self._refuse(module.place, f"{name}: a {module.kind} that hardens, stretches or bends")
             return
-        if count > MOST:
+        if count > self.most:
             self._refuse(
-                module.place, f"{name}: {count:,} masses, and at most {MOST:,} are written"
+                module.place, f"{name}: {count:,} masses, and at most {self.most:,} are written"
             )
             return
         first = len(self.to.points)
@@ -199,9 +262,10 @@ class _Builder:
                 m = float(parts.masses[slot])
                 tie = dict(zip(("K", "Z"), ties.get(slot, (None, 0.0)), strict=True))
                 make = _mas if slot not in ties else _cel
-                point = make({"M": m, **tie}, of, part.ca_rate, rate)
-            point.is_ca = part.ca_rate is not None
+                point = make({"M": m, **tie, **starts}, of, part.ca_rate, rate)
+            point.is_ca, point.place = part.ca_rate is not None, module.place
             self.to.points.append(point)
+        first_link = len(self.to.links)
         ground = None
         at = [first + mat for mat in parts.mats]
         each = zip(parts.kinds, parts.a, parts.b, parts.stiffness, parts.damping, strict=True)
@@ -212,7 +276,31 @@ class _Builder:
                 ground = len(self.to.points)
                 self.to.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
             ends = [ground if end < 0 else at[end] for end in (int(a), int(b))]
-            self._join(part, f"{name}.link.{number}", ends, kind, {"K": float(k), "Z": float(z)})
+            tie = {"K": float(k), "Z": float(z)}
+            self._join(part, f"{name}.link.{number}", ends, kind, tie, module.place)
+        own = range(first, len(self.to.points)), range(first_link, len(self.to.links))
+        self._body(module, name, count, *own)
+
+    def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
+        """A generator as a whole, where it is one row or one rectangle of equal masses."""
+        fields = module.fields
+        sides = (count, 1)
+        if module.kind == "PLATE" and fields["shape"] == "rectangle":
+            sides = fields["sides"]
+        elif module.kind != "STRING" or fields["ends"] == "left" or fields.get("stiffness"):
+            return
+        is_held = fields.get("ends") == "fixed" or fields.get("rim") == "fixed"
+        own = [self.to.links[link] for link in links]
+        masses = {self.to.points[point].mass for point in points[:count]}
+        ties = {(link.K, link.z) for link in own}
+        across, up = sides
+        expected = across * (up - 1) + up * (across - 1)
+        if is_held:
+            expected += 2 if module.kind == "STRING" else 2 * (across + up)
+        is_tied = any(self.to.points[point].kappa for point in points)
+        if len(masses) == len(ties) == 1 and len(own) == expected and not is_tied:
+            (K, z), *_ = ties
+            self.to.bodies.append(Body(name, module.kind, is_held, sides, points, links, K, z))
 
     # --- links and inputs ---
 
@@ -221,7 +309,7 @@ class _Builder:
         if module.kind in ("ENX", "ENF"):
             self._input(module, name)
         elif module.kind in LINKS:
-            if module.kind not in ("RES", "FRO", "REF", "BUT"):
+            if module.kind not in self.kinds:
                 self._refuse(module.place, f"{name}: {module.kind} is not written yet")
                 return
             if module.fields.get("contact", "plain") != "plain":
@@ -241,27 +329,43 @@ class _Builder:
             for one in singles(module):
                 a, b = (self._members(end)[:1] for end in one.fields["between"])
                 if a and b:
-                    self._join(part, f"{part.name}.{one.name}", [*a, *b], module.kind, one.fields)
+                    called = f"{part.name}.{one.name}"
+                    self._join(part, called, [*a, *b], module.kind, one.fields, module.place)
             if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
                 self._refuse(module.place, f"{name}: a stiffness below 0")
             self.links[part.name, module.name] = list(range(first, len(self.to.links)))
 
     def _join(
-        self, part: Part, name: str, ends: Sequence[int | None], kind: str, fields: Any
+        self,
+        part: Part,
+        name: str,
+        ends: Sequence[int | None],
+        kind: str,
+        fields: Any,
+        place: Place,
     ) -> None:
         K, Z = float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0)
         z = Z * (self.to.rate if part.ca_rate is None else self.to.rate / part.ca_rate)
         a, b = (end for end in ends if end is not None)
         units = ("", "") if part.ca_rate is not None else (" N/m", " N·s/m")
         said = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
+        if kind == "LNL":
+            terms = (fields[one] for one in ("law", "damping", "constants", "points"))
+            law = Law(fields, _core.Law(*terms), 1.0 if part.ca_rate else self.to.rate)
+            rest = float(fields["rest"])
+            self.to.links.append(Link(name, a, b, 0.0, 0.0, rest, "LNL", law=law, place=place))
+            return
         if kind != "BUT":
             rest = float(fields.get("rest") or 0.0)
-            self.to.links.append(Link(name, a, b, K, z, rest, f"{said}, rest = {rest!r} m"))
+            said += f", rest = {rest!r} m"
+            self.to.links.append(Link(name, a, b, K, z, rest, said, place=place))
             return
         gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
         said += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
         sign, clamped = 1 if side == "below" else -1, fields["clamp"]
-        self.to.links.append(Link(name, a, b, K, z, gap, said, exponent, sign, clamped))
+        self.to.links.append(
+            Link(name, a, b, K, z, gap, said, exponent, sign, clamped, place=place)
+        )
 
     def _members(self, target: Target) -> list[int]:
         where = (target.part, target.module)
@@ -275,26 +379,33 @@ class _Builder:
         if (to.part, to.module) not in self.at:
             self.to.left_out.append(f"{name}, which feeds {to.text}")
             return
+        source = module.fields["from"]
+        take = source if isinstance(source, str) else ""
         if module.kind == "ENF":
-            self._push(to)
+            if take or module.fields["at"] is not None:
+                self._push(to, take)
+            else:
+                for member in self._members(to):
+                    self.to.points[member].weight += float(source)
             return
         for member in self._members(to):
             point = self.to.points[member]
             if point.fed is None:
                 point.fed = len(self.to.inputs)
-                self.to.inputs.append(f"position of {point.name} [m]")
+                self.to.inputs.append(Fed(f"position of {point.name} [m]", take))
 
-    def _push(self, target: Target) -> None:
-        self._push_all(self._members(target), target.text)
+    def _push(self, target: Target, take: str = "") -> None:
+        self._push_all(self._members(target), target.text, take)
 
-    def _push_all(self, points: Sequence[int], text: str) -> None:
+    def _push_all(self, points: Sequence[int], text: str, take: str = "") -> None:
         members = tuple(points)
         moved = [one for one in members if self.to.points[one].mass]
         if not moved or members in self.pushes:
             return
         number = self.pushes[members] = len(self.to.inputs)
         one = self.to.points[members[0]].name
-        self.to.inputs.append(f"force on {one if len(members) == 1 else text} [N]")
+        name = f"force on {one if len(members) == 1 else text} [N]"
+        self.to.inputs.append(Fed(name, take))
         for member in moved:
             self.to.points[member].forces.append(number)
 
@@ -310,7 +421,7 @@ class _Builder:
                     self.to.left_out.append(f"{target.text}, which {name} hears")
             heard = [one for target in output.targets for one in self._members(target)]
             unit = ("m", "m/s", "m/s^2")[output.order]
-            self.to.outputs.append(Heard(f"{name} [{unit}]", heard, order=output.order))
+            self.to.outputs.append(Heard(f"{name} [{unit}]", heard, (), output.order, output.place))
             return
         links: list[int] = []
         for target in output.targets:
@@ -319,7 +430,7 @@ class _Builder:
                 self._refuse(output.place, f"{name}: the force of {target.text} is not written yet")
                 continue
             links += own[target.first : target.first + target.count]
-        self.to.outputs.append(Heard(f"{name} [N]", links=links))
+        self.to.outputs.append(Heard(f"{name} [N]", (), links, 0, output.place))
 
     # --- the first step ---
 
@@ -337,11 +448,13 @@ class _Builder:
             if point.fed is not None or not point.mass:
                 point.d0 = 0.0
             elif not point.is_ca:
-                point.d0 -= 0.5 * point.gain * f
+                point.d0 -= 0.5 * point.gain * (f + point.weight)
 
 
 def _pull(link: Link, e: float, d: float) -> float:
     """Force on the first point, for x_b - x_a = e and its last step d."""
+    if link.law is not None:
+        return link.law.of.force(e - link.offset, d * link.law.per_step)
     if link.exponent is None:
         return link.K * (e - link.offset) + link.z * d
     p = -link.side * e - link.offset
@@ -351,7 +464,8 @@ def _pull(link: Link, e: float, d: float) -> float:
     return -link.side * (max(size, 0.0) if link.is_clamped else size)
 
 
-def _error(refused: Sequence[tuple[Place, str]]) -> ModelError:
+def refusal(refused: Sequence[tuple[Place, str]]) -> ModelError:
+    """All that cannot be told, each with its place."""
     (first, why), *others = refused
     more = "".join(f"; {place.file}:{place.line}: {text}" for place, text in others)
     error = ModelError(f"{why}{more}", first.line)

@@ -9,7 +9,7 @@ from faust_built import heard, needs_faust
 from oracle import mims
 from planned_sound import off_db, played
 
-from ergon.api.export import faust_programs
+from ergon.api.export import ExportOptions, faust_programs
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 
@@ -21,7 +21,7 @@ title: Networks
 instruments:
   wire: {modules: {s: {STRING: {masses: 12, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.centre}}
   sheet:
-    modules: {p: {PLATE: {radius: 2, M: 50g, f: 300Hz, t60: 1s, rim: fixed}}}
+    modules: {p: {PLATE: {radius: 2, M: 50g, f: 300Hz, t60: 1s, rim: fixed, X0: 0.2mm, V0: 0.1m/s}}}
     out: {SOX: p.centre}
   sky: {modules: {b: {BANK: {count: 9, M: 2g, f: 200Hz..900Hz, t60: 1s}}}, out: {SOX: b.all}}
   mesh:
@@ -40,6 +40,7 @@ instruments:
       hammer: {CEL: {M: 20g, f: 1Hz, t60: 0.6s, X0: -2mm, V0: 1m/s}}
       p: {CEL: {M: 1kg, f: 880Hz, t60: 3s, X0: 0.1mm, rest: 0.2mm}}
       slow: {CEL: {M: 1kg, K: 1N/m, Z: 9Ns/m, X0: 1mm}}
+      fall: {ENF: {to: slow, from: -2N}}
       hit: {BUT: {between: [hammer, p], K: 1e5N/m, gap: 1mm, exponent: 1.5, Z: 2Ns/m}}
       up: {BUT: {between: [slow, p], K: 1e4N/m, gap: 0.3mm, side: above, clamp: true}}
       tie: {REF: {between: [slow, p], K: 3e3N/m, Z: 0.1Ns/m, rest: 1mm}}
@@ -130,7 +131,7 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
     ("old", "new", "line", "says"),
     [
         ("t60: 2s}}", "t60: 2s, hardening: 1e6N/m3}}", 4, "a STRING that hardens"),
-        ("t60: 2s}}", "t60: 2s, X0: 1mm}}", 4, "a STRING that starts elsewhere"),
+        ("t60: 2s}}", "t60: 2s, X0: {at: 3, x: 1mm}}}", 4, "members that start elsewhere"),
         ("count: 9", "count: 2000", 8, "2,000 masses, and at most 200"),
         (
             "{RES: {between: [n, g], K: 0.2}}",
@@ -139,7 +140,8 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
             "mesh.k: LNL",
         ),
         ("\n    out: {SOX: m}", "", 13, "nothing of mesh is heard"),
-        ("gap: 1mm, ", "gap: 1mm, contact: exact, ", 25, "a contact that is exact"),
+        ("at: 44100Hz", "at: 22050Hz", 13, "mesh: its numbers are for 22,050 Hz"),
+        ("gap: 1mm, ", "gap: 1mm, contact: exact, ", 26, "a contact that is exact"),
     ],
 )
 def test_what_is_not_written(
@@ -159,9 +161,51 @@ def test_what_is_not_written(
 
 def test_all_that_is_not_written_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(
-        SCORE.replace("t60: 2s", "t60: 2s, X0: 1mm").replace("count: 9", "count: 2000")
+        SCORE.replace("t60: 2s", "t60: 2s, hardening: 1e6N/m3").replace("count: 9", "count: 2000")
     )
     assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
     err = capsys.readouterr().err
     assert "s.yaml:4: wire.s" in err
     assert "s.yaml:8: sky.b" in err
+
+
+BELL = """\
+ergon: 1
+instruments:
+  bell:
+    modules:
+      b: {MODES: {M: 30g, f: [440Hz, 921Hz, 1500Hz], t60: [3s, 2s, 1s],
+          places: {rim: [1, 0.4, 0.7], crown: [-0.4, 1, 0.2]}}}
+    out: {a: {SOX: b.crown}, b: {SOX: [b.rim, b.crown]}, c: {SOV: b.crown}, d: {SOA: b.rim}}
+  wire: {modules: {s: {STRING: {masses: 12, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.centre}}
+strikes:
+  a: {to: [bell.b.rim], at: 0s, impulse: 2mNs}
+  b: {to: [bell.b.crown], at: 0s, impulse: 1mNs}
+render: {tail: 0.3s}
+"""
+
+
+@needs_faust
+def test_a_body_of_known_modes_is_a_bank_of_resonators() -> None:
+    Path("s.yaml").write_text(BELL)
+    exact = played(BELL, method="modal")[:, :4]
+    bell, wire = faust_programs("s.yaml", ExportOptions(parts=("bell", "wire")))
+    assert (bell.part, wire.part) == ("bell", "wire")
+    assert "// input 1: force on bell.b.0 [N]\n// input 2: force on bell.b.1 [N]\n" in bell.text
+    assert "// output 3: out c [m/s]" in bell.text
+    Path("b.dsp").write_text(bell.text)
+    fed = np.zeros((len(exact), 2))
+    fed[0] = 2e-3 * RATE, 1e-3 * RATE
+    assert off_db(heard(Path("b.dsp"), fed, RATE), exact) < -200
+    # At another rate it is the same body.
+    fed = np.zeros((round(0.3 * 88_200), 2))
+    fed[0] = 2e-3 * 88_200, 1e-3 * 88_200
+    assert off_db(heard(Path("b.dsp"), fed, 88_200)[::2, :2], exact[:, :2]) < -200
+
+
+def test_modes_are_written_where_their_part_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("s.yaml").write_text(BELL)
+    assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
+    assert "s.yaml:5: bell.b: MODES is a bank of resonators" in capsys.readouterr().err
+    assert app.run(["export", "s.yaml", "belt", "--to", "faust", "-o", "d"]) == 2
+    assert "did you mean 'bell'?" in capsys.readouterr().err

@@ -1,0 +1,35 @@
+"""Parts of a score as orchestras of Csound: banks of their modes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .banks import is_heard
+from .export import HIGHEST, ExportedPart, ExportOptions, banks_of
+from .parts import hertz, named
+
+
+def csound_orchestras(
+    score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
+) -> tuple[ExportedPart, ...]:
+    """The modes of parts of a score as orchestras of Csound, a `.csd` for each part with modes.
+
+    A resonator for each mode goes from each point that is struck or touched to each output of
+    positions, speeds or accelerations; the score of the file has the strikes of the piece, each on
+    the nearest sample. Without `parts` those are written of which a movement is heard. Modes are
+    those of `mode_tables`. Raises ScoreError and OptionError.
+    """
+    from ergon.models.csound import orchestra
+
+    options = options or ExportOptions()
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
+    with scores.staging(lambda: loaded, report):
+        names = named(piece, options.parts)
+        heard = [name for name in names if options.parts or is_heard(piece, name)]
+        # Where nothing is heard the first part is refused.
+        return banks_of(piece, loaded.inputs, heard or names, upto, orchestra, report)
