@@ -48,7 +48,8 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "feathers": 240.0,
     "feathers-small": 240.0,
 }
-LIVE = [SCORES / f"{name}.yaml" for name in ("duet", "fader", "one-rope", "feathers", "feathers-small")]
+HANDS = ("duet", "fader", "one-rope", "feathers", "feathers-small")
+LIVE = [SCORES / f"{name}.yaml" for name in HANDS]
 # `make test` renders these, `make test-long` all.
 SHORT = {"strokes", "bloom", "one-gesture"}
 HEARD = {  # how many seconds are rendered here; others wholly
