@@ -22,6 +22,9 @@ _FRESH = 1  # of a recording's flags
 TICKS_MIN = 500
 _LOST_MAX = 0.04  # of the ticks
 _OFF_GRID = 0.2  # of a step: where positions lie on no grid
+_JITTER = 5e-3  # of a tick: replies that are less beside their ticks count as on them
+_NEAR = 0.75  # of a tick: a reply that is farther off says nothing of the tick
+_MIXED = 0.01  # of a tick during which a force that nobody knows may act: less is not felt
 _STILL = 50  # ticks of a still beginning by which the sensor's noise is known
 
 
@@ -36,7 +39,8 @@ class Gesture:
     `force` (n,) [N] is held from each tick to the next; `position` (n,) [m] is read at each tick's
     beginning; `counts` (n,) says which positions are compared with a model's. `rate` [Hz] is that
     of the ticks. `unknown` are the ticks whose forces nobody knows: packets or rows that were lost.
-    There `force` is a guess, and a fit finds it.
+    There `force` is a guess, and a fit finds it. `read` holds what a sensor read where
+    `position` tells positions of other instants.
     """
 
     force: Floats
@@ -44,6 +48,7 @@ class Gesture:
     counts: NDArray[np.bool_]
     rate: float
     unknown: tuple[int, ...] = ()
+    read: Floats | None = None
 
     def with_forces(self, forces: Floats) -> Gesture:
         """The gesture with other forces [N] at its unknown ticks."""
@@ -100,20 +105,66 @@ def of_rows(
 
     A force acts from the reply before its own on, for in lockstep a reply comes after the force has
     acted; by other clocks the delay is a tick longer. A tick without a reply has no position that
-    counts.
+    counts. Where replies do not come in step with the ticks of the device's clock, the force of a
+    tick is the mean of those that acted in it, and its position that of the reply next to it,
+    carried on at the key's speed.
     Raises MeasurementError.
     """
-    at = _instants(np.asarray(ticks, np.int64), np.asarray(fresh), np.asarray(clock), rate)
+    sent, fresh = np.asarray(sent, float), np.asarray(fresh)
+    sure = np.asarray(fresh if known is None else known)
+    exact = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
+    # Two replies within a tick of the device: the later one holds.
+    at = np.maximum.accumulate(np.round(exact).astype(np.int64))
     n = int(at[-1]) + 1
     which = np.searchsorted(at, np.arange(1, n + 1), side="right") - 1
-    force, positions = np.asarray(sent, float)[which], np.zeros(n)
+    force, positions = sent[which], np.zeros(n)
     positions[at], counts = position, np.zeros(n, bool)
     counts[at] = fresh
     held = np.maximum.accumulate(np.where(np.isin(np.arange(n), at), np.arange(n), 0))
     found = of_arrays(force, positions[held], rate)
+    found = replace(found, counts=counts, unknown=_unknown(which, sure))
+    beside = (exact - at)[fresh]
+    if np.sqrt(np.mean(beside**2)) < _JITTER:
+        return found
+    return _retimed(found, np.maximum.accumulate(exact), sent, np.asarray(position), fresh, sure)
+
+
+def _retimed(
+    gesture: Gesture,
+    at: Floats,
+    sent: Floats,
+    position: Floats,
+    fresh: NDArray[np.bool_],
+    known: NDArray[np.bool_],
+) -> Gesture:
+    """The gesture by replies at instants `at` (n,) [ticks] between its ticks."""
+    n = gesture.force.size
+    edges, begins = np.arange(n + 1.0), at - 1.0
+    shares = _means(begins, (~known).astype(float), edges)
+    unknown = np.flatnonzero(shares > _MIXED)
+    replies, x = at[fresh], position[fresh]
+    # Two replies of one instant have no speed between them.
+    apart = np.concatenate([[True], np.diff(replies) > 0])
+    replies, x = replies[apart], x[apart]
+    speed = np.gradient(x, replies)
+    nearest = np.round(np.interp(edges[:-1], replies, np.arange(replies.size))).astype(np.int64)
+    off = edges[:-1] - replies[nearest]
     return replace(
-        found, counts=counts, unknown=_unknown(which, np.asarray(fresh if known is None else known))
+        gesture,
+        force=_means(begins, sent, edges),
+        position=x[nearest] + speed[nearest] * off,
+        counts=gesture.counts & (np.abs(off) < _NEAR),
+        unknown=tuple(unknown.tolist()) if gesture.unknown else (),
+        read=x,
     )
+
+
+def _means(begins: Floats, values: Floats, edges: Floats) -> Floats:
+    """Means (n,) between edges (n + 1,) of values (k,), each of which holds from its begin on."""
+    first, last = min(begins[0], edges[0]), max(begins[-1], edges[-1])
+    knots = np.concatenate([[first], begins[1:], [last]])
+    integral = np.concatenate([[0.0], np.cumsum(values * np.diff(knots))])
+    return np.asarray(np.diff(np.interp(edges, knots, integral)) / np.diff(edges))
 
 
 def _unknown(which: NDArray[np.int64], known: NDArray[np.bool_]) -> tuple[int, ...]:
@@ -128,26 +179,24 @@ def _unknown(which: NDArray[np.int64], known: NDArray[np.bool_]) -> tuple[int, .
 
 def _instants(
     ticks: NDArray[np.int64], fresh: NDArray[np.bool_], clock: NDArray[np.uint32], rate: float
-) -> NDArray[np.int64]:
-    """At which tick of the device's own time each reply was made, (n,), rising.
+) -> Floats:
+    """When each reply was made (n,) [ticks] of the device's own time, the first near 0.
 
-    A host that is late by more than a tick is seen there. Without a clock: the host's own count.
+    A host that is late is seen there. Without a clock: the host's own count.
     """
     ticks = ticks - ticks[0]
     told = np.flatnonzero(fresh & (clock != 0))
     if told.size < max(2, ticks.size // 2):
-        return ticks
+        return ticks.astype(float)
     passed = np.concatenate([[0], np.cumsum(np.diff(clock[told]).astype(np.int64))])  # it wraps
     passed = passed * 1e-6 * rate
     # A clock that does not fit the count of ticks is another's, or counts otherwise.
     if not np.all(np.abs(np.diff(passed)) < 1000):
-        return ticks
+        return ticks.astype(float)
     phase = np.angle(np.mean(np.exp(2j * np.pi * passed))) / (2 * np.pi)
-    at = np.round(passed - phase).astype(np.int64)
-    every = np.interp(np.arange(ticks.size), told, at - at[0] + ticks[told[0]])
-    rounded = np.round(every).astype(np.int64)
-    # Two replies within a tick of the device: the later one holds.
-    return np.maximum.accumulate(rounded)
+    at = passed - phase
+    known = at - round(at[0]) + ticks[told[0]]
+    return np.asarray(np.interp(np.arange(ticks.size), told, known))
 
 
 def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True) -> Gesture:
@@ -195,7 +244,8 @@ def sensor_noise(gestures: list[Gesture]) -> float | None:
 
 def sensor_step(gestures: Sequence[Gesture]) -> float | None:
     """Step [m] of the sensor: of the grid on which positions lie; None where they lie on none."""
-    places = np.unique(np.concatenate([g.position[g.counts] for g in gestures]))
+    reads = [g.position[g.counts] if g.read is None else g.read for g in gestures]
+    places = np.unique(np.concatenate(reads))
     apart = np.diff(places)
     apart = apart[apart > 1e-6 * np.ptp(places)]  # else the same, but for rounding
     if not apart.size:

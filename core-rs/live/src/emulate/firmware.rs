@@ -278,7 +278,7 @@ impl Firmware {
                     let enabled = packet.flags & flag::ENABLE != 0;
                     self.push(packet.force.iter().copied(), enabled, now);
                 }
-                self.frame_reply(&packet, had_let_go, now).write(&mut bytes)
+                self.frame_reply(&packet, had_let_go).write(&mut bytes)
             } else {
                 continue;
             };
@@ -286,12 +286,7 @@ impl Firmware {
         }
     }
 
-    fn frame_reply(
-        &self,
-        packet: &frame::Request,
-        had_let_go: bool,
-        now: Duration,
-    ) -> frame::Reply {
+    fn frame_reply(&self, packet: &frame::Request, had_let_go: bool) -> frame::Reply {
         let n = self.keys.n();
         let touched = (0..n).any(|axis| self.keys.touched(axis));
         let enabled = packet.flags & flag::ENABLE != 0 && (touched || !self.board.touch_gate);
@@ -303,7 +298,8 @@ impl Firmware {
         let t_us = if self.board.lockstep {
             self.keys.t_us()
         } else {
-            now.as_micros() as u32
+            // When the positions were read: forces act from there on.
+            (self.wall as f64 * self.keys.rate().step() * 1e6) as u64 as u32
         };
         frame::Reply {
             seq: packet.seq,

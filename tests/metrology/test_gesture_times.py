@@ -1,0 +1,51 @@
+"""Replies out of step with the ticks: the device's clock says when forces acted."""
+
+import numpy as np
+from measured_keys import PLAIN, RATE, read, wire
+
+from ergon import _core
+from ergon.metrology.gesture import Gesture, of_rows, sensor_step
+from ergon.metrology.output_error import Fit, fit
+from ergon.metrology.parameters import INDEX, START
+
+FINE = 40  # parts of a tick, in which a device's motor may switch
+N = 6000
+COLUMNS = [INDEX[name] for name in ("mass", "stiffness", "damping", "weight", "dry", "delay")]
+
+
+def fitted(gesture: Gesture) -> Fit:
+    return fit([gesture], PLAIN, COLUMNS)
+
+
+def test_late_replies_are_put_where_the_devices_clock_says():
+    chance = np.random.default_rng(8)
+    late = np.clip(np.round(FINE * 0.06 * chance.standard_normal(N)), -10, 10).astype(int)
+    late[:60] = 0
+    at = FINE * np.arange(1, N + 1) + late  # parts of ticks
+    ticks = chance.choice([-1.0, 1.0], N)
+    strokes = np.repeat(chance.uniform(-1.0, 1.0, N // 250), 250)
+    sent = wire(0.3 * ticks + 0.6 * strokes)
+    sent[:60] = 0.0
+    # A force acts from the instant on at which its reply reads the position.
+    held = np.searchsorted(at, np.arange(at[-1] + 1), side="right") - 1
+    force = np.where(held >= 0, sent[held], 0.0)
+    row = PLAIN.copy()
+    row[INDEX["delay"]] = 0.0
+    row[START] = -row[INDEX["weight"]] / row[INDEX["stiffness"]]
+    true = _core.key_path(row, force, RATE * FINE, columns=(), steps=4)[0]
+    position = read(true[at], 5)
+    clock = np.round(at / FINE / RATE * 1e6).astype(np.uint32)
+    every = np.ones(N, bool)
+    found = of_rows(np.arange(N), sent, position, every, clock, RATE)
+    key = fitted(found)
+    assert key.rms < 4.6e-6  # the sensor leaves 4.2
+    for name in ("mass", "stiffness", "damping", "dry"):
+        index = INDEX[name]
+        assert abs(key.row[index] - row[index]) < 5 * key.deviation(index), name
+    assert abs(key.row[INDEX["delay"]] * RATE - 1.0) < 0.01  # the clock's delay: a tick
+    step = sensor_step([found])
+    assert step is not None
+    assert abs(step / (30e-3 / 4096) - 1) < 1e-6
+    # As if each reply had come on its tick:
+    rounded = of_rows(np.arange(N), sent, position, every, np.zeros(N, np.uint32), RATE)
+    assert fitted(rounded).rms > 4 * key.rms
