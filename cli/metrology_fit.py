@@ -101,9 +101,23 @@ def report(
     if measured.noise is not None and measured.fit.rms > _BAD * measured.noise:
         raise Findings(
             f"the model leaves {measured.fit.rms * 1e6:.3g} um where the sensor's noise is "
-            f"{measured.noise * 1e6:.3g} um: something acts on this key that the model lacks"
+            f"{measured.noise * 1e6:.3g} um: {_cause(gestures)}"
         )
     return measured
+
+
+def _cause(gestures: list[Gesture]) -> str:
+    """Why a model leaves more than the sensor's noise."""
+    from ergon.metrology.gesture import LATE
+
+    n = sum(gesture.counts.size for gesture in gestures)
+    late = n - sum(int(gesture.counts.sum()) for gesture in gestures)
+    if late > LATE * n:
+        return (
+            f"{late:,} of {n:,} positions were lost or came late; "
+            "measure where the machine and the line keep time"
+        )
+    return "something acts on this key that the model lacks"
 
 
 def gesture(console: Console, path: Path, hand: str | None) -> Gesture:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _FRESH = 1  # of a recording's flags
 TICKS_MIN = 500
-_LOST_MAX = 0.04  # of the ticks
+LATE = 0.1  # of the ticks: the forces of more cannot be found
 _OFF_GRID = 0.2  # of a step: where positions lie on no grid
 _JITTER = 5e-3  # of a tick: replies that are less beside their ticks count as on them
 _NEAR = 0.75  # of a tick: a reply that is farther off says nothing of the tick
@@ -33,35 +33,56 @@ class MeasurementError(ErgonError):
 
 
 @dataclass(frozen=True, slots=True)
+class Unknown:
+    """Forces that nobody knows (q,): their ticks, and the least and the most they were [N]."""
+
+    ticks: NDArray[np.int64]
+    least: Floats
+    most: Floats
+
+    @property
+    def middle(self) -> Floats:
+        """The forces in the middle between the least and the most (q,) [N]."""
+        return 0.5 * (self.least + self.most)
+
+    @property
+    def spread(self) -> Floats:
+        """How far the least and the most are from the middle (q,) [N]."""
+        return 0.5 * (self.most - self.least)
+
+
+_NONE = Unknown(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True)
 class Gesture:
     """Forces on a key and its positions, by ticks; sizes: n ticks.
 
     `force` (n,) [N] is held from each tick to the next; `position` (n,) [m] is read at each tick's
     beginning; `counts` (n,) says which positions are compared with a model's. `rate` [Hz] is that
-    of the ticks. `unknown` are the ticks whose forces nobody knows: packets or rows that were lost.
-    There `force` is a guess, and a fit finds it. `read` holds what a sensor read where
-    `position` tells positions of other instants.
+    of the ticks. `unknown` are forces that nobody knows: packets or rows were lost or late. There
+    `force` is a guess, and a fit finds it. `read` holds what a sensor read where `position` tells
+    positions of other instants.
     """
 
     force: Floats
     position: Floats
     counts: NDArray[np.bool_]
     rate: float
-    unknown: tuple[int, ...] = ()
+    unknown: Unknown = _NONE
     read: Floats | None = None
 
     def with_forces(self, forces: Floats) -> Gesture:
         """The gesture with other forces [N] at its unknown ticks."""
         force = self.force.copy()
-        force[list(self.unknown)] = forces
+        force[self.unknown.ticks] = forces
         return replace(self, force=force)
 
     @property
     def still(self) -> int:
         """The number of ticks, at least one, before the force changes for the first time."""
         changes = np.flatnonzero(self.force != self.force[0])
-        if self.unknown:
-            changes = np.union1d(changes, self.unknown)
+        changes = np.union1d(changes, self.unknown.ticks)
         return int(changes[0]) if changes.size else self.force.size
 
     @property
@@ -121,27 +142,21 @@ def of_rows(
     positions[at], counts = position, np.zeros(n, bool)
     counts[at] = fresh
     held = np.maximum.accumulate(np.where(np.isin(np.arange(n), at), np.arange(n), 0))
-    found = of_arrays(force, positions[held], rate)
-    found = replace(found, counts=counts, unknown=_unknown(which, sure))
+    found = replace(of_arrays(force, positions[held], rate), counts=counts)
     beside = (exact - at)[fresh]
-    if np.sqrt(np.mean(beside**2)) < _JITTER:
-        return found
-    return _retimed(found, np.maximum.accumulate(exact), sent, np.asarray(position), fresh, sure)
+    if np.sqrt(np.mean(beside**2)) >= _JITTER:
+        at = np.maximum.accumulate(exact)
+        found = _retimed(found, at, sent, np.asarray(position), fresh)
+    unknown = _unknown(at - 1.0, sent, sure, n)
+    return replace(found, unknown=unknown).with_forces(unknown.middle)
 
 
 def _retimed(
-    gesture: Gesture,
-    at: Floats,
-    sent: Floats,
-    position: Floats,
-    fresh: NDArray[np.bool_],
-    known: NDArray[np.bool_],
+    gesture: Gesture, at: Floats, sent: Floats, position: Floats, fresh: NDArray[np.bool_]
 ) -> Gesture:
-    """The gesture by replies at instants `at` (n,) [ticks] between its ticks."""
+    """The gesture by replies at instants `at` (k,) [ticks] between its ticks."""
     n = gesture.force.size
-    edges, begins = np.arange(n + 1.0), at - 1.0
-    shares = _means(begins, (~known).astype(float), edges)
-    unknown = np.flatnonzero(shares > _MIXED)
+    edges = np.arange(n + 1.0)
     replies, x = at[fresh], position[fresh]
     # Two replies of one instant have no speed between them.
     apart = np.concatenate([[True], np.diff(replies) > 0])
@@ -151,12 +166,31 @@ def _retimed(
     off = edges[:-1] - replies[nearest]
     return replace(
         gesture,
-        force=_means(begins, sent, edges),
+        force=_means(at - 1.0, sent, edges),
         position=x[nearest] + speed[nearest] * off,
         counts=gesture.counts & (np.abs(off) < _NEAR),
-        unknown=tuple(unknown.tolist()) if gesture.unknown else (),
         read=x,
     )
+
+
+def _unknown(begins: Floats, sent: Floats, known: NDArray[np.bool_], n: int) -> Unknown:
+    """The forces of n ticks that nobody knows, by forces (k,) sent, each of which has its begin.
+
+    A device holds a force until it hears of the next one: between two ticks that had replies no
+    other forces acted than those that were sent. Where many are unknown, replies were late rather
+    than lost, and all forces count as known.
+    """
+    shares = _means(begins, (~known).astype(float), np.arange(n + 1.0))
+    ticks = np.flatnonzero(shares > _MIXED)
+    if ticks.size > LATE * n:
+        return _NONE
+    sure = np.maximum.accumulate(np.where(known, np.arange(known.size), 0))
+    first = sure[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
+    last = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), sent.size - 1)
+    acted = [sent[i : j + 1] for i, j in zip(first, last, strict=True)]
+    least, most = (np.array([end(forces) for forces in acted]) for end in (np.min, np.max))
+    differ = most > least
+    return Unknown(ticks[differ], least[differ], most[differ])
 
 
 def _means(begins: Floats, values: Floats, edges: Floats) -> Floats:
@@ -165,16 +199,6 @@ def _means(begins: Floats, values: Floats, edges: Floats) -> Floats:
     knots = np.concatenate([[first], begins[1:], [last]])
     integral = np.concatenate([[0.0], np.cumsum(values * np.diff(knots))])
     return np.asarray(np.diff(np.interp(edges, knots, integral)) / np.diff(edges))
-
-
-def _unknown(which: NDArray[np.int64], known: NDArray[np.bool_]) -> tuple[int, ...]:
-    """Ticks of the device whose forces are not known.
-
-    Where they are more than a few, replies were late rather than lost, and all forces count as
-    known.
-    """
-    lost = np.flatnonzero(~known[which])
-    return tuple(lost.tolist()) if lost.size <= _LOST_MAX * which.size else ()
 
 
 def _instants(
@@ -216,7 +240,7 @@ def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True
     fresh = recording.flags()[:, axis] & _FRESH != 0
     # A tick without a row is one without a reply, too.
     every = np.arange(ticks[0], ticks[-1] + 1)
-    if every.size - ticks.size > _LOST_MAX * every.size:
+    if every.size - ticks.size > LATE * every.size:
         raise MeasurementError(
             f"this take lacks {every.size - ticks.size:,} of {every.size:,} ticks, too many to "
             "find the forces that nobody knows"

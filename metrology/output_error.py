@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 _DAMPING = (1e-3, 1e-7)  # of Levenberg and Marquardt: at first, at least
 _TRIALS = 12
-_RECOVERIES, _SETTLED = (
-    20,
-    1e-4,
-)  # rounds in which forces are found; relative fall of the cost that ends them
-_FELT = 0.05  # of the greatest effect of a force: less cannot be told
+# Rounds in which forces are found, the relative fall of the cost that ends them, the least share of
+# a step.
+_RECOVERIES, _SETTLED, _LEAST_SHARE = 20, 1e-4, 0.05
 _EVERY = 3  # steps of a fit, from one look at what the unknown forces do to the next
 _CLOSE = 1e-7  # relative fall of the cost below which it has converged
 
@@ -74,47 +72,56 @@ def errors(row: Floats, gesture: Gesture, start: float) -> Floats:
     return gesture.position[counts] - path(row, gesture, start)[counts]
 
 
-def _cost(row: Floats, gestures: Sequence[Gesture], starts: Floats) -> float:
+def _squares(row: Floats, gestures: Sequence[Gesture], starts: Floats) -> tuple[float, float]:
+    """Sums of squares: of what positions leave [m²], and of unknown forces in their spreads."""
     try:
         each = [errors(row, g, x) for g, x in zip(gestures, starts, strict=True)]
     except _core.EngineError:
-        return np.inf  # no such key, or too fast a one
-    cost = sum(float(e @ e) for e in each)
-    return cost if np.isfinite(cost) else np.inf
+        return np.inf, 0.0  # no such key, or too fast a one
+    left = sum(float(e @ e) for e in each)
+    return left if np.isfinite(left) else np.inf, sum(float(o @ o) for o in map(_off, gestures))
+
+
+def _off(gesture: Gesture) -> Floats:
+    """How far unknown forces are from their middles, in their spreads (q,)."""
+    unknown = gesture.unknown
+    return (gesture.force[unknown.ticks] - unknown.middle) / unknown.spread
 
 
 def _force_derivatives(row: Floats, gesture: Gesture, start: float) -> Floats:
     """Derivatives of the positions that count with respect to the unknown forces, (n, q)."""
-    if not gesture.unknown:
+    ticks = gesture.unknown.ticks
+    if not ticks.size:
         return np.zeros((int(gesture.counts.sum()), 0))
     row = row.copy()
     row[START] = start
-    every = _core.key_force_derivatives(row, gesture.force, gesture.rate, gesture.unknown)
+    every = _core.key_force_derivatives(row, gesture.force, gesture.rate, ticks.tolist())
     return every[gesture.counts]
 
 
 def recovered(row: Floats, gesture: Gesture, start: float) -> Gesture:
     """The gesture with the unknown forces by which a key comes nearest to what was read."""
-    if not gesture.unknown:
+    ticks, spread = gesture.unknown.ticks, gesture.unknown.spread
+    if not ticks.size:
         return gesture
-    at = list(gesture.unknown)
-    cost, share = _cost(row, [gesture], np.array([start])), 1.0
+    n, share = int(gesture.counts.sum()), 1.0
+    left, off = _squares(row, [gesture], np.array([start]))
     for _ in range(_RECOVERIES):
-        by_force = _force_derivatives(row, gesture, start)
-        felt = np.linalg.norm(by_force, axis=0)
-        felt = felt > _FELT * felt.max()
-        found = np.zeros(len(at))
-        left = errors(row, gesture, start)
-        found[felt] = np.linalg.lstsq(by_force[:, felt], left, rcond=None)[0]
-        while share > 0.05:
-            nearer = gesture.with_forces(gesture.force[at] + share * found)
-            new = _cost(row, [nearer], np.array([start]))
-            if new < cost:
+        by_force = _force_derivatives(row, gesture, start) * spread
+        variance = left / n
+        square = by_force.T @ by_force + variance * np.eye(ticks.size)
+        slope = by_force.T @ errors(row, gesture, start) - variance * _off(gesture)
+        step = spread * np.linalg.solve(square, slope)
+        while share > _LEAST_SHARE:
+            nearer = gesture.with_forces(gesture.force[ticks] + share * step)
+            new_left, new_off = _squares(row, [nearer], np.array([start]))
+            fall = 1.0 - (new_left + variance * new_off) / (left + variance * off)
+            if fall > 0:
                 break
             share *= 0.5
         else:
             break
-        fall, gesture, cost = (cost - new) / cost, nearer, new
+        gesture, left, off = nearer, new_left, new_off
         share = min(2 * share, 1.0)
         if fall < _SETTLED:
             break
@@ -127,11 +134,15 @@ def _normal(
     gestures: Sequence[Gesture],
     starts: Floats,
     by_force: Sequence[Floats],
+    variance: float,
 ) -> tuple[Floats, Floats]:
-    """JᵀJ and Jᵀe on the scales of the fit: parameters, starts of all gestures, unknown forces."""
+    """JᵀJ and Jᵀe on the scales of the fit: parameters, starts of all gestures, unknown forces.
+
+    Each unknown force is a measurement of its middle, as uncertain as its spread.
+    """
     p, own = len(columns), [*columns, START]
     first = p + len(starts)
-    size = first + sum(len(gesture.unknown) for gesture in gestures)
+    size = first + sum(gesture.unknown.ticks.size for gesture in gestures)
     square, slope = np.zeros((size, size)), np.zeros(size)
     for i, (gesture, start) in enumerate(zip(gestures, starts, strict=True)):
         row = row.copy()
@@ -140,10 +151,13 @@ def _normal(
         jacobian = jacobian[gesture.counts] * scale(row, own)
         jacobian = np.concatenate([jacobian, by_force[i]], 1)
         error = (gesture.position - x)[gesture.counts]
-        at = np.array([*range(p), p + i, *range(first, first + len(gesture.unknown))])
-        first += len(gesture.unknown)
+        forces = np.arange(first, first + gesture.unknown.ticks.size)
+        first += forces.size
+        at = np.concatenate([np.arange(p), [p + i], forces])
         square[np.ix_(at, at)] += jacobian.T @ jacobian
         slope[at] += jacobian.T @ error
+        square[forces, forces] += variance / gesture.unknown.spread**2
+        slope[forces] -= variance * _off(gesture) / gesture.unknown.spread
     return square, slope
 
 
@@ -151,10 +165,9 @@ def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
     """The gestures after a step of their unknown forces, (q,)."""
     after, at = [], 0
     for gesture in gestures:
-        q = len(gesture.unknown)
-        forces = gesture.force[list(gesture.unknown)] + step[at : at + q]
-        after.append(gesture.with_forces(forces) if q else gesture)
-        at += q
+        ticks = gesture.unknown.ticks
+        after.append(gesture.with_forces(gesture.force[ticks] + step[at : at + ticks.size]))
+        at += ticks.size
     return after
 
 
@@ -173,7 +186,7 @@ def fit(
     p, damping, least = len(columns), *_DAMPING
     forces = p + len(from_)
     n = sum(int(g.counts.sum()) for g in gestures)
-    cost = _cost(row, gestures, from_)
+    left, off = _squares(row, gestures, from_)
     by_force: list[Floats] = []
     for iteration in range(iterations):
         _core.poll()
@@ -181,7 +194,8 @@ def fit(
         if iteration % _EVERY == 0 or not by_force:
             each = zip(gestures, from_, strict=True)
             by_force = [_force_derivatives(row, g, x) for g, x in each]
-        square, slope = _normal(row, columns, gestures, from_, by_force)
+        variance = left / n
+        square, slope = _normal(row, columns, gestures, from_, by_force, variance)
         size = np.sqrt(np.diag(square))
         size[size == 0] = 1.0
         unit = square / np.outer(size, size)
@@ -190,26 +204,27 @@ def fit(
             step = np.linalg.solve(lifted, slope / size) / size
             to, at = moved(row, columns, step[:p]), from_ + step[p:forces]
             pushed = _forced(gestures, step[forces:])
-            new = _cost(to, pushed, at)
-            if new < cost:
+            new_left, new_off = _squares(to, pushed, at)
+            fall = 1.0 - (new_left + variance * new_off) / (left + variance * off)
+            if fall > 0:
                 break
             damping *= 10
         else:
             break
-        fall, row, from_, cost, gestures = (cost - new) / cost, to, at, new, pushed
+        row, from_, left, off, gestures = to, at, new_left, new_off, pushed
         damping = max(damping / 10, least)
         if fall < _CLOSE:
-            if iteration % _EVERY == 0 or not any(g.unknown for g in gestures):
+            if iteration % _EVERY == 0 or not any(g.unknown.ticks.size for g in gestures):
                 break
             by_force = []
     if not by_force:
         each = zip(gestures, from_, strict=True)
         by_force = [_force_derivatives(row, g, x) for g, x in each]
-    square, _ = _normal(row, columns, gestures, from_, by_force)
-    free = max(n - len(square), 1)
-    covariance = np.linalg.pinv(square, hermitian=True)[:p, :p] * (cost / free)
+    square, _ = _normal(row, columns, gestures, from_, by_force, left / n)
+    free = max(n - p - len(from_), 1)
+    covariance = np.linalg.pinv(square, hermitian=True)[:p, :p] * (left / free)
     size = scale(row, columns)
-    rms = float(np.sqrt(cost / n))
+    rms = float(np.sqrt(left / n))
     return Fit(
         row,
         tuple(columns),
@@ -217,5 +232,5 @@ def fit(
         covariance * np.outer(size, size),
         rms,
         n,
-        tuple(g.force[list(g.unknown)] for g in gestures),
+        tuple(g.force[g.unknown.ticks] for g in gestures),
     )

@@ -164,13 +164,13 @@ def test_a_take_that_lacks_ticks_is_fitted(capsys: Capture):
         (["two.take", "--hand", "eve"], "there is no hand 'eve'"),
         (["still.take"], "no force that was sent"),
         (["short.take"], "at least 500 ticks"),
-        (["gap.take"], "this take lacks 100 of 1,002 ticks"),
+        (["gap.take"], "this take lacks 150 of 1,002 ticks"),
     ],
 )
 def test_what_cannot_be_measured_is_refused(capsys: Capture, arguments: list[str], told: str):
     take("two.take", rain(KEY, 1.0), 1, hands=2)
     take("still.take", np.zeros(1000), 1)
-    take("gap.take", rain(KEY, 1.0), 1, gap=set(range(100, 200)))
+    take("gap.take", rain(KEY, 1.0), 1, gap=set(range(100, 250)))
     take("short.take", rain(KEY, 0.2), 1)
     assert app.run(["metrology", "fit", *arguments]) == 2
     assert told in capsys.readouterr().err

@@ -49,3 +49,35 @@ def test_late_replies_are_put_where_the_devices_clock_says():
     # As if each reply had come on its tick:
     rounded = of_rows(np.arange(N), sent, position, every, np.zeros(N, np.uint32), RATE)
     assert fitted(rounded).rms > 4 * key.rms
+
+
+def test_forces_that_were_lost_are_found_between_those_that_were_sent():
+    """Bursts of lost requests, 6 % of the ticks: the device holds the force before each."""
+    chance = np.random.default_rng(4)
+    lost = np.zeros(N, bool)
+    for at in chance.choice(np.arange(200, N - 10), 150, replace=False):
+        lost[at : at + chance.integers(1, 5)] = True
+    assert lost.mean() > 0.05
+    sent = wire(0.5 * chance.choice([-1.0, 1.0], N) + 0.3 * chance.uniform(-1.0, 1.0, N))
+    sent[:60] = 0.0
+    held = np.maximum.accumulate(np.where(lost, 0, np.arange(N)))
+    force = sent[held]
+    row = PLAIN.copy()
+    row[START] = -row[INDEX["weight"]] / row[INDEX["stiffness"]]
+    position = read(_core.key_path(row, force, RATE, columns=())[0], 6)
+    # A position is that of the tick's beginning; a reply comes after its force has acted.
+    found = of_rows(
+        np.arange(N),
+        np.roll(sent, -1),
+        position,
+        np.roll(~lost, -1),
+        np.zeros(N, np.uint32),
+        RATE,
+    )
+    ticks = found.unknown.ticks
+    assert 200 < ticks.size <= lost.sum()
+    key = fitted(found)
+    assert key.rms < 4.6e-6  # the sensor leaves 4.2
+    for name in ("mass", "stiffness", "damping", "dry"):
+        index = INDEX[name]
+        assert abs(key.row[index] - row[index]) < 5 * key.deviation(index), name
