@@ -12,7 +12,7 @@ from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start, member_count
-from ergon.instruments.space import Space, unit
+from ergon.instruments.space import Space, add_surface, unit
 from ergon.instruments.space import add as add_points
 from ergon.instruments.spread import is_pairwise, singles
 
@@ -29,7 +29,8 @@ class Assembly:
     links: dict[tuple[str, str], range] = field(default_factory=dict)
     bodies: dict[tuple[str, str], range] = field(default_factory=dict)
     seed: int = 0
-    _axes: dict[str, int] = field(default_factory=dict)  # of parts in space
+    # (part, module) in space -> the MATs of its first point, axis by axis
+    points: dict[tuple[str, str], list[int]] = field(default_factory=dict)
     # Why modules are left out. None: the first that the engine refuses is raised.
     refused: list[_core.EngineError] | None = None
 
@@ -51,10 +52,8 @@ class Assembly:
         is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
         """
         self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
-        if space is not None:
-            self._axes[name] = space.axes
         for module in modules:
-            if module.kind in HOLDERS:
+            if module.kind in HOLDERS and module.kind != "SURFACE":
                 fields = _seen(module.fields, reach)
                 n_links = self.network.n_lia
                 with self._gathering():
@@ -63,12 +62,30 @@ class Assembly:
                     else:
                         chance = self._chance(".".join((name, module.name)))
                         first = add_points(self.network, module.kind, module.name, fields, chance)
-                        self._weigh(first, module, space)
+                        count = member_count(module.kind, fields)
+                        firsts = [first + axis * count for axis in range(space.axes)]
+                        self.points[name, module.name] = firsts
+                        if space.gravity:  # against the last axis
+                            self.network.weigh(firsts[-1], count, -space.gravity)
                     self.mats[name, module.name] = first
                     if module.kind in GENERATORS:
                         self.bodies[name, module.name] = range(n_links, self.network.n_lia)
                     if "X0" in fields and module.kind in GENERATORS:
                         self._starts(first, fields)
+
+    def surfaces(self, name: str, modules: Iterable[Module]) -> None:
+        """Add a part's surfaces, once the bodies of all parts are there.
+
+        Raises EngineError unless what is refused is gathered.
+        """
+        self.network.part(name)
+        for module in modules:
+            if module.kind == "SURFACE" and _home(module.fields["of"]) in self.mats:
+                with self._gathering():
+                    masses = self.members(module.fields["of"])
+                    firsts = add_surface(self.network, module.name, module.fields, masses)
+                    self.points[name, module.name] = firsts
+                    self.mats[name, module.name] = firsts[0]
 
     def joins(
         self,
@@ -110,31 +127,24 @@ class Assembly:
 
     def _link_in_space(self, module: Module, a: Target, b: Target) -> int:
         fields = module.fields
-        first, second = ((self.members(end)[0], end.points) for end in (a, b))
-        axes = self._axes[a.part]
+        first, second = self.coordinates(a), self.coordinates(b)
         if module.kind == "BUT":
             own = _pick(fields, "K", "Z", "gap", "exponent", "clamp")
             if is_pairwise(module.kind, fields, (a, b)):
-                groups = sorted(((*first, a.count), (*second, b.count)), key=lambda group: group[2])
+                groups = sorted(((first, a.count), (second, b.count)), key=lambda group: group[1])
                 own["inside"] = fields["side"] == "inside"
                 own["normal"] = unit(fields["normal"])
-                return self.network.pairwise(module.name, *groups, axes=axes, **own)
-            return self.network.space_but(module.name, first, second, axes=axes, **own)
+                return self.network.pairwise(module.name, *groups, **own)
+            return self.network.space_but(module.name, first, second, **own)
         own = _pick(fields, "K", "Z", "yields", "breaks", "core")
         rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")
         if rest is None:
-            rest = self.network.distance(first, second, axes)
-        return self.network.space_ref(module.name, first, second, axes=axes, rest=rest, **own)
+            rest = self.network.distance(first, second)
+        return self.network.space_ref(module.name, first, second, rest=rest, **own)
 
     def _chance(self, name: str) -> Callable[[int], _core.Chance]:
         """Random numbers for each member of a module."""
         return lambda member: _core.Chance(self.seed, "place", name, member, 0)
-
-    def _weigh(self, first: int, module: Module, space: Space) -> None:
-        """Let gravity pull the points of a module, against their last axis."""
-        count = member_count(module.kind, module.fields)
-        if space.gravity:
-            self.network.weigh(first + (space.axes - 1) * count, count, -space.gravity)
 
     @contextmanager
     def _gathering(self) -> Iterator[None]:
@@ -154,6 +164,10 @@ class Assembly:
         """Index of the one MAT that a target names."""
         return self.members(target)[0]
 
+    def coordinates(self, target: Target) -> list[int]:
+        """Indices of the MATs of the first point in space that a target names, axis by axis."""
+        return [first + int(target.first) for first in self.points[target.part, target.module]]
+
     def members(self, target: Target) -> range:
         """Indices of the MATs that a target names."""
         first = self.mats[target.part, target.module]
@@ -170,6 +184,10 @@ class Assembly:
         )
         for index in sorted(position.keys() | velocity.keys()):
             self.network.start(index, position.get(index, 0.0), velocity.get(index, 0.0))
+
+
+def _home(target: Target) -> tuple[str, str]:
+    return target.part, target.module
 
 
 def _members(assembly: Assembly, first: int, value: Any) -> dict[int, float]:

@@ -383,7 +383,7 @@ def _all() -> dict[str, Kind]:
     ca = _generators(True)
     for name, (table, gliding) in _generators(False).items():
         kinds[name] = Kind(name, "generator", {"si": table, "ca": ca[name][0]}, gliding)
-    for name, (own, table) in space.tables(BETWEEN).items():
+    for name, (own, table) in space.tables(BETWEEN, ENDPOINT).items():
         known = kinds.get(name, Kind(name, own, {}))
         kinds[name] = replace(known, tables={**known.tables, "space": table})
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
@@ -396,6 +396,7 @@ KINDS = _all()
 MATS = tuple(name for name, kind in KINDS.items() if kind.family == "mat")
 LINKS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
 GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
+BODIES = ("STRING", "PLATE")  # generators whose masses lie beside each other
 HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
 
 

@@ -161,9 +161,12 @@ class PartNames:
         who: str,
     ) -> Target | None:
         """Points of a module, or one coordinate of them; None after a report."""
-        count = member_count(module.kind, module.fields)
+        body = self._body(owner, module)
+        count = body.count if body else member_count(module.kind, module.fields)
         called = ".".join(filter(None, (owner.name, module.name)))
         first, size, problem = 0, 1, ""
+        if count == 0:  # of a body that was refused already
+            return None
         if some is None and count > 1:
             problem = f"{called} has {count:,} points; write some of them: {called}.0, {called}.all"
         elif some is not None and count == 1:
@@ -186,6 +189,8 @@ class PartNames:
             problem = f"{quote(name)} is a point in space; write one of its axes: {examples}"
         elif axis is not None and axis >= owner.axes:
             problem = f"{owner.name} has the axes {' and '.join(axes)}"
+        elif axis is not None and body and axis == owner.axes - 1:
+            problem = f"the {axes[-1]} of {called} is that of {body.text}; write those masses"
         elif size > 1 and wanted in ("mat", "point"):
             problem = f"one is expected here, but {size:,} are named"
         if problem:
@@ -195,6 +200,15 @@ class PartNames:
             return Target(owner.name, module.name, first, size, str(name), name.place, count)
         first += count * (axis or 0)
         return Target(owner.name, module.name, first, size, str(name), name.place)
+
+    def _body(self, owner: Part, module: Module) -> Target | None:
+        """The masses that the points of a surface move with; None for other modules."""
+        of = module.fields["of"] if module.kind == "SURFACE" else None
+        if not isinstance(of, Name):
+            return of
+        quiet = replace(self, collector=Collector())
+        missing = Target(owner.name, module.name, 0, 0, str(of), of.place)
+        return quiet.target(of, "mats", "", owner) or missing
 
     def _place(
         self, path: str, part: Part | None, prefix: str

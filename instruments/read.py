@@ -11,7 +11,7 @@ from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
-from ergon.instruments.space import AXES, DIRECTION, PLACE, VELOCITY, Space
+from ergon.instruments.space import AXES, DIRECTION, MIDDLE, PLACE, VELOCITY, Space
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
@@ -340,11 +340,12 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     fields = {field.name: values[field.name] for field in values.record.fields}
     for field in values.record.fields:
         value = fields[field.name]
-        if field.shape in (PLACE, VELOCITY, DIRECTION) and value is not None and len(value) != axes:
-            called = " and ".join((", ".join(AXES[: axes - 1]), AXES[axes - 1]))
+        wanted = {PLACE: axes, VELOCITY: axes, DIRECTION: axes, MIDDLE: axes - 1}.get(field.shape)
+        if wanted is not None and value is not None and len(value) != wanted:
+            called = " and ".join(filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1])))
             message = f"{values.context.of(field.name)}: the number of items is {len(value)}, but "
-            values.error("E106", f"{message}must be {axes}: {called}", field.name)
-            fields[field.name] = (0.0,) * axes
+            values.error("E106", f"{message}must be {wanted}: {called}", field.name)
+            fields[field.name] = (0.0,) * wanted
     if kind in HOLDERS:
         fields["axes"] = axes
     if kind == "BUT":

@@ -10,7 +10,7 @@ from ergon.instruments import spread
 from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
-from ergon.instruments.module_kinds import GENERATORS, LINKS, Start, member_count
+from ergon.instruments.module_kinds import BODIES, GENERATORS, LINKS, Start, member_count
 from ergon.instruments.names import Part, PartNames, Wanted
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
@@ -37,6 +37,10 @@ def modules(
                 fields["gap"] = spread.gaps(module, spread.size(ends), who, part_names.collector)
         elif module.kind in ("ENX", "ENF"):
             _drive(module, part, part_names, takes, fields, driven, who)
+        elif module.kind == "SURFACE":
+            fields["of"] = _body(module, part, part_names, who)
+            if fields["of"] is None:
+                continue
         elif module.kind in GENERATORS and part.axes == 1:
             _starts(module, who, part_names.collector)
         resolved = replace(module, fields=fields)
@@ -70,6 +74,20 @@ def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[
     else:
         spread.is_fitting(ends, who, part_names.collector)
     return ends
+
+
+def _body(module: Module, part: Part, part_names: PartNames, who: str) -> Target | None:
+    """The masses that a surface moves with: those of a body of one axis; reports."""
+    name = module.fields["of"]
+    found = None if name is None else part_names.target(name, "mats", who, part)
+    if found is None:
+        return None
+    kind = part_names.parts[found.part].modules[found.module].kind
+    if kind not in BODIES:
+        message = f"{who}: of: {quote(found.text)} is a {kind}; a surface is that of a STRING or a "
+        part_names.collector.error("E304", f"{message}PLATE: of: gong.all", name.place)
+        return None
+    return found
 
 
 def _starts(module: Module, who: str, collector: Collector) -> None:

@@ -13,12 +13,13 @@ from typing import Any, Literal
 from ergon import _core
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record
-from ergon.notation.tables.shapes import ListOf, choice
+from ergon.notation.tables.shapes import ListOf, Shape, choice
 
 AXES = ("x", "y", "z")
 MAX_POINTS = 500_000  # of one CHAIN, CLOTH or GRAINS: one and a half million coordinates
 
 PLACE = ListOf(k.POSITION, 2, 3)
+MIDDLE = ListOf(k.POSITION, 1, 2)
 VELOCITY = ListOf(k.SPEED, 2, 3)
 DIRECTION = ListOf(k.NUMBER, 2, 3)
 SIDES = ListOf(k.integer(1, 2_000, "40"), 2, 2)
@@ -36,8 +37,8 @@ class Space:
     gravity: float
 
 
-def tables(between: Field) -> dict[str, tuple[Family, Record]]:
-    """Of each kind its family and its table."""
+def tables(between: Field, endpoint: Shape) -> dict[str, tuple[Family, Record]]:
+    """Of each kind its family and its table, by the table of ends and what one is written as."""
     mass = Field("M", k.MASS, "mass", required=True)
     whole = Field("M", k.MASS, "mass of all its points together", required=True)
     x0 = Field("X0", PLACE, "position at the beginning, axis by axis", required=True)
@@ -110,6 +111,11 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         v0,
         drag,
     )
+    surface = (
+        Field("of", endpoint, "masses of a STRING or a PLATE, such as gong.all", required=True),
+        Field("at", MIDDLE, "where its middle lies, along all axes but the last", required=True),
+        Field("across", k.SIZE, "how wide the whole STRING or PLATE is", required=True),
+    )
     near = Field(
         "K",
         k.STIFFNESS,
@@ -155,6 +161,10 @@ def tables(between: Field) -> dict[str, tuple[Family, Record]]:
         "CHAIN": ("generator", Record("module", "points in a row, joined by springs", chain)),
         "CLOTH": ("generator", Record("module", "a net of points and springs", cloth)),
         "GRAINS": ("generator", Record("module", "free points in a box", grains)),
+        "SURFACE": (
+            "generator",
+            Record("module", "masses of one axis as points, which move along the last", surface),
+        ),
         "RES": (
             "link",
             Record("module", "a spring along a distance", (between, stiff, rest, *memory)),
@@ -181,6 +191,8 @@ def count(kind: str, fields: Mapping[str, Any]) -> int:
     if kind == "CLOTH":
         across, up = fields["sides"]
         return int(across * up)
+    if kind == "SURFACE":
+        return int(fields["of"].count)
     return int(fields.get("masses") or fields.get("count") or 1)
 
 
@@ -194,6 +206,24 @@ def add(
     if kind == "GRAINS":
         return _grains(network, name, fields, chance)
     return {"CHAIN": _chain, "CLOTH": _cloth}.get(kind, _point)(network, name, fields)
+
+
+def add_surface(
+    network: _core.Network, name: str, fields: Mapping[str, Any], masses: range
+) -> list[int]:
+    """Add fixed points below the masses of a body; the first MAT along each axis.
+
+    The last axis is that of the masses. Raises EngineError.
+    """
+    at, across, n = fields["at"], fields["across"], len(masses)
+    places = [network.position_of(mat) for mat in masses]
+    x0 = [at[0] + across * place.x for place in places]
+    if len(at) > 1:
+        x0 += [at[1] + across * place.y for place in places]
+    first = network.points(
+        name, axes=len(at), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0)
+    )
+    return [*range(first, first + len(x0), n), masses.start]
 
 
 def unit(direction: _Vector | None) -> _Vector | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
-from ergon.instruments.module_kinds import HOLDERS, member_count
+from ergon.instruments.module_kinds import member_count
 from ergon.notation.clock.shifted import Elsewhere
 from ergon.scores.reading.piece import Piece, is_same_matter
 from ergon.scores.staging.listening import Listening, fades, listen
@@ -33,12 +33,11 @@ class BuiltNetwork:
     def points_in_space(self) -> Iterator[list[int]]:
         """Of each point in space its coordinates, as MATs, axis by axis."""
         for name, instrument in self.piece.instruments.items():
-            for module in instrument.modules if instrument.axes > 1 else ():
-                first = self.assembly.mats.get((name, module.name))
-                if module.kind in HOLDERS and first is not None:
-                    n = member_count(module.kind, module.fields)
-                    for i in range(first, first + n):
-                        yield [i + axis * n for axis in range(instrument.axes)]
+            for module in instrument.modules:
+                firsts = self.assembly.points.get((name, module.name))
+                if firsts is not None:
+                    for i in range(member_count(module.kind, module.fields)):
+                        yield [first + i for first in firsts]
 
     def of(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
         """The same modules as another piece's, if they are the same and heard in the same way.
@@ -77,6 +76,9 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
         assembly.part(name, key.modules, reach=key.reach, every=key.every)
     for name, made in piece.instruments.items():
         assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every, space=made.space)
+    for name, made in piece.instruments.items():
+        if made.axes > 1:
+            assembly.surfaces(name, made.modules)
     for name, key in piece.keys.items():
         assembly.joins(name, key.modules, reach=key.reach)
     for name, made in piece.instruments.items():

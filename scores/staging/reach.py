@@ -99,6 +99,10 @@ class _Web:
                 self._ends[part, module.name] = {end for pair in pairs for end in pair}
                 for pair in pairs:
                     self._link(link, *pair)
+            elif module.kind == "SURFACE":
+                one = Link(".".join(filter(None, (part, module.name))), module.place)
+                own = self.assembly.mats[part, module.name]
+                self._link(one, own, self._points(module.fields["of"])[0])
         for coupling in piece.duet:
             a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
             name = f"the coupling of {coupling.a.part} and {coupling.b.part}"

@@ -42,6 +42,8 @@ def unused(piece: Piece) -> list[Diagnostic]:
             ends = tuple(end.part for end in module.fields["between"])
             links[part, module.name] = ends
             groups.join(*ends)
+        elif module.kind == "SURFACE":
+            groups.join(part, module.fields["of"].part)
     for coupling in piece.duet:
         groups.join(coupling.a.part, coupling.b.part)
     called = piece.note_families()

@@ -123,6 +123,12 @@ class Score:
         )
         lines.append(f"w: {{BUT: {{between: [nail, net.all], {stiff}, {wall}}}}}")
         lines.append(f"m: {{BUT: {{between: [net.all, net.all], {stiff}, gap: 8mm}}}}")
+        bodies = [one for one in self.modules if "STRING" in one or "PLATE" in one]
+        if bodies:
+            of, middle = bodies[0].partition(":")[0], place().rpartition(",")[0]
+            surface = f"of: thing.{of}.all, at: {middle}], across: 10cm"
+            lines.append(f"skin: {{SURFACE: {{{surface}}}}}")
+            lines.append(f"t: {{BUT: {{between: [net.all, skin.all], {stiff}, gap: 1cm}}}}")
         gravity = self.dice.choice(("", "    gravity: 9.81m/s2\n"))
         modules = "\n".join(f"      {line}" for line in lines)
         self.matter = f"  matter:\n    space: {axes}\n{gravity}    modules:\n{modules}\n"

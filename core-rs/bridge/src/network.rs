@@ -56,10 +56,22 @@ impl Links {
     }
 }
 
-/// How many links in space follow one another, and how many axes they have.
-struct SpaceLinks {
-    count: usize,
-    axes: usize,
+/// Two points in space by the MATs that are their coordinates, and how many axes they have.
+fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)> {
+    let axes = ends[0].len();
+    if !(2..=3).contains(&axes) || ends[1].len() != axes {
+        let message = "a link in space joins points with two or three coordinates each";
+        return Err(refused(name, message));
+    }
+    let behind = |end: &[usize], axis: usize| {
+        let mat = end.get(axis).unwrap_or(&end[0]);
+        (*mat as isize).wrapping_sub(end[0] as isize)
+    };
+    let ends = ends.map(|end| SpacePoint {
+        first: end[0],
+        offsets: [behind(end, 1), behind(end, 2)],
+    });
+    Ok((ends, axes))
 }
 
 /// (first, count, weight) of modules in an output.
@@ -209,26 +221,26 @@ impl Network {
         self.0.weigh(first..first + count, g).map_err(from_engine)
     }
 
-    /// The distance of two points in space at the beginning [m]; each is (first coordinate, stride).
-    fn distance(&self, a: (usize, usize), b: (usize, usize), axes: usize) -> PyResult<f64> {
-        for (first, stride) in [a, b] {
-            self.there(first + axes.clamp(1, 3).saturating_sub(1) * stride)?;
+    /// The distance of two points in space at the beginning [m]; each is the MATs that are its coordinates.
+    fn distance(&self, a: Vec<usize>, b: Vec<usize>) -> PyResult<f64> {
+        for &mat in a.iter().chain(&b) {
+            self.there(mat)?;
         }
-        let [a, b] = [a, b].map(|(first, stride)| SpacePoint { first, stride });
-        Ok(self.0.distance((a, b), axes))
+        let (ends, axes) = points("distance", [&a, &b])?;
+        Ok(self.0.distance((ends[0], ends[1]), axes))
     }
 
-    /// Springs between `count` pairs of points in space that follow one another; an end is (first coordinate, stride).
+    /// Springs between `count` pairs of points in space that follow one another; an end is the MATs that are the
+    /// coordinates of its first point.
     /// Beyond the force `yields` [N] their rest length follows, and `breaks` [m] longer than it was they break.
     /// Beyond the distance `core` [m] their force falls as that of masses that attract each other.
-    #[pyo3(signature = (name, a, b, *, axes, rest, count=1, K=0.0, Z=0.0, yields=None, breaks=None, core=None))]
+    #[pyo3(signature = (name, a, b, *, rest, count=1, K=0.0, Z=0.0, yields=None, breaks=None, core=None))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn space_ref(
         &mut self,
         name: &str,
-        a: (usize, usize),
-        b: (usize, usize),
-        axes: usize,
+        a: Vec<usize>,
+        b: Vec<usize>,
         rest: f64,
         count: usize,
         K: f64,
@@ -237,7 +249,6 @@ impl Network {
         breaks: Option<f64>,
         core: Option<f64>,
     ) -> PyResult<usize> {
-        let links = SpaceLinks { count, axes };
         let law = match (core, yields, breaks) {
             (Some(core), None, None) => SpaceLaw::Attraction { core },
             (Some(_), ..) => {
@@ -249,18 +260,17 @@ impl Network {
                 breaks: breaks.unwrap_or(f64::INFINITY),
             },
         };
-        self.space(name, (a, b), links, law, [K, Z, rest])
+        self.space(name, [&a, &b], count, law, [K, Z, rest])
     }
 
     /// Contacts between `count` pairs of points in space that follow one another, closed where they are nearer than `gap`.
-    #[pyo3(signature = (name, a, b, *, axes, gap, count=1, K=0.0, Z=0.0, exponent=1.0, clamp=false))]
+    #[pyo3(signature = (name, a, b, *, gap, count=1, K=0.0, Z=0.0, exponent=1.0, clamp=false))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn space_but(
         &mut self,
         name: &str,
-        a: (usize, usize),
-        b: (usize, usize),
-        axes: usize,
+        a: Vec<usize>,
+        b: Vec<usize>,
         gap: f64,
         count: usize,
         K: f64,
@@ -269,21 +279,19 @@ impl Network {
         clamp: bool,
     ) -> PyResult<usize> {
         let law = SpaceLaw::Contact { exponent, clamp };
-        let links = SpaceLinks { count, axes };
-        self.space(name, (a, b), links, law, [K, Z, gap])
+        self.space(name, [&a, &b], count, law, [K, Z, gap])
     }
 
-    /// Contacts between all points of two groups, each (first coordinate, stride, count); the same group twice: between
+    /// Contacts between all points of two groups, each (coordinates of its first point, count); the same group twice: between
     /// all its points. With `normal` they touch planes through the points of the first group, with `inside` they are held
     /// in spheres around these.
-    #[pyo3(signature = (name, a, b, *, axes, gap, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None))]
+    #[pyo3(signature = (name, a, b, *, gap, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn pairwise(
         &mut self,
         name: &str,
-        a: (usize, usize, usize),
-        b: (usize, usize, usize),
-        axes: usize,
+        a: (Vec<usize>, usize),
+        b: (Vec<usize>, usize),
         gap: f64,
         K: f64,
         Z: f64,
@@ -298,10 +306,8 @@ impl Network {
             None if inside => Measure::Within,
             None => Measure::Distance,
         };
-        let groups = [a, b].map(|(first, stride, n)| PointGroup {
-            first: SpacePoint { first, stride },
-            n,
-        });
+        let (ends, axes) = points(name, [&a.0, &b.0])?;
+        let groups = [(ends[0], a.1), (ends[1], b.1)].map(|(first, n)| PointGroup { first, n });
         self.0
             .pairwise(name, groups, axes, (measure, law), [K, Z, gap])
             .map_err(from_engine)
@@ -823,14 +829,14 @@ impl Network {
     fn space(
         &mut self,
         name: &str,
-        (a, b): ((usize, usize), (usize, usize)),
-        links: SpaceLinks,
+        ends: [&[usize]; 2],
+        count: usize,
         law: SpaceLaw,
         numbers: [f64; 3],
     ) -> PyResult<usize> {
-        let [a, b] = [a, b].map(|(first, stride)| SpacePoint { first, stride });
+        let (ends, axes) = points(name, ends)?;
         self.0
-            .space_links(name, (a, b), links.count, links.axes, law, numbers)
+            .space_links(name, (ends[0], ends[1]), count, axes, law, numbers)
             .map_err(from_engine)
     }
 

@@ -475,15 +475,14 @@ class Network:
 
         Raises EngineError where g is not finite.
         """
-    def distance(self, a: tuple[int, int], b: tuple[int, int], axes: int) -> float:
-        """Distance [m] of two points in space at the beginning; each is (first MAT, stride)."""
+    def distance(self, a: Sequence[int], b: Sequence[int]) -> float:
+        """Distance [m] of two points in space at the beginning; each is the MATs of its axes."""
     def space_ref(
         self,
         name: str,
-        a: tuple[int, int],
-        b: tuple[int, int],
+        a: Sequence[int],
+        b: Sequence[int],
         *,
-        axes: int,
         rest: float,
         count: int = 1,
         K: float = 0.0,
@@ -495,7 +494,7 @@ class Network:
         """Springs K [N/m] and dampers Z [N·s/m] along the distance of points; the first LIA's index.
 
         They join `count` pairs of points that follow one another, have no force at a distance of
-        `rest` [m], and begin with the ends a and b, each (first MAT, stride). Beyond the force
+        `rest` [m], and begin with the ends a and b, each the MATs of its axes. Beyond the force
         `yields` [N] the rest length follows; `breaks` [m] longer than `rest` a link breaks for
         good. Beyond `core` [m] the force falls as that of masses that attract each other; such
         links neither yield nor break. Raises EngineError.
@@ -503,10 +502,9 @@ class Network:
     def space_but(
         self,
         name: str,
-        a: tuple[int, int],
-        b: tuple[int, int],
+        a: Sequence[int],
+        b: Sequence[int],
         *,
-        axes: int,
         gap: float,
         count: int = 1,
         K: float = 0.0,
@@ -521,10 +519,9 @@ class Network:
     def pairwise(
         self,
         name: str,
-        a: tuple[int, int, int],
-        b: tuple[int, int, int],
+        a: tuple[Sequence[int], int],
+        b: tuple[Sequence[int], int],
         *,
-        axes: int,
         gap: float,
         K: float = 0.0,
         Z: float = 0.0,
@@ -535,8 +532,8 @@ class Network:
     ) -> int:
         """Contacts between all points of two groups; the index of the first, one for each of `b`.
 
-        A group is (first coordinate, stride, count); the same group twice: between all its points.
-        The second is not smaller than the first. They push as `space_but` does, where the distance
+        A group is the MATs of its first point's axes, and its count; the same group twice: between
+        all its points. The second is not smaller than the first. They push as `space_but` does, where the distance
         is below `gap` [m]; `inside`: above it; with `normal`, (3,) and of length 1, where `b` is
         less than `gap` above the plane through the point of `a`. Raises EngineError.
         """

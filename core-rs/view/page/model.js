@@ -28,13 +28,14 @@ export class Model {
       this.partOf.fill(i, part.first, part.first + part.count);
       part.shapes = []; // of each of its modes: which, and its shape over the part's points
     });
-    // Points in space: the points of the file that are their coordinates, axis by axis. The first of them is drawn.
+    // Points in space: the points of the file that are their coordinates, axis by axis. The last of them is drawn: that
+    // of a surface is a mass of a body.
     this.space ??= [];
     if (!this.space.every((axes) => [2, 3].includes(axes.length) && axes.every((p) => p >= 0 && p < n))) {
       throw new Error("a point in space has coordinates that the model has not");
     }
     this.drawn = Uint32Array.from(range(0, n));
-    for (const axes of this.space) for (const p of axes) this.drawn[p] = axes[0];
+    for (const axes of this.space) for (const p of axes) this.drawn[p] = axes.at(-1);
     this.links = new Uint32Array(0);
     this.names = [];
     this.version = 0; // goes up with every table, so that what is drawn follows

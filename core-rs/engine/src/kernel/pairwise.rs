@@ -312,7 +312,7 @@ fn gather(pairs: &Pairwise, mats: &[u32], into: &mut [Vector], of: impl Fn(usize
         for (own, &mat) in own.iter_mut().zip(mats) {
             own[0] = of(mat as usize);
             for axis in 1..pairs.link.n_axes {
-                own[axis] = of(mat as usize + offsets[axis - 1]);
+                own[axis] = of((mat as usize).wrapping_add_signed(offsets[axis - 1]));
             }
         }
     }
@@ -365,7 +365,7 @@ pub(super) fn forces(
         for (axis, part) in force.iter().enumerate().take(link.n_axes) {
             let at = match axis {
                 0 => mat as usize,
-                _ => mat as usize + link.offsets[end][axis - 1],
+                _ => (mat as usize).wrapping_add_signed(link.offsets[end][axis - 1]),
             };
             pair_force[at] += part;
         }

@@ -151,8 +151,13 @@ fn refusal(
     gap: f64,
 ) -> Option<&'static str> {
     let length = |normal: [f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
+    // No two axes share a MAT.
     let is_whole = |group: PointGroup| {
-        (group.n == 1 || group.n <= group.first.stride) && group.first.stride > 0
+        let mut starts: Vec<usize> = (0..n_axes.min(AXES_MAX))
+            .filter_map(|axis| group.first.coordinate(axis))
+            .collect();
+        starts.sort_unstable();
+        starts.windows(2).all(|two| two[1] - two[0] >= group.n)
     };
     let touch = |one: PointGroup, other: PointGroup| {
         (one.first.first..one.first.first + one.n).contains(&other.first.first)

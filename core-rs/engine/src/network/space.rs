@@ -60,7 +60,7 @@ pub struct SpaceLink {
     /// How many axes: 2 or 3.
     pub n_axes: usize,
     /// How far behind the first coordinate of an end the second and the third are   (ends a and b)
-    pub offsets: [[usize; AXES_MAX - 1]; 2],
+    pub offsets: [[isize; AXES_MAX - 1]; 2],
 }
 
 /// A point in space, by its coordinates.
@@ -68,14 +68,35 @@ pub struct SpaceLink {
 pub struct SpacePoint {
     /// The MAT that is its first coordinate.
     pub first: usize,
-    /// From one coordinate to the next: 1 for a single point, their number for points that are given at once.
-    pub stride: usize,
+    /// How far behind it the second and the third are. Points that move with the masses of a body have a coordinate
+    /// there, which may come before the others.
+    pub offsets: [isize; AXES_MAX - 1],
+}
+
+impl SpacePoint {
+    /// A point whose coordinates are `stride` from each other: 1 for a single point, their number for points that are
+    /// added at once.
+    pub const fn strided(first: usize, stride: usize) -> Self {
+        let stride = stride as isize;
+        Self {
+            first,
+            offsets: [stride, 2 * stride],
+        }
+    }
+
+    /// Its coordinate along an axis; `None` where there is no such MAT.
+    pub(super) fn coordinate(self, axis: usize) -> Option<usize> {
+        match axis {
+            0 => Some(self.first),
+            _ => self.first.checked_add_signed(self.offsets[axis - 1]),
+        }
+    }
 }
 
 /// Points that are added to a space at once.
 #[derive(Clone, Copy, Debug)]
 pub struct SpacePoints<'a> {
-    /// How many axes: 2 or 3.
+    /// How many axes: 1 to 3.
     pub n_axes: usize,
     /// Mass of each [kg]; 0 for a fixed point   (n)
     pub masses: &'a [f64],
@@ -166,7 +187,7 @@ impl SpaceLink {
         n_axes: usize,
         ends: [SpacePoint; 2],
     ) -> Self {
-        let offsets = ends.map(|end| [end.stride, 2 * end.stride]);
+        let offsets = ends.map(|end| end.offsets);
         Self {
             law,
             measure,
@@ -179,7 +200,10 @@ impl SpaceLink {
     pub(crate) fn pair(&self, (a, b): (usize, usize), axis: usize) -> (usize, usize) {
         match axis {
             0 => (a, b),
-            _ => (a + self.offsets[0][axis - 1], b + self.offsets[1][axis - 1]),
+            _ => (
+                a.wrapping_add_signed(self.offsets[0][axis - 1]),
+                b.wrapping_add_signed(self.offsets[1][axis - 1]),
+            ),
         }
     }
 
@@ -323,8 +347,8 @@ impl Network {
             z,
         } = points;
         let n = masses.len();
-        if !(2..=AXES_MAX).contains(&n_axes) || [x0.len(), v0.len()] != [n_axes * n; 2] || n == 0 {
-            let message = "points in space have two or three coordinates each";
+        if !(1..=AXES_MAX).contains(&n_axes) || [x0.len(), v0.len()] != [n_axes * n; 2] || n == 0 {
+            let message = "points have one to three coordinates each";
             return Err(self.refused(name, message));
         }
         self.check(name, &[("Z", z, Rule::NotNegative)])?;
@@ -348,7 +372,7 @@ impl Network {
     /// The distance of two points at the beginning [m].
     pub fn distance(&self, (a, b): (SpacePoint, SpacePoint), n_axes: usize) -> f64 {
         let apart = |axis: usize| {
-            let at = |end: SpacePoint| self.mats.x0[end.first + axis * end.stride];
+            let at = |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
             if axis < n_axes { at(b) - at(a) } else { 0.0 }
         };
         distance(apart(0), apart(1), apart(2))
@@ -425,8 +449,10 @@ impl Network {
 
     /// Whether `n` points from one on are MATs of the network.
     pub(super) fn has_points(&self, end: SpacePoint, n: usize, n_axes: usize) -> bool {
-        let offset = end.stride.checked_mul(n_axes.saturating_sub(1));
-        let last = offset.and_then(|offset| offset.checked_add(end.first)?.checked_add(n));
-        last.is_some_and(|last| last <= self.n_mat())
+        let is_here = |axis| {
+            let last = end.coordinate(axis)?.checked_add(n)?;
+            Some(last <= self.n_mat())
+        };
+        (0..n_axes.min(AXES_MAX)).all(|axis| is_here(axis) == Some(true))
     }
 }

@@ -212,8 +212,8 @@ impl Subset {
         let mut own = *space;
         for axis in 1..space.n_axes {
             let (other_a, other_b) = space.pair(ends, axis);
-            own.offsets[0][axis - 1] = self.mat(other_a)? - a;
-            own.offsets[1][axis - 1] = self.mat(other_b)? - b;
+            own.offsets[0][axis - 1] = self.mat(other_a)? as isize - a as isize;
+            own.offsets[1][axis - 1] = self.mat(other_b)? as isize - b as isize;
         }
         Some((a, b, Some(own)))
     }

@@ -44,7 +44,7 @@ fn points(
     };
     let first = network.points(name, true, points).unwrap();
     PointGroup {
-        first: SpacePoint { first, stride: n },
+        first: SpacePoint::strided(first, n),
         n,
     }
 }
@@ -276,10 +276,7 @@ fn what_cannot_meet_is_refused() {
     let few = crowd(&mut network, "s", 3, 2, 2);
     let part = PointGroup { n: 3, ..own };
     let far = PointGroup {
-        first: SpacePoint {
-            first: 20,
-            stride: 5,
-        },
+        first: SpacePoint::strided(20, 5),
         n: 5,
     };
     let mut refused = |groups, measure, law, numbers, said: &str| {
@@ -367,4 +364,64 @@ fn made_energy_is_told_of() {
         .unwrap();
     let error = start(network).skip(44_100).unwrap_err().to_string();
     assert!(error.contains("drum.meet0.0 made energy"), "{error}");
+}
+
+/// The crowd of [`motion`] alone, whose third coordinates may stand before the others.
+fn apart(is_reversed: bool) -> Vec<f64> {
+    let (n, n_axes) = (20, 3);
+    let mut alone = Network::new();
+    alone.part("sand", None);
+    crowd(&mut alone, "a", n_axes, n, 5);
+    let mats = alone.mats();
+    let of = |axes: std::ops::Range<usize>| {
+        let part = axes.start * n..axes.end * n;
+        [&mats.m[..n], &mats.x0[part.clone()], &mats.v0[part]].map(<[f64]>::to_vec)
+    };
+    let mut network = Network::new();
+    network.part("sand", None);
+    let mut add = |axes: std::ops::Range<usize>| {
+        let [masses, x0, v0] = of(axes.clone());
+        let group = points(&mut network, "a", axes.len(), &masses, [&x0, &v0]);
+        group.first.first
+    };
+    let (first, third) = if is_reversed {
+        let third = add(2..3);
+        (add(0..2), third)
+    } else {
+        (add(0..2), add(2..3))
+    };
+    let behind = |mat: usize| mat as isize - first as isize;
+    let group = PointGroup {
+        first: SpacePoint {
+            first,
+            offsets: [n as isize, behind(third)],
+        },
+        n,
+    };
+    meet(
+        &mut network,
+        [group, group],
+        n_axes,
+        HERTZ,
+        [4e3, 0.02, GAP],
+    );
+    let mut simulation = start(network);
+    simulation.skip(2_000).unwrap();
+    let x = simulation.positions();
+    [first, first + n, third]
+        .into_iter()
+        .flat_map(|mat| x[mat..mat + n].to_vec())
+        .collect()
+}
+
+#[test]
+fn coordinates_of_a_point_may_stand_in_any_order() {
+    let [one, other] = [false, true].map(apart);
+    assert!(largest(&one) > 0.02, "they fly apart");
+    assert!(
+        one.iter()
+            .zip(&other)
+            .all(|(a, b)| a.to_bits() == b.to_bits()),
+        "the same bits"
+    );
 }

@@ -25,7 +25,7 @@ fn point(network: &mut Network, name: &str, m: f64, x0: [f64; 3], v0: [f64; 3]) 
         z: 0.0,
     };
     let first = network.points(name, false, points).unwrap();
-    SpacePoint { first, stride: 1 }
+    SpacePoint::strided(first, 1)
 }
 
 fn link(
@@ -156,10 +156,7 @@ fn a_stretched_row_has_the_modes_of_the_lattice() {
         };
         let first = network.points("m", true, points).unwrap();
         assert_eq!(network.mat_name(first + n + 2 + 3), "row.m.3.y");
-        let ends = [first, first + 1].map(|first| SpacePoint {
-            first,
-            stride: n + 2,
-        });
+        let ends = [first, first + 1].map(|first| SpacePoint::strided(first, n + 2));
         let numbers = [k, 0.0, rest];
         network
             .space_links("s", (ends[0], ends[1]), n + 1, 3, SpaceLaw::Spring, numbers)
@@ -384,10 +381,7 @@ fn what_cannot_be_is_refused() {
         [-1.0, 0.0, 0.1],
         "rope.s: K is -1: it must not be negative",
     );
-    let far = SpacePoint {
-        first: 5,
-        stride: 1,
-    };
+    let far = SpacePoint::strided(5, 1);
     refused(
         (a, far),
         spring,
@@ -430,7 +424,7 @@ fn a_row_at_rest_makes_no_energy() {
         z: 0.0,
     };
     let first = network.points("m", true, points).unwrap();
-    let ends = [first, first + 1].map(|first| SpacePoint { first, stride: n });
+    let ends = [first, first + 1].map(|first| SpacePoint::strided(first, n));
     let rest = network.distance((ends[0], ends[1]), 3);
     let numbers = [800.0, 1e-3, rest];
     network
@@ -517,7 +511,7 @@ fn torn_row(is_more: bool) -> Network {
         z: 0.0,
     };
     let first = network.points("m", true, points).unwrap();
-    let ends = [first, first + 1].map(|first| SpacePoint { first, stride: n });
+    let ends = [first, first + 1].map(|first| SpacePoint::strided(first, n));
     network
         .space_links("s", (ends[0], ends[1]), n - 1, 3, law, [400.0, 0.01, 0.02])
         .unwrap();
@@ -532,7 +526,7 @@ fn torn_row(is_more: bool) -> Network {
     }
     if is_more {
         let weight = point(&mut network, "w", 1e-3, [0.0, 0.1, 0.0], [0.0; 3]);
-        let end = SpacePoint { first, stride: n };
+        let end = SpacePoint::strided(first, n);
         link(
             &mut network,
             (end, weight),
