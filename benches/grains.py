@@ -60,10 +60,10 @@ def _network(x: Floats, v: Floats) -> _core.Network:
     network.part("drum")
     skin = network.points("skin", axes=3, M=[0.0], X0=[0.0] * 3, V0=[0.0] * 3, numbered=False)
     first = network.points("m", axes=3, M=[_M] * _N, X0=list(x), V0=list(v))
-    own = first, _N, _N
-    network.pairwise("rattle", own, own, axes=3, gap=_GAP, K=_K, Z=_Z)
-    drum = skin, 1, 1
-    network.pairwise("drum", drum, own, axes=3, gap=_RADIUS, K=_WALL, inside=True)
+    own = (first, first + _N, first + 2 * _N), _N
+    network.pairwise("rattle", own, own, gap=_GAP, K=_K, Z=_Z)
+    drum = (skin, skin + 1, skin + 2), 1
+    network.pairwise("drum", drum, own, gap=_RADIUS, K=_WALL, inside=True)
     network.weigh(first + 2 * _N, _N, -_G)
     network.listen("tap", positions=[(first + 2 * _N + _N // 2, 1, 1.0)])
     return network

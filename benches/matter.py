@@ -68,8 +68,8 @@ def _network(n: int, runs: Sequence[_Links]) -> tuple[_core.Network, int]:
     mass = np.where((at == 0) | (at == _SIDE - 1), 0.0, _M)
     first = network.points("", axes=3, M=list(mass), X0=list(places), V0=[0.0] * (3 * n))
     for a, b, count, stiff, rest in runs:
-        ends = (first + a, n), (first + b, n)
-        network.space_ref("link", *ends, axes=3, count=count, rest=rest, K=stiff, Z=0.01)
+        ends = (range(first + end, first + end + 3 * n, n) for end in (a, b))
+        network.space_ref("link", *ends, count=count, rest=rest, K=stiff, Z=0.01)
     network.weigh(first + 2 * n, n, -_G)
     tap = 2 * n + n // 2 + _SIDE // 3
     network.listen("tap", positions=[(tap, 1, 1.0)])

@@ -12,7 +12,7 @@ from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start, member_count
-from ergon.instruments.space import Space, add_surface, unit
+from ergon.instruments.space import Space, add_surface, along, unit
 from ergon.instruments.space import add as add_points
 from ergon.instruments.spread import is_pairwise, singles
 
@@ -63,7 +63,7 @@ class Assembly:
                         chance = self._chance(".".join((name, module.name)))
                         first = add_points(self.network, module.kind, module.name, fields, chance)
                         count = member_count(module.kind, fields)
-                        firsts = [first + axis * count for axis in range(space.axes)]
+                        firsts = along(first, count, space.axes)
                         self.points[name, module.name] = firsts
                         if space.gravity:  # against the last axis
                             self.network.weigh(firsts[-1], count, -space.gravity)

@@ -340,8 +340,9 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     fields = {field.name: values[field.name] for field in values.record.fields}
     for field in values.record.fields:
         value = fields[field.name]
-        wanted = {PLACE: axes, VELOCITY: axes, DIRECTION: axes, MIDDLE: axes - 1}.get(field.shape)
-        if wanted is not None and value is not None and len(value) != wanted:
+        wanted = axes - 1 if field.shape == MIDDLE else axes
+        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE)
+        if is_vector and value is not None and len(value) != wanted:
             called = " and ".join(filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1])))
             message = f"{values.context.of(field.name)}: the number of items is {len(value)}, but "
             values.error("E106", f"{message}must be {wanted}: {called}", field.name)

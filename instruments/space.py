@@ -208,6 +208,11 @@ def add(
     return {"CHAIN": _chain, "CLOTH": _cloth}.get(kind, _point)(network, name, fields)
 
 
+def along(first: int, count: int, axes: int) -> list[int]:
+    """The MATs of a point, axis by axis, where `count` points were added at once."""
+    return [first + axis * count for axis in range(axes)]
+
+
 def add_surface(
     network: _core.Network, name: str, fields: Mapping[str, Any], masses: range
 ) -> list[int]:
@@ -220,9 +225,7 @@ def add_surface(
     x0 = [at[0] + across * place.x for place in places]
     if len(at) > 1:
         x0 += [at[1] + across * place.y for place in places]
-    first = network.points(
-        name, axes=len(at), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0)
-    )
+    first = network.points(name, axes=len(at), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0))
     return [*range(first, first + len(x0), n), masses.start]
 
 
@@ -278,9 +281,8 @@ def _chain(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
     rest = math.dist(start, stop) / (n - 1) if fields["rest"] is None else fields["rest"]
     network.space_ref(
         f"{name}.link" if name else "link",
-        (first, n),
-        (first + 1, n),
-        axes=axes,
+        along(first, n, axes),
+        along(first + 1, n, axes),
         count=n - 1,
         rest=rest,
         K=fields["K"],
@@ -347,9 +349,8 @@ def _cloth(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
             return
         network.space_ref(
             link,
-            (first + low, n),
-            (first + high, n),
-            axes=axes,
+            along(first + low, n, axes),
+            along(first + high, n, axes),
             count=count,
             rest=math.dist(places[low], places[high]),
             K=stiffness,
