@@ -43,12 +43,13 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "bloom": 14.38,
     "near-and-far": 33.14,
     "one-rope": 39.08,
+    "poured-chain": 33.0,
     "night-piece": 178.15,
     "procession": 176.97,
     "feathers": 240.0,
     "feathers-small": 240.0,
 }
-HANDS = ("duet", "fader", "one-rope", "feathers", "feathers-small")
+HANDS = ("duet", "fader", "one-rope", "poured-chain", "feathers", "feathers-small")
 LIVE = [SCORES / f"{name}.yaml" for name in HANDS]
 # `make test` renders these, `make test-long` all.
 SHORT = {"strokes", "bloom", "one-gesture"}
@@ -66,6 +67,7 @@ HEARD = {  # how many seconds are rendered here; others wholly
     "bloom": 0.7,
     "near-and-far": 2.0,
     "one-rope": 1.0,
+    "poured-chain": 1.0,
     "night-piece": 6.0,
     "procession": 1.0,
     "feathers": 0.5,

@@ -63,10 +63,15 @@ impl<'a> Maker<'a> {
         let n = network.n_mat();
         let contacts = network.runs().iter().filter(|run| run.kind.is_contact());
         let contacts = contacts.flat_map(|run| {
-            (0..run.len).map(|i| Contact {
-                name: network.link_name(run.first + i),
-                link: run.first + i,
-                ends: run.pair(i, 0),
+            (0..run.len).map(|i| {
+                let (a, b) = run.pair(i, 0);
+                // One of all pairs tells of its own point, whichever others touch it.
+                let a = if run.pairwise().is_some() { b } else { a };
+                Contact {
+                    name: network.link_name(run.first + i),
+                    link: run.first + i,
+                    ends: (a, b),
+                }
             })
         });
         Self {
