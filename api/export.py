@@ -86,11 +86,12 @@ def faust_programs(
 ) -> tuple[ExportedPart, ...]:
     """Parts of a score as programs of Faust; without `parts` one program, of all parts together.
 
-    A program steps masses, springs, dampers and contacts sample by sample as the engine does, at
-    the rate of the score; a part with a MODES that is named is a bank of resonators, its contacts
-    open, at any rate. Inputs of a program are forces [N] on what is struck and what an ENF pushes,
-    and the positions [m] of an ENX; its outputs are those of the parts. Links to other parts are
-    left out. Raises ScoreError, OptionError, and ModelError with the places of what is not written.
+    A program steps masses, springs, dampers, contacts and laws sample by sample as the engine does,
+    at the rate of the score; a part with a MODES that is named is a bank of resonators, its
+    contacts open, at any rate. Inputs of a program are forces [N] on what is struck and what an ENF
+    pushes, and the positions [m] of an ENX; its outputs are those of the parts. Links to other
+    parts are left out. Raises ScoreError, OptionError, and ModelError with the places of what is
+    not written.
     """
     from ergon.models.faust_bank import program as bank_program
     from ergon.models.faust_program import program
@@ -101,13 +102,13 @@ def faust_programs(
     piece = scores.piece_of(loaded)
     banks = [name for name in options.parts if _is_bank(piece, name)]
     if not banks:
-        return _programs(score, loaded, options, program, most=MOST, laws=False)
+        return _programs(score, loaded, options, program, most=MOST)
     others = [name for name in options.parts if name not in banks]
     with scores.staging(lambda: loaded, report):
         made = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, report)
     if others:
         own = replace(options, parts=others)
-        made += _programs(score, loaded, own, program, most=MOST, laws=False)
+        made += _programs(score, loaded, own, program, most=MOST)
     return tuple(sorted(made, key=lambda one: options.parts.index(one.part)))
 
 
@@ -152,7 +153,7 @@ def mi_gen_models(
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
-    return _programs(score, loaded, options, model, most=MOST, laws=True)
+    return _programs(score, loaded, options, model, most=MOST)
 
 
 def _programs(
@@ -162,7 +163,6 @@ def _programs(
     program: Callable[[Stepped, str], str],
     *,
     most: int,
-    laws: bool,
 ) -> tuple[ExportedPart, ...]:
     from ergon.models.network import stepped
 
@@ -173,7 +173,7 @@ def _programs(
     made = []
     for name, own in wholes:
         parts, struck = _parts(piece, own), _struck(piece, own)
-        network = stepped(parts, struck, piece.rate, most=most, laws=laws)
+        network = stepped(parts, struck, piece.rate, most=most)
         warnings = tuple(f"{one} is left out" for one in network.left_out)
         made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
     return tuple(made)

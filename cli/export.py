@@ -92,8 +92,8 @@ def export(
     modal: PART.csv of each instrument and key: its modes, and how much of a stroke is heard of
     each.
 
-    faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers and contacts,
-    stepped sample by sample; of a part with a MODES a resonator for each mode.
+    faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers, contacts
+    and laws, stepped sample by sample; of a part with a MODES a resonator for each mode.
 
     mdl: SCORE.mdl, or PART.mdl of each part that is named: a model of mi-gen, which `ergon import`
     reads.

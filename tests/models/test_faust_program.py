@@ -135,9 +135,9 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
         ("count: 9", "count: 2000", 8, "2,000 masses, and at most 200"),
         (
             "{RES: {between: [n, g], K: 0.2}}",
-            "{LNL: {between: [n, g], law: d**3}}",
+            "{BRISTLE: {between: [n, g], sigma0: 1, Fc: 1}}",
             17,
-            "mesh.k: LNL",
+            "mesh.k: BRISTLE is not written yet",
         ),
         ("\n    out: {SOX: m}", "", 13, "nothing of mesh is heard"),
         ("at: 44100Hz", "at: 22050Hz", 13, "mesh: its numbers are for 22,050 Hz"),
