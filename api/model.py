@@ -11,7 +11,7 @@ from ergon.models.errors import DialectError, ModelError
 from ergon.models.grammar import FORMS, NAMES, Dialect
 from ergon.models.laws import Laws
 from ergon.models.model import Model
-from ergon.models.pmpd_network import network
+from ergon.models.pmpd_obeying import network
 from ergon.models.pmpd_reading import is_list
 from ergon.models.pmpd_reading import parse as pmpd_messages
 from ergon.models.pmpd_score import written as pmpd_written

@@ -9,9 +9,12 @@ from dataclasses import dataclass, field
 
 from ergon.common.terminal import printable
 from ergon.models.errors import ModelError
+from ergon.models.mi_gen import nudged
 from ergon.models.naming import Names
+from ergon.models.pmpd_bang import first_bang
 from ergon.models.pmpd_network import Asked, Link, Mass, Network, Port
-from ergon.models.pmpd_tables import springs, table
+from ergon.models.pmpd_strings import Row, rows
+from ergon.models.pmpd_tables import springs
 from ergon.models.score import RATE, Input
 
 _FAR = 1e6  # bounds of a length beyond which pmpd's own default lies
@@ -32,6 +35,7 @@ class _Writing:
     moved: dict[int, Port] = field(default_factory=dict)  # masses that an inlet puts somewhere
     outs: list[tuple[str, str, int, float]] = field(default_factory=list)
     ground: str = ""
+    joined: set[int] = field(default_factory=set)  # links within strings, by their places
 
     def add(self, wanted: str, text: str, comment: str = "") -> str:
         """A module; its name."""
@@ -55,45 +59,11 @@ def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
                 own.moved[port.mass] = port
     _masses(own)
     for nth, link in enumerate([*network.links, *network.nl_links]):
-        _link(own, nth, link)
+        if nth not in own.joined:
+            _link(own, nth, link)
     _feeds(own)
     _heard(own)
     return "\n".join(_lines(own, title)) + "\n"
-
-
-def first_bang(network: Network) -> dict[int, float]:
-    """Move the masses by one bang; forces that links then have beyond what a score's links have.
-
-    In its first bang pmpd moves masses by forces that were sent to it, then looks at the links for
-    the first time. Their dampers feel all that was moved since they were made.
-    """
-    for one in network.masses:
-        if one.is_mobile:
-            one.v += one.f / one.M
-            one.x += one.v
-        else:
-            one.v = 0.0
-    kicks: dict[int, float] = {}
-    for link in network.links:
-        a, b = network.masses[link.a], network.masses[link.b]
-        length = a.x - b.x
-        felt, moved = length - link.before, a.v - b.v
-        # What is moved by its own step is felt by a score's damper too; rounding is none of it.
-        if abs(felt - moved) <= 1e-12 * max(abs(length), abs(link.before)):
-            continue
-        if not (link.Lmin <= length < link.Lmax) or length == 0.0:
-            continue
-        more = _damping(network, link, felt) - _damping(network, link, moved)
-        kicks[link.a] = kicks.get(link.a, 0.0) - more
-        kicks[link.b] = kicks.get(link.b, 0.0) + more
-    return {at: f for at, f in kicks.items() if f and network.masses[at].is_mobile}
-
-
-def _damping(network: Network, link: Link, step: float) -> float:
-    if link.tables is None:
-        return link.D * step
-    _, _, array, length = link.tables
-    return link.D * table(network.arrays, array, link.line).at(step / length)
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -104,10 +74,15 @@ def _masses(own: _Writing) -> None:
     for one in own.of.masses:
         counts[one.of] = counts.get(one.of, 0) + 1
     seen: dict[str, int] = {}
+    strings = rows(own.of, own.moved, lambda one: one.K > 0.0 and _is_plain(own, one, one.D))
     for at, one in enumerate(own.of.masses):
         nth = seen[one.of] = seen.get(one.of, -1) + 1
         word = _NO_LETTER.sub("_", one.of)
         word = word if word[:1].isalpha() else f"m{word}"
+        if at in strings:
+            _string(own, strings[at], one, word if own.of.kind == "pmpd" else "string")
+        if at < len(own.masses):
+            continue  # a member of a string
         if own.of.kind == "pmpd~":
             word = f"m{at}"
         elif counts[one.of] > 1:
@@ -117,17 +92,35 @@ def _masses(own: _Writing) -> None:
             _damper(own, f"{word}_air", own.masses[at], one.D)
 
 
-def _mass(own: _Writing, at: int, one: Mass, word: str) -> str:
+def _string(own: _Writing, row: Row, one: Mass, word: str) -> None:
+    n = row.count
+    _within(one)
+    M = nudged(n * one.M, lambda whole: whole / n, one.M)
+    fields = [f"masses: {n}", "ends: free", f"M: {_number(M)}", f"K: {_number(row.link.K)}"]
+    fields += [f"Z: {_number(row.link.D)}", *_start(one)]
+    name = own.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
+    own.masses += [f"{name}.{member}" for member in range(n)]
+    own.joined |= row.links
+
+
+def _start(one: Mass) -> list[str]:
+    x0 = [f"X0: {one.x!r}m"] if one.x else []
+    return [*x0, f"V0: {one.v * RATE!r}m/s"] if one.v else x0
+
+
+def _within(one: Mass) -> None:
     for name, value, most in (("x", one.x, _FARTHEST), ("the first step", one.v * RATE, _FASTEST)):
         if not abs(value) <= most:
             raise ModelError(f"{name} is {value:g}: a score holds up to {most:g}", one.line)
+
+
+def _mass(own: _Writing, at: int, one: Mass, word: str) -> str:
+    _within(one)
     if at in own.moved:
         return _moved(own, own.moved[at], one, word)
-    x0 = f"X0: {one.x!r}m" if one.x else ""
     if not one.is_mobile:
-        return own.add(word, f"SOL: {{{x0}}}")
-    fields = [f"M: {_number(one.M)}", x0, f"V0: {one.v * RATE!r}m/s" if one.v else ""]
-    return own.add(word, f"MAS: {{{', '.join(filter(None, fields))}}}")
+        return own.add(word, f"SOL: {{{''.join(_start(one))}}}")
+    return own.add(word, f"MAS: {{{', '.join([f'M: {_number(one.M)}', *_start(one)])}}}")
 
 
 def _moved(own: _Writing, port: Port, one: Mass, word: str) -> str:
@@ -183,18 +176,27 @@ def _link(own: _Writing, nth: int, link: Link) -> None:
     rest = f", rest: {link.L!r}m" if link.L else ""
     if abs(link.L) > _FARTHEST:
         raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
-    a, b = of[link.a], of[link.b]
+    if _is_plain(own, link, D):
+        kind = "REF" if D else "RES"
+        z = f", Z: {_number(D)}" if D else ""
+        own.add(word, f"{kind}: {{{ends}, K: {_number(link.K)}{z}{rest}}}")
+    elif _is_straight(own, link):
+        law = f'law: "k*d", damping: "z*v", k: {_number(link.K)}, z: {_number(D)}'
+        own.add(word, f"LNL: {{{ends}, {law}{rest}}}")
+    else:
+        own.add(word, f"LNL: {{{ends}, {_law(link, D)}}}")
+
+
+def _is_plain(own: _Writing, link: Link, D: float) -> bool:
+    """Whether a score has it as a spring with a damper."""
+    return _is_straight(own, link) and link.K >= 0.0 and D >= 0.0
+
+
+def _is_straight(own: _Writing, link: Link) -> bool:
+    a, b = own.of.masses[link.a], own.of.masses[link.b]
     begins_as_one = link.form == "link" and link.L != 0.0 and a.x == b.x
-    if link.Pow == 1.0 and _is_open(link) and not begins_as_one:
-        if link.K >= 0.0 and D >= 0.0:
-            kind = "REF" if D else "RES"
-            z = f", Z: {_number(D)}" if D else ""
-            own.add(word, f"{kind}: {{{ends}, K: {_number(link.K)}{z}{rest}}}")
-        else:
-            law = f'law: "k*d", damping: "z*v", k: {_number(link.K)}, z: {_number(D)}'
-            own.add(word, f"LNL: {{{ends}, {law}{rest}}}")
-        return
-    own.add(word, f"LNL: {{{ends}, {_law(link, D)}}}")
+    is_linear = link.tables is None and link.Pow == 1.0 and _is_open(link)
+    return is_linear and not begins_as_one
 
 
 def _is_open(link: Link) -> bool:
@@ -244,7 +246,7 @@ def _feeds(own: _Writing) -> None:
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
         to = own.masses[port.mass]
         text = f"ENF: {{to: {to}, from: in{port.number}, at: 0s{scale}}}"
-        own.add(f"{to}_push", text)
+        own.add(f"{_NO_LETTER.sub('_', to)}_push", text)
 
 
 def _heard(own: _Writing) -> None:
@@ -275,10 +277,25 @@ def _heard(own: _Writing) -> None:
 
 def _out(own: _Writing, masses: Sequence[int], is_speed: bool, channel: int, gain: float) -> None:
     name = f"out{len(own.outs) + 1}"
-    heard = ", ".join(own.masses[at] for at in masses)
+    heard = ", ".join(_ranges([own.masses[at] for at in masses]))
     heard = heard if len(masses) == 1 else f"[{heard}]"
     kind, gain = ("SOV", gain / RATE) if is_speed else ("SOX", gain)
     own.outs.append((name, f"{kind}: {heard}", channel, gain))
+
+
+def _ranges(names: Sequence[str]) -> Iterator[str]:
+    """Members of strings one behind the other as a range: `string.3..8`."""
+    first = 0
+    while first < len(names):
+        body, dot, member = names[first].partition(".")
+        last = first
+        while dot and last + 1 < len(names):
+            if names[last + 1] != f"{body}.{int(member) + last + 1 - first}":
+                break
+            last += 1
+        more = f"..{int(member) + last - first}" if last > first else ""
+        yield f"{names[first]}{more}"
+        first = last + 1
 
 
 # --- text ---------------------------------------------------------------------------------------
@@ -316,11 +333,12 @@ def _lines(own: _Writing, title: str) -> Iterator[str]:
     kicks = {at: f for at, f in own.kicks.items() if own.of.masses[at].is_mobile}
     if kicks:
         yield "strikes:"
+        comment = "damping of what was put elsewhere" if kind == "pmpd" else "a force"
         for at, force in kicks.items():
             to = own.masses[at]
-            impulse = f"impulse: {force / RATE!r}Ns"
-            comment = "damping of what was put elsewhere" if kind == "pmpd" else "a force"
-            yield f"  {to}_kick: {{to: model.{to}, at: 0s, {impulse}}}  # {comment}, one sample"
+            name = own.names.new(f"{_NO_LETTER.sub('_', to)}_kick")
+            what = f"{{to: model.{to}, at: 0s, impulse: {force / RATE!r}Ns}}"
+            yield f"  {name}: {what}  # {comment}, one sample"
     if own.outs:
         yield "mix:"
         yield f"  channels: {max(channel for *_, channel, _ in own.outs)}"

@@ -68,7 +68,7 @@ reset print bang |
 _CONTROL = _forms("""
 mass | class:class=mass mobile=1 M=1 x=0
 link | class:class a:masses b:masses K=0 D=0 Pow=1 Lmin=-1e6 Lmax=1e6
-tabLink | class:class a:masses b:masses arrayK:array lengthK=1 arrayD:array lengthD=1
+tabLink | class:class a:masses b:masses arrayK:array lengthK arrayD:array lengthD
 pos posX setPos setPosX | masses:masses x
 addPos addPosX | masses:masses x
 force forceX | masses:masses f

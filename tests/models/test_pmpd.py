@@ -1,5 +1,6 @@
 """Messages of pmpd as scores, beside an interpreter of its equations: sample for sample."""
 
+import random
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ from oracle import pmpd
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 from ergon.models.errors import DialectError, ModelError
-from ergon.models.pmpd_network import network
+from ergon.models.pmpd_obeying import network
 from ergon.models.pmpd_reading import parse
 from ergon.models.pmpd_score import written
 from ergon.models.pmpd_words import FORMS, Object
+from ergon.scores.reading.load import load
 
 RATE = 44_100
 SECONDS = 0.05
@@ -201,6 +203,32 @@ def test_an_inlet_without_a_file_is_0(capsys: pytest.CaptureFixture[str]) -> Non
     assert off(sound[1:, 1], pmpd.audio(FED, FRAMES, silent)[:-1, 1]) < LINEAR
 
 
+def test_a_row_of_equal_masses_is_a_string() -> None:
+    links = [f"link {at} {at + 1} 0.1 0.003" for at in range(13)]
+    text = "\n".join(
+        ["mass", *["mass 20 0.3"] * 6, *["mass 20"] * 2, *["mass 20"] * 4, "mass", *links]
+        + ["link 3 4 0.02", "setK 8 0.2", "force 2 0.1", "force 10 0.2", "link 2 5 0.01"]
+        + [f"outPos 0 {at} 0.5" for at in (2, 6, 7, 10)]
+    )
+    score = imported(text)
+    assert "string: {STRING: {masses: 6, ends: free, M: 120, K: 0.1, Z: 0.003, X0: 0.3m}}" in score
+    assert "string_2: {STRING: {masses: 4, ends: free, M: 80, K: 0.1, Z: 0.003}}" in score
+    assert "m7: {MAS" in score
+    assert "link13: {RES: {between: [string.3, string.2], K: 0.02}}" in score
+    assert "string_1_kick: {to: model.string.1," in score
+    assert score.count("{REF:") == 5  # at the ends, between the two, and one that is stiffer
+    assert audio_off(text) < LINEAR
+
+
+def test_a_mean_over_a_string_is_a_range() -> None:
+    text = "mass f 0\n" + "mass s 1 9 0\n" * 5 + "mass t 1 8 0.1\n"
+    text += "\n".join(f"link l {at} {at + 1} 0.2 0.01" for at in range(6))
+    score = imported(text + "\nsetPos t 0.2")
+    assert "SOX: [s.0..4, t]" in score
+    exact = pmpd.bangs(text + "\nsetPos t 0.2", FRAMES)[:, 1:].mean(axis=1, keepdims=True)
+    assert off(rendered(score, SECONDS), exact) < LINEAR
+
+
 def test_a_mean_is_heard_where_nothing_is_asked_for() -> None:
     text = "mass f 0 1 0; mass m 1 8 1; mass m 1 6 2; link l f m 0.1 0.01; setPos 2 1.7"
     exact = pmpd.bangs(text, FRAMES)[:, 1:].mean(axis=1, keepdims=True)
@@ -324,3 +352,25 @@ def test_both_objects_read_a_list_of_masses_and_links() -> None:
     with pytest.raises(DialectError):
         imported(text)
     assert "REF" not in imported(text, "pmpd~")
+
+
+def test_spoiled_lists_are_refused_or_read() -> None:
+    texts = [*AUDIO.values(), *TOUCHING_AUDIO.values(), *CONTROL.values(), FED]
+    texts += TOUCHING_CONTROL.values()
+    words = [word for text in texts for word in text.replace(";", " ; ").split()]
+    words += ["1e308", "nan", "-0", "1e-320", "$0", ",", "]", "{", '"', "'", "#", "a:b", "x" * 99]
+    draw, read = random.Random(1), 0
+    for _ in range(300):
+        spoiled = draw.choice(texts).replace(";", " ; ").replace("\n", " ; ").split(" ")
+        for _ in range(draw.randint(1, 2)):
+            at = draw.randrange(len(spoiled))
+            spoiled[at : at + draw.randint(0, 2)] = draw.choices(words, k=draw.randint(0, 2))
+            spoiled = spoiled or ["mass"]
+        try:
+            score = imported(" ".join(spoiled))
+        except ModelError:
+            continue
+        found = load("s.yaml", text=score)
+        assert found.piece is not None, (spoiled, found.diagnostics)
+        read += 1
+    assert read > 20
