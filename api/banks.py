@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from .modes import PartModes
 
 _HITS = ("BUT", "LNL", "BRISTLE", "DRY")
-_MOST = 20_000  # modes times ways: each is a resonator that another program runs
 _POINTS = 200  # that are struck or touched
 _LEAST = 1e-12  # of the largest amplitude: less is no sound, but rounding
 _LEVEL = 0.1  # of full scale, of what is at the reference level
@@ -31,8 +30,11 @@ def is_heard(piece: Piece, part: str) -> bool:
     return instrument is not None and any(one.is_movement for one in instrument.outputs)
 
 
-def bank_of(piece: Piece, ready: Ready, found: PartModes) -> Bank:
-    """A part as resonators. Raises OptionError for too many, or where nothing is heard."""
+def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
+    """A part as `most` resonators, a mode on a way from a point that is struck to an output each.
+
+    Raises OptionError for more of them, or where nothing is heard.
+    """
     from ergon.models.bank import Bank
 
     swings = found.poles.imag > 0.0
@@ -54,9 +56,9 @@ def bank_of(piece: Piece, ready: Ready, found: PartModes) -> Bank:
         for at, (_, label) in enumerate(heard):
             gain = (moves * found.points[label])[swings] / swing(poles, ca_rate)
             ways += _way(struck, at, found, swings, gain)
-    if sum(len(way.rows) for way in ways) > _MOST:
-        most = f"at most {_MOST:,} resonators are written; name a lower --upto, or fewer outputs"
-        raise OptionError("upto", f"; {found.part} has too many modes: {most}")
+    if sum(len(way.rows) for way in ways) > most:
+        why = f"at most {most:,} resonators are written; name a lower --upto, or fewer outputs"
+        raise OptionError("upto", f"; {found.part} has too many modes: {why}")
     return Bank(
         found.part,
         piece.rate,

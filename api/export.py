@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ergon.common.report import Report
 
 from . import score as scores
-from .banks import bank_of, left_out, swing, touched
+from .banks import bank_of, is_heard, left_out, swing, touched
 from .modes import modes_of
 from .options import ReadOptions
 from .parts import hertz, named
@@ -36,9 +36,9 @@ HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
 class ExportOptions(ReadOptions):
     """Which parts are exported.
 
-    `parts` are names of instruments and keys; without one all are meant. Of a table of modes `upto`
-    is the highest frequency, a number [Hz] or a text such as "5kHz" (20 kHz where nothing is
-    given).
+    `parts` are names of instruments and keys; without one all are meant. Of modes `upto` is the
+    highest frequency, a number [Hz] or a text such as "5kHz" (20 kHz where nothing is given); a
+    program of Faust is a bank of modes where it is given.
     """
 
     parts: Sequence[str] = ()
@@ -86,12 +86,14 @@ def faust_programs(
 ) -> tuple[ExportedPart, ...]:
     """Parts of a score as programs of Faust; without `parts` one program, of all parts together.
 
-    A program steps masses, springs, dampers and contacts sample by sample as the engine does, at
-    the rate of the score; a part with a MODES that is named is a bank of resonators, its contacts
-    open, at any rate. Inputs of a program are forces [N] on what is struck and what an ENF pushes,
-    and the positions [m] of an ENX; its outputs are those of the parts. Links to other parts are
-    left out. Raises ScoreError, OptionError, and ModelError with the places of what is not written.
+    A program steps masses, springs, dampers, contacts and laws sample by sample as the engine does,
+    at the rate of the score. With `upto`, as a part with a MODES always where it is named, a part
+    becomes a bank of resonators, its contacts open, at any rate. Inputs of a program are forces [N]
+    on what is struck and what an ENF pushes, and the positions [m] of an ENX; its outputs are those
+    of the parts. Links to other parts are left out. Raises ScoreError, OptionError, and ModelError
+    with the places of what is not written.
     """
+    from ergon.models.faust_bank import MOST as RESONATORS
     from ergon.models.faust_bank import program as bank_program
     from ergon.models.faust_program import program
     from ergon.models.network import MOST
@@ -99,16 +101,28 @@ def faust_programs(
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
+    if options.upto is not None:
+        upto = hertz("upto", options.upto)
+        with scores.staging(lambda: loaded, report):
+            banks = heard_parts(piece, options.parts)
+            return banks_of(piece, loaded.inputs, banks, upto, bank_program, RESONATORS, report)
     banks = [name for name in options.parts if _is_bank(piece, name)]
     if not banks:
-        return _programs(score, loaded, options, program, most=MOST, laws=False)
+        return _programs(score, loaded, options, program, most=MOST)
     others = [name for name in options.parts if name not in banks]
     with scores.staging(lambda: loaded, report):
-        made = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, report)
+        made = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, RESONATORS, report)
     if others:
         own = replace(options, parts=others)
-        made += _programs(score, loaded, own, program, most=MOST, laws=False)
+        made += _programs(score, loaded, own, program, most=MOST)
     return tuple(sorted(made, key=lambda one: options.parts.index(one.part)))
+
+
+def heard_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
+    """The parts that are named, or else those of which a movement is heard; all where none is."""
+    names = named(piece, parts)
+    heard = [name for name in names if parts or is_heard(piece, name)]
+    return heard or list(names)  # where nothing is heard the first part is refused
 
 
 def _is_bank(piece: Piece, name: str) -> bool:
@@ -122,9 +136,13 @@ def banks_of(
     names: Sequence[str],
     upto: float,
     written: Callable[[Bank], str],
+    most: int,
     report: Report | None,
 ) -> tuple[ExportedPart, ...]:
-    """A file for each part that has modes up to `upto` [Hz]. Raises ScoreError and OptionError."""
+    """A file of `most` resonators for each part that has modes up to `upto` [Hz].
+
+    Raises ScoreError and OptionError.
+    """
     from ergon.scores.staging.stage import prepare
 
     upto = min(upto, 0.499 * piece.rate)
@@ -135,7 +153,7 @@ def banks_of(
             found = modes_of(piece, ready.built, name, {"to": upto}, inputs)
             if not found.masses:
                 continue
-            text = written(bank_of(piece, ready, found))
+            text = written(bank_of(piece, ready, found, most))
             made.append(ExportedPart(name, text, tuple(left_out(found)), inputs))
     return tuple(made)
 
@@ -152,7 +170,7 @@ def mi_gen_models(
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
-    return _programs(score, loaded, options, model, most=MOST, laws=True)
+    return _programs(score, loaded, options, model, most=MOST)
 
 
 def _programs(
@@ -162,7 +180,6 @@ def _programs(
     program: Callable[[Stepped, str], str],
     *,
     most: int,
-    laws: bool,
 ) -> tuple[ExportedPart, ...]:
     from ergon.models.network import stepped
 
@@ -173,7 +190,7 @@ def _programs(
     made = []
     for name, own in wholes:
         parts, struck = _parts(piece, own), _struck(piece, own)
-        network = stepped(parts, struck, piece.rate, most=most, laws=laws)
+        network = stepped(parts, struck, piece.rate, most=most)
         warnings = tuple(f"{one} is left out" for one in network.left_out)
         made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
     return tuple(made)

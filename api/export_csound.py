@@ -7,9 +7,8 @@ from pathlib import Path
 from ergon.common.report import Report
 
 from . import score as scores
-from .banks import is_heard
-from .export import HIGHEST, ExportedPart, ExportOptions, banks_of
-from .parts import hertz, named
+from .export import HIGHEST, ExportedPart, ExportOptions, banks_of, heard_parts
+from .parts import hertz
 
 
 def csound_orchestras(
@@ -22,14 +21,12 @@ def csound_orchestras(
     the nearest sample. Without `parts` those are written of which a movement is heard. Modes are
     those of `mode_tables`. Raises ScoreError and OptionError.
     """
-    from ergon.models.csound import orchestra
+    from ergon.models.csound import MOST, orchestra
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     with scores.staging(lambda: loaded, report):
-        names = named(piece, options.parts)
-        heard = [name for name in names if options.parts or is_heard(piece, name)]
-        # Where nothing is heard the first part is refused.
-        return banks_of(piece, loaded.inputs, heard or names, upto, orchestra, report)
+        names = heard_parts(piece, options.parts)
+        return banks_of(piece, loaded.inputs, names, upto, orchestra, MOST, report)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -11,6 +11,11 @@ from ergon.models.errors import DialectError, ModelError
 from ergon.models.grammar import FORMS, NAMES, Dialect
 from ergon.models.laws import Laws
 from ergon.models.model import Model
+from ergon.models.pmpd_obeying import network
+from ergon.models.pmpd_reading import is_list
+from ergon.models.pmpd_reading import parse as pmpd_messages
+from ergon.models.pmpd_score import written as pmpd_written
+from ergon.models.pmpd_words import OBJECTS, Object
 from ergon.models.reading import parse, text_of
 from ergon.models.score import RATE, Input, written
 from ergon.notation.text.errors import quote
@@ -23,12 +28,12 @@ from .errors import OptionError
 class ModelOptions:
     """How a model is read.
 
-    `dialect`: "v1" (MIMS) or "v2" (mi-gen); without it the one that reads the model. `laws`:
-    "head", as mi-gen has them today, or "2019". `values` of parameters, `inputs` as WAV files of
-    44,100 Hz, both by name.
+    `dialect`: "v1" (MIMS), "v2" (mi-gen), "pmpd" or "pmpd~" (messages to an object of Pure Data);
+    without it the one that reads the model. `laws`: "head", as mi-gen has them today, or "2019".
+    `values` of parameters, `inputs` as WAV files of 44,100 Hz, both by name.
     """
 
-    dialect: Dialect | None = None
+    dialect: Dialect | Object | None = None
     laws: Laws = "head"
     values: Mapping[str, str] = field(default_factory=dict)
     inputs: Mapping[str, str | Path] = field(default_factory=dict)
@@ -39,7 +44,7 @@ class ImportedModel:
     """The text of a score, and what it was made from; `unfed` inputs have no file and stay at 0."""
 
     text: str
-    dialect: Literal["v1", "v2"]
+    dialect: Literal["v1", "v2", "pmpd", "pmpd~"]
     n_statements: int
     unfed: tuple[str, ...] = ()
 
@@ -47,9 +52,9 @@ class ImportedModel:
 def import_model(
     path: str | Path, options: ModelOptions = ModelOptions(), *, beside: str | Path = "."
 ) -> ImportedModel:
-    """A model of MIMS or mi-gen as a score; files of inputs are named from the folder `beside`.
+    """A model of MIMS, mi-gen or pmpd as a score; inputs are named from the folder `beside`.
 
-    Raises ModelError with the line at fault, DialectError where both dialects read the model and
+    Raises ModelError with the line at fault, DialectError where two dialects read the model and
     it sounds otherwise in each, OptionError, and OSError.
     """
     path = Path(path)
@@ -60,20 +65,47 @@ def import_model(
         raise
     inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
 
-    def made(dialect: Dialect) -> tuple[Model, str]:
-        model = parse(text, dialect, str(path), options.values)
-        known = [one.name for one in model.of("input")]
-        for name in inputs:
-            if name not in known:
-                near = nearest(name, known)
-                meant = f"; did you mean {near}?" if near else ""
-                raise OptionError("input", f"the model has no input {quote(name)}{meant}")
-        return model, written(model, options.laws, inputs, path.name)
-
-    dialect = options.dialect or _dialect(text, path, options)
-    model, score = made(dialect)
-    unfed = tuple(one.name for one in model.of("input") if one.name not in inputs)
+    asked = options.dialect
+    if asked in OBJECTS or (asked is None and is_list(text)):
+        try:
+            return _pmpd(text, path.name, options, inputs)
+        except ModelError as error:
+            error.file = str(path)
+            raise
+    dialect: Dialect
+    dialect = asked if asked == "v1" or asked == "v2" else _dialect(text, path, options)
+    model = parse(text, dialect, str(path), options.values)
+    unfed = _unfed(inputs, [one.name for one in model.of("input")])
+    score = written(model, options.laws, inputs, path.name)
     return ImportedModel(score, dialect, len(model.statements), unfed)
+
+
+def _unfed(inputs: Mapping[str, Input], known: Sequence[str]) -> tuple[str, ...]:
+    """Inputs of a model that no file feeds. Raises OptionError for a file of none."""
+    for name in inputs:
+        if name not in known:
+            near = nearest(name, known)
+            meant = f"; did you mean {near}?" if near else ""
+            raise OptionError("input", f"the model has no input {quote(name)}{meant}")
+    return tuple(name for name in known if name not in inputs)
+
+
+def _pmpd(
+    text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]
+) -> ImportedModel:
+    """Messages to an object of Pure Data. Raises ModelError, DialectError and OptionError."""
+    if options.values:
+        raise OptionError("set", "messages to pmpd have no parameters")
+    if options.laws != "head":
+        raise OptionError("laws", "the laws of 2019 are those of mi-gen")
+    wanted: Object | None = None
+    if options.dialect == "pmpd" or options.dialect == "pmpd~":
+        wanted = options.dialect
+    kind, messages = pmpd_messages(text, wanted)
+    made = network(kind, messages)
+    known = {f"in{port.number}" for port in made.ports if port.what.startswith("in")}
+    unfed = _unfed(inputs, sorted(known))
+    return ImportedModel(pmpd_written(made, inputs, name), kind, len(messages), unfed)
 
 
 def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:

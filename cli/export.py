@@ -36,7 +36,7 @@ _ENDINGS = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl", "csound": ".csd"}
 _OPTIONS = {
     "daw": ("--no-stems", "--bits"),
     "modal": ("PART", "--upto"),
-    "faust": ("PART",),
+    "faust": ("PART", "--upto"),
     "mdl": ("PART",),
     "csound": ("PART", "--upto"),
 }
@@ -68,7 +68,11 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
     help="Of daw: whether to render the mix, and one file for each player.",
 )
 @options.bits
-@click.option("--upto", metavar="FREQUENCY", help="Of modal and csound: the highest mode (20kHz).")
+@click.option(
+    "--upto",
+    metavar="FREQUENCY",
+    help="Of modal and csound: the highest mode (20kHz). Of faust: banks of the modes up to it.",
+)
 @options.force
 @options.trust
 @options.speaking
@@ -92,8 +96,9 @@ def export(
     modal: PART.csv of each instrument and key: its modes, and how much of a stroke is heard of
     each.
 
-    faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers and contacts,
-    stepped sample by sample; of a part with a MODES a resonator for each mode.
+    faust: SCORE.dsp, or PART.dsp of each part that is named: masses, springs, dampers, contacts
+    and laws, stepped sample by sample. With --upto, and of a part with a MODES, a resonator for
+    each mode.
 
     mdl: SCORE.mdl, or PART.mdl of each part that is named: a model of mi-gen, which `ergon import`
     reads.

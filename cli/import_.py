@@ -14,6 +14,7 @@ from .outcome import Refused, check_stdout
 if TYPE_CHECKING:
     from ergon.models.grammar import Dialect
     from ergon.models.laws import Laws
+    from ergon.models.pmpd_words import Object
 
 
 @click.command("import")
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 @options.target("The score to write, or - for stdout. Default: MODEL.yaml in the current folder.")
 @click.option(
     "--dialect",
-    type=click.Choice(["v1", "v2"]),
+    type=click.Choice(["v1", "v2", "pmpd", "pmpd~"]),
     help="The language: v1 is MIMS, v2 mi-gen. Without it the one that reads the model.",
 )
 @click.option(
@@ -45,7 +46,7 @@ def import_command(
     console: Console,
     model: str,
     output: str | None,
-    dialect: Dialect | None,
+    dialect: Dialect | Object | None,
     laws: Laws,
     values: tuple[str, ...],
     inputs: tuple[str, ...],
@@ -53,9 +54,9 @@ def import_command(
 ) -> None:
     """Make a score of a model of another program.
 
-    MODEL is a `.mdl` file of MIMS or mi-gen, or a Faust program made from one, which has it as a
-    comment. Under `units: ca` the score sounds the same sample for
-    sample. What no score says is refused, with its line.
+    MODEL is a `.mdl` file of MIMS or mi-gen, a Faust program made from one, which has it as a
+    comment, or a list of messages to an object pmpd or pmpd~ of Pure Data. Under `units: ca` the
+    score sounds the same sample for sample. What no score says is refused, with its line.
     """
     from ergon.api.model import ModelOptions, import_model
     from ergon.exchange.safe import check_target, write_text

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ergon.models.bank import UNITS, Bank
 from ergon.models.derivative import weights
 
+MOST = 20_000  # resonators
 MODES_FROM, OUTPUT = 100, 9_999  # numbers of instruments; those of lower numbers come first
 
 

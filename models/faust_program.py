@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from ergon.models.derivative import differentiated
+from ergon.models.faust_law import Laws
+from ergon.models.faust_law import number as _number
 from ergon.models.naming import Names
 from ergon.models.network import Link, Point, Stepped
 
@@ -25,6 +27,12 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     names = Names()
     points = [names.new(_word(point.name)) for point in network.points]
     links = [names.new(_word(link.name)) for link in network.links]
+    laws = Laws()
+    called = {
+        word: laws.name(link.law, word)
+        for word, link in zip(links, network.links, strict=True)
+        if link.law is not None
+    }
     inputs = [f"in_{number}" for number in range(1, len(network.inputs) + 1)]
     outputs = [f"out_{number}" for number in range(1, len(network.outputs) + 1)]
     yield f"// {plain(title)}, made by ergon: a network that is stepped sample by sample."
@@ -41,6 +49,7 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
         yield from _constants(word, point)
     for word, link in zip(links, network.links, strict=True):
         yield from _link_constants(word, link)
+    yield from laws.written()
     yield ""
     yield f"process({', '.join(inputs)}) = " if inputs else "process = "
     heard = zip(outputs, network.outputs, strict=True)
@@ -61,7 +70,7 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     for word, point in zip(points, network.points, strict=True):
         yield from _state(word, point)
     for word, link in zip(links, network.links, strict=True):
-        yield from _force(word, link, points)
+        yield from _force(word, link, points, called)
     ends = _ends(network)
     for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
         if _moves(point):
@@ -91,7 +100,10 @@ def _constants(word: str, point: Point) -> Iterator[str]:
 
 
 def _link_constants(word: str, link: Link) -> Iterator[str]:
-    yield f"// {plain(link.name)}: {link.said}"
+    yield f"// {plain(link.name)}: {plain(link.said)}"
+    if link.law is not None:
+        yield f"L_{word} = {_number(link.offset)}; // [m]"
+        return
     yield f"K_{word} = {_number(link.K)}; // [N/m{'' if link.exponent in (None, 1.0) else '^n'}]"
     yield f"Z_{word} = {_number(link.z)}; // [N/m] for a step of 1 m"
     yield f"L_{word} = {_number(link.offset)}; // [m]"
@@ -110,9 +122,14 @@ def _state(word: str, point: Point) -> Iterator[str]:
         yield f"  d_{word} = 0.0;"
 
 
-def _force(word: str, link: Link, points: Sequence[str]) -> Iterator[str]:
+def _force(word: str, link: Link, points: Sequence[str], laws: Mapping[str, str]) -> Iterator[str]:
     """What pulls the first end of a link towards the second."""
     a, b = points[link.a], points[link.b]
+    if link.law is not None:
+        per_step = "" if link.law.per_step == 1.0 else f"*{link.law.per_step!r}"
+        yield f"  p_{word} = x_{b} - x_{a} - L_{word};"
+        yield f"  f_{word} = {laws[word]}(p_{word}, (d_{b} - d_{a}){per_step});"
+        return
     if link.exponent is None:
         yield f"  f_{word} = K_{word}*(x_{b} - x_{a} - L_{word}) + Z_{word}*(d_{b} - d_{a});"
         return
@@ -139,10 +156,6 @@ def _ends(network: Stepped) -> list[list[tuple[int, str]]]:
         ends[link.a].append((number, "+"))
         ends[link.b].append((number, "-"))
     return ends
-
-
-def _number(value: float) -> str:
-    return f"({value!r})" if value < 0 else repr(value)
 
 
 def _word(name: str) -> str:

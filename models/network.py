@@ -18,6 +18,7 @@ from ergon.notation.text.values import Place
 MOST = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
 
 NOWHERE = Place("", 0, 0)
+_WRITTEN = ("RES", "FRO", "REF", "BUT", "LNL")
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,21 +149,18 @@ def stepped(
     rate: float,
     *,
     most: int = MOST,
-    laws: bool = False,
 ) -> Stepped:
     """Parts as the engine steps them at `rate` [Hz], with the links between them.
 
     `struck` points have an input for a force. Links to other parts are left out. `most` points are
-    told, and `laws` (LNL) where they are asked for. Raises ModelError with the places of all that
-    cannot be told.
+    told. Raises ModelError with the places of all that cannot be told.
     """
-    kinds = ("RES", "FRO", "REF", "BUT", *(("LNL",) if laws else ()))
-    return _Builder(Stepped(rate), most, kinds).made(parts, struck)
+    return _Builder(Stepped(rate), most).made(parts, struck)
 
 
 class _Builder:
-    def __init__(self, made: Stepped, most: int, kinds: Sequence[str]) -> None:
-        self.to, self.most, self.kinds = made, most, kinds
+    def __init__(self, made: Stepped, most: int) -> None:
+        self.to, self.most = made, most
         self.at: dict[tuple[str, str], list[int]] = {}  # points of a module
         self.centres: dict[tuple[str, str], int] = {}
         self.links: dict[tuple[str, str], list[int]] = {}
@@ -309,7 +307,7 @@ class _Builder:
         if module.kind in ("ENX", "ENF"):
             self._input(module, name)
         elif module.kind in LINKS:
-            if module.kind not in self.kinds:
+            if module.kind not in _WRITTEN:
                 self._refuse(module.place, f"{name}: {module.kind} is not written yet")
                 return
             if module.fields.get("contact", "plain") != "plain":
@@ -353,7 +351,9 @@ class _Builder:
             terms = (fields[one] for one in ("law", "damping", "constants", "points"))
             law = Law(fields, _core.Law(*terms), 1.0 if part.ca_rate else self.to.rate)
             rest = float(fields["rest"])
-            self.to.links.append(Link(name, a, b, 0.0, 0.0, rest, "LNL", law=law, place=place))
+            words = (f"{one} = {fields[one]}" for one in ("law", "damping") if fields[one])
+            said = f"LNL: {', '.join([*words, f'rest = {rest!r} m'])}"
+            self.to.links.append(Link(name, a, b, 0.0, 0.0, rest, said, law=law, place=place))
             return
         if kind != "BUT":
             rest = float(fields.get("rest") or 0.0)

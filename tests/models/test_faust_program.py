@@ -1,5 +1,6 @@
 """Scores as programs of Faust: what a program computes is what the engine steps."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -135,9 +136,9 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
         ("count: 9", "count: 2000", 8, "2,000 masses, and at most 200"),
         (
             "{RES: {between: [n, g], K: 0.2}}",
-            "{LNL: {between: [n, g], law: d**3}}",
+            "{BRISTLE: {between: [n, g], sigma0: 1, Fc: 1}}",
             17,
-            "mesh.k: LNL",
+            "mesh.k: BRISTLE is not written yet",
         ),
         ("\n    out: {SOX: m}", "", 13, "nothing of mesh is heard"),
         ("at: 44100Hz", "at: 22050Hz", 13, "mesh: its numbers are for 22,050 Hz"),
@@ -209,3 +210,69 @@ def test_modes_are_written_where_their_part_is_named(capsys: pytest.CaptureFixtu
     assert "s.yaml:5: bell.b: MODES is a bank of resonators" in capsys.readouterr().err
     assert app.run(["export", "s.yaml", "belt", "--to", "faust", "-o", "d"]) == 2
     assert "did you mean 'bell'?" in capsys.readouterr().err
+
+
+BODIES = """\
+ergon: 1
+instruments:
+  wire:
+    modules: {s: {STRING: {masses: 40, M: 4g, f: D3, t60: 2s, inharmonicity: 1e-5}}}
+    out: {a: {SOX: s.17}, v: {SOV: s.20}}
+  sheet:
+    modules: {p: {PLATE: {radius: 5, M: 50g, f: 300Hz, t60: 1s, rim: fixed}}}
+    out: {SOA: p.centre}
+  sky: {modules: {b: {BANK: {count: 9, M: 2g, f: 200Hz..900Hz, t60: 1s}}}, out: {SOX: b.all}}
+  desk:
+    modules:
+      s: {STRING: {masses: 20, M: 4g, f: D4, t60: 2s}}
+      m: {CEL: {M: 20g, f: 100Hz, t60: 0.3s}}
+      r: {REF: {between: [s.5, m], K: 3kN/m, Z: 0.1Ns/m}}
+    out: {SOX: s.9}
+  still: {modules: {m: {CEL: {M: 20g, f: 100Hz, t60: 0.3s}}}}
+strikes:
+  a: {to: [wire.s.3], at: 0s, impulse: 1mNs}
+  b: {to: [sheet.p.7], at: 0s, impulse: 1mNs}
+  c: {to: [sky.b.all], at: 0s, impulse: 1mNs}
+  d: {to: [desk.s.2], at: 0s, impulse: 1mNs}
+render: {tail: 0.3s}
+"""
+
+
+@needs_faust
+def test_bodies_are_banks_of_their_modes() -> None:
+    Path("s.yaml").write_text(BODIES)
+    exact = played(BODIES, method="modal")
+    made = faust_programs("s.yaml", ExportOptions(upto="20kHz"))
+    assert [one.part for one in made] == ["wire", "sheet", "sky", "desk"]  # what is heard
+    # One program of all: each is compiled as an environment of its own.
+    texts = [f"p_{one.part} = environment {{\n{one.text}\n}}.process;" for one in made]
+    texts = [re.sub("declare .*", "", text) for text in texts]
+    whole = ", ".join(f"p_{one.part}" for one in made)
+    Path("s.dsp").write_text("\n".join([*texts, f"process = {whole};"]))
+    counts = [one.text.count("// input") for one in made]
+    assert counts == [1, 1, 9, 1]
+    fed = np.zeros((len(exact), sum(counts)))
+    fed[0] = 1e-3 * RATE
+    sound = heard(Path("s.dsp"), fed, RATE)
+    assert sound.shape == exact.shape
+    assert off_db(sound, exact) < -200
+
+
+def test_modes_above_a_frequency_are_left_out() -> None:
+    Path("s.yaml").write_text(BODIES)
+    low, high = (
+        faust_programs("s.yaml", ExportOptions(parts=("wire",), upto=upto))[0].text.count("mode(")
+        for upto in ("1kHz", 20_000.0)
+    )
+    assert (low - 1, high - 1) == (2 * 6, 2 * 40)  # of a string at 147 Hz
+
+
+def test_too_many_resonators_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    modes = ", ".join(f"{100 + 5 * n}Hz" for n in range(450))
+    outs = ", ".join(f"o{n}: {{SOX: b.point}}" for n in range(5))
+    Path("s.yaml").write_text(
+        "ergon: 1\ninstruments:\n  a:\n    modules:\n"
+        f"      b: {{MODES: {{M: 1kg, f: [{modes}], t60: 9s}}}}\n    out: {{{outs}}}\n"
+    )
+    assert app.run(["export", "s.yaml", "a", "--to", "faust", "-o", "d"]) == 2
+    assert "at most 2,000 resonators are written" in capsys.readouterr().err
