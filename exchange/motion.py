@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from .motion_space import NotMotionError, points_in_space
+from .motion_space import NotMotionError, points_in_space, threads
 from .safe import MARK
 
 if TYPE_CHECKING:
@@ -55,7 +55,9 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
 
     Displacements are single floats; NaN is what nobody computed. `manifest` is JSON. Where there
     are points in space, `space_names` and `space_positions` (n_instants, n_space, 3) [m] are each
-    as one: where it is in the room, z upwards. Raises NotMotionError.
+    as one: where it is in the room, z upwards. `space_links` (n_links, 2) are the springs between
+    them, by their numbers, `space_broken` (n_links,) since when each is broken [s], inf where it
+    is whole. Raises NotMotionError.
     """
     import numpy as np
 
@@ -65,6 +67,9 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
         paths = [point.path(places, moved).astype(np.float32) for point in space]
         arrays["space_names"] = np.array([point.name for point in space])
         arrays["space_positions"] = np.stack(paths, axis=1)
+        links = threads(motion, space)
+        arrays["space_links"] = np.array([link.ends for link in links], dtype=int).reshape(-1, 2)
+        arrays["space_broken"] = np.array([link.broken for link in links])
     np.savez_compressed(
         to,
         allow_pickle=False,

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ergon._core import Motion
+
+_LINKS, _BROKEN = 12, 16  # kinds of chunks
+_NUMBER = 4  # bytes of the number of links before them
 # Along which axis of the room each axis of a space goes: the last is up.
 _ALONG = {2: (0, 2), 3: (0, 1, 2)}
 
@@ -72,6 +76,42 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
         taken.update(axes)
         found.append(SpacePoint(names[axes[0]].removesuffix(".x"), tuple(axes)))
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Thread:
+    """A link between two points in space, by their numbers; since when it is broken [s], or inf."""
+
+    ends: tuple[int, int]
+    broken: float
+
+
+def threads(motion: Motion, space: Sequence[SpacePoint]) -> list[Thread]:
+    """The springs between points in space. Raises NotMotionError where one is damaged."""
+    import numpy as np
+
+    chunks = list(enumerate(motion.chunks()))
+    tables = [at for at, chunk in chunks if chunk.kind == _LINKS]
+    if not (tables and space):
+        return []
+    table = motion.payload(tables[0])
+    if len(table) < _NUMBER or len(table) != _NUMBER + 8 * int.from_bytes(table[:4], "little"):
+        raise NotMotionError("its table of links is damaged")
+    pairs = np.frombuffer(table, "<u4", offset=_NUMBER).reshape(-1, 2)
+    if pairs.size and int(pairs.max()) >= len(motion.names):
+        raise NotMotionError("its table of links names no such points")
+    broken = np.full(len(pairs), np.inf)
+    for at, chunk in chunks:
+        if chunk.kind == _BROKEN:
+            told = np.frombuffer(motion.payload(at), [("dt", "<f4"), ("link", "<u4")])
+            if told.size and int(told["link"].max()) >= len(pairs):
+                raise NotMotionError("a link that broke is none of its table")
+            np.minimum.at(broken, told["link"], chunk.seconds + told["dt"].astype(float))
+    number = np.full(len(motion.names), -1)
+    number[[point.axes[0] for point in space]] = np.arange(len(space))
+    ends = number[pairs]
+    drawn = np.flatnonzero((ends >= 0).all(axis=1))
+    return [Thread((int(ends[i, 0]), int(ends[i, 1])), float(broken[i])) for i in drawn]
 
 
 def _is_point(number: object, n_points: int) -> bool:
