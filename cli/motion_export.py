@@ -35,7 +35,8 @@ _FORMS = (".csv", ".npz", ".gltf")
 @click.option(
     "--exaggeration",
     type=click.FloatRange(1e-6, 1e12),
-    help="How many times as far as it moves a point of a glTF moves. Default: 5 cm at most.",
+    help="How many times as far as it moves a point of a glTF moves. Default: 5 cm at most. "
+    "Points in space move as far as they do.",
 )
 @options.dry_run
 @options.force
@@ -52,9 +53,11 @@ def export(
     """Write a motion file as npz, CSV or glTF.
 
     npz and CSV hold the displacement of every point at every instant [m]; empty, or NaN, is what
-    nobody computed. glTF 2.0 holds an animated node for each point, for Blender and its like.
+    nobody computed; npz also holds where points in space are, each as one. glTF 2.0 holds an
+    animated node for each point, for Blender and its like.
     """
-    from ergon.exchange.motion import NotMotionError, instants
+    from ergon.exchange.motion import instants
+    from ergon.exchange.motion_space import NotMotionError
     from ergon.exchange.safe import check_target, writing
 
     if output is None:
@@ -91,12 +94,13 @@ def export(
 def _write(
     to: BinaryIO, motion: Motion, form: str, at: NDArray[np.float64], exaggeration: float | None
 ) -> None:
-    from ergon.exchange.motion import automatic, csv_rows, gltf, write_npz
+    from ergon.exchange.gltf import gltf
+    from ergon.exchange.motion import csv_rows, write_npz
 
     if form == ".npz":
         write_npz(to, motion, at)
     elif form == ".gltf":
-        to.write(gltf(motion, at, exaggeration or automatic(motion)).encode())
+        to.write(gltf(motion, at, exaggeration).encode())
     else:
         for text in csv_rows(motion, at):
             to.write(text.encode())

@@ -37,7 +37,8 @@ def read(path: Path) -> Motion:
 
 def motion(console: Console, path: Path) -> None:
     """Say what a motion file holds, and whether it is whole."""
-    from ergon.exchange.motion import NotMotionError, about
+    from ergon.exchange.motion import about
+    from ergon.exchange.motion_space import NotMotionError
 
     found = read(path)
     try:

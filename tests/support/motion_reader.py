@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 MAGIC = b"ERGM\x01\0\0\0"
 MANIFEST, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS = range(1, 9)
-STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS = range(10, 16)
+STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS, BROKEN = range(10, 17)
 FLIGHT = np.dtype([("number", "<u4"), ("a", "<f4"), ("b", "<f4")])
 ERGON = np.dtype(
     [("dt", "<f4"), ("point", "<u4"), ("impulse", "<f4"), ("speed", "<f4"), ("source", "<u4")]
 )
 CONTACT = np.dtype([("dt", "<f4"), ("contact", "<u4"), ("force", "<f4")])
+BREAK = np.dtype([("dt", "<f4"), ("link", "<u4")])
 HAND = np.dtype([("key", "<u4"), ("position", "<f4"), ("asked", "<f4")])
 
 Chunk = tuple[int, float, bytes, int]  # kind, seconds, payload, byte at which it begins

@@ -221,6 +221,11 @@ impl Island {
         self.state.touches.take(tell);
     }
 
+    /// Whether a link in space is broken.
+    pub(crate) fn is_broken(&self, link: usize) -> bool {
+        self.state.memory_of(link) == f64::INFINITY
+    }
+
     /// Its bodies as they are.
     pub(crate) fn bodies(&self) -> &[inside::RunningBody] {
         &self.state.bodies

@@ -2,7 +2,7 @@
 
 export const KIND = {
   manifest: 1, points: 2, flights: 3, frames: 4, ergons: 5, contacts: 6, levels: 7, hands: 8,
-  clock: 9, state: 10, index: 11, links: 12, shapes: 13, names: 14, peaks: 15,
+  clock: 9, state: 10, index: 11, links: 12, shapes: 13, names: 14, peaks: 15, broken: 16,
 };
 
 export const MAGIC = [0x45, 0x52, 0x47, 0x4d, 1, 0, 0, 0];

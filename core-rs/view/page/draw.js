@@ -17,6 +17,7 @@ export class Drawing {
     this.programs = Object.fromEntries(Object.entries(SHADERS).map(([name, text]) => [name, new Program(gl, text)]));
     this.quad = new Buffer(gl, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
     this.links = new Buffer(gl);
+    this.brokenSince = new Buffer(gl);
     this.sparkPoints = new Buffer(gl);
     this.sparkValues = new Buffer(gl);
     this.discs = new Buffer(gl);
@@ -64,7 +65,7 @@ export class Drawing {
     }
     motion.at(t, look.rate);
     this.stand(model, motion, look.seen);
-    if (this.show.links) this.drawLinks(model);
+    if (this.show.links) this.drawLinks(story, t);
     if (this.show.points) this.points(model, 1);
     this.drawFlashes(story, motion, t, look, width, height);
     if (this.show.speakers) this.drawSpeakers(story, t);
@@ -117,13 +118,24 @@ export class Drawing {
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, model.n);
   }
 
-  drawLinks(model) {
+  drawLinks({ model, breaks }, t) {
     const { gl } = this;
     if (!model.links.length) return;
-    this.programs.links.use({ ...this.always, gain: 0.8 });
+    this.followBreaks(model, breaks);
+    this.programs.links.use({ ...this.always, gain: 0.8, t });
     this.links.attribute(0, 2, { each: 1, integers: true });
+    this.brokenSince.attribute(1, 1, { each: 1 });
     gl.drawArraysInstanced(gl.LINES, 0, 2, model.links.length / 2);
     gl.vertexAttribDivisor(0, 0);
+    this.release();
+  }
+
+  /** Since when links are broken, where more of them are or their table is new. */
+  followBreaks(model, breaks) {
+    const now = [model, model.version, breaks, breaks.version];
+    if (this.breaks?.every((one, i) => one === now[i])) return;
+    this.brokenSince.put(breaks.all(model.links.length / 2));
+    this.breaks = now;
   }
 
   /** Ergons and contacts, which share what may flash. */

@@ -84,6 +84,31 @@ export class Contacts extends Events {
   }
 }
 
+/** Links that break for good: since when each is broken. */
+export class Breaks {
+  constructor() {
+    this.since = new Map(); // by the number of the link [s]
+    this.version = 0; // goes up with every link
+  }
+
+  take(seconds, view) {
+    for (let at = 0; at + 8 <= view.byteLength; at += 8) {
+      const t = seconds + view.getFloat32(at, true);
+      const link = view.getUint32(at + 4, true);
+      if (t >= (this.since.get(link) ?? Infinity)) continue; // key states tell it again
+      this.since.set(link, t);
+      this.version++;
+    }
+  }
+
+  /** Since when each of `n` links is broken [s]; of whole ones what no instant reaches. */
+  all(n) {
+    const found = new Float32Array(n).fill(3e38);
+    for (const [link, t] of this.since) if (link < n) found[link] = t;
+    return found;
+  }
+}
+
 /** Rows of numbers that hold from one instant to the next. */
 export class Rows {
   constructor() {

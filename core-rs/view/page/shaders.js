@@ -75,14 +75,15 @@ void main(){
   links: [
     `${HEAD}${POINTS}${COLOURS}
 layout(location=0) in uvec2 ends;
-uniform float gain;
+layout(location=1) in float broken;   // since when [s]
+uniform float gain, t;
 out vec4 col;
 void main(){
   uint i = gl_VertexID == 0 ? ends.x : ends.y;
   vec3 a = stands(ends.x), b = stands(ends.y);
   vec4 s = texelFetch(state, place(i), 0);
   float light = min(texelFetch(state, place(ends.x), 0).z, texelFetch(state, place(ends.y), 0).z);
-  gl_Position = light < 0. ? vec4(2., 2., 2., 1.) : M * vec4(gl_VertexID == 0 ? a : b, 1.);
+  gl_Position = light < 0. || t >= broken ? vec4(2., 2., 2., 1.) : M * vec4(gl_VertexID == 0 ? a : b, 1.);
   float strain = abs(b.z - a.z) / max(length(b.xy - a.xy), 1e-6);
   col = vec4(updown(s.w) * gain * (.10 + .22 * s.z + .45 * clamp(strain, 0., 1.)), 1.);
 }`,

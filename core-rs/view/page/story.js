@@ -1,7 +1,7 @@
 // All that is known of a piece, from its chunks: a file as a whole, a live stream as far back as can be scrubbed.
 
 import { KIND } from "./chunks.js";
-import { Contacts, Ergons, Rows } from "./events.js";
+import { Breaks, Contacts, Ergons, Rows } from "./events.js";
 import { Flights } from "./flights.js";
 import { Frames } from "./frames.js";
 import { BACK } from "./live.js";
@@ -22,6 +22,7 @@ export class Story {
     this.frames = this.model.parts.map((part) => new Frames(part.count));
     this.ergons = new Ergons();
     this.contacts = new Contacts();
+    this.breaks = new Breaks();
     this.levels = new Rows();
     this.hands = new Rows();
     this.peaks = new Float32Array(this.model.parts.length); // [m]
@@ -107,6 +108,7 @@ const DO = {
   },
   [KIND.frames]: (s, t, view) => s.frames[view.getUint16(0, true)]?.take(t, view),
   [KIND.ergons]: (s, t, view) => s.ergons.take(t, view),
+  [KIND.broken]: (s, t, view) => s.breaks.take(t, view),
   [KIND.contacts]: (s, t, view) => s.contacts.take(t, view),
   [KIND.levels]: (s, t, view) => s.levels.take(t, floats(view)),
   [KIND.hands]: (s, t, view) => s.hands.take(t, hands(view)),

@@ -39,6 +39,10 @@ pub mod kind {
     pub const NAMES: u16 = 14;
     /// Largest displacements.
     pub const PEAKS: u16 = 15;
+    /// Links that broke.
+    pub const BROKEN: u16 = 16;
+    /// The last that is known.
+    pub const LAST: u16 = BROKEN;
 }
 
 /// Bytes in the making.

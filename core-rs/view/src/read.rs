@@ -92,7 +92,7 @@ impl MotionFile {
         let (mut chunks, mut at) = (Vec::new(), MAGIC.len());
         // A damaged chunk ends what can be trusted, as a cut does.
         while let Ok((chunk, n)) = motion::read(&bytes[at..]) {
-            let known = (kind::MANIFEST..=kind::PEAKS).contains(&chunk.kind);
+            let known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
             if known && chunk.version != VERSION {
                 return Err(ReadError::Version(chunk.kind, chunk.version));
             }
@@ -277,6 +277,7 @@ impl MotionFile {
             let is_right = match place.kind {
                 kind::FLIGHTS | kind::STATE => self.flights(payload).is_some(),
                 kind::FRAMES => payload.len() >= 16,
+                kind::BROKEN => payload.len().is_multiple_of(8),
                 kind::ERGONS => payload.len().is_multiple_of(20),
                 kind::CONTACTS | kind::HANDS => payload.len().is_multiple_of(12),
                 _ => true,

@@ -80,6 +80,10 @@ pub struct Recorder {
     since: f64,
     last: f64,
     told: usize,
+    /// The number of each link that may break in the table of links, where both its ends are seen.
+    links: Vec<Option<u32>>,
+    /// Since when each is seen broken [s].
+    broken: Vec<Option<f64>>,
     /// Strikes that nobody knew beforehand and that no look has told: instant [s], point of the file, impulse [N·s].
     struck: Vec<(f64, u32, f64)>,
     squares: Vec<f64>,
@@ -127,6 +131,8 @@ impl Recorder {
             since: simulation.frame() as f64 / simulation.rate(),
             last: 0.0,
             told: 0,
+            links: tables::breakable(&look, network),
+            broken: vec![None; look.breakable.len()],
             struck: Vec::new(),
             squares: vec![0.0; setup.n_speakers],
             heard: 0,
@@ -181,6 +187,7 @@ impl Recorder {
             self.begin_segment(now);
         }
         self.sample(&glance.tracks);
+        self.part(&glance.broken, now, is_first);
         self.foretell(now);
         self.tell_struck(now);
         self.hands(glance, now);
@@ -249,6 +256,22 @@ impl Recorder {
             to.f32(push.frame as f64 / rate - last);
             to.u32(contact as u32);
             to.f32(push.force);
+        }
+    }
+
+    /// Links that broke since the last look; with a key state all that are broken.
+    fn part(&mut self, broken: &[bool], now: f64, is_first: bool) {
+        for (at, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
+            let is_new = self.broken[at].is_none();
+            let since = *self.broken[at].get_or_insert(now);
+            let Some(link) = self.links[at] else {
+                continue;
+            };
+            if is_new || is_first {
+                let to = self.event(now, kind::BROKEN);
+                to.f32(since - now);
+                to.u32(link);
+            }
         }
     }
 

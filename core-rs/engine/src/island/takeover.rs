@@ -25,7 +25,7 @@ pub(crate) enum ItemTakeover {
 
 impl State {
     /// What a link remembers [m].
-    fn memory_of(&self, link: usize) -> f64 {
+    pub(super) fn memory_of(&self, link: usize) -> f64 {
         let fine = self.fine.as_ref().and_then(|fine| fine.bend_of(link));
         let stepped = self.body.memory.get(link).copied();
         fine.or(stepped).unwrap_or(0.0)

@@ -289,6 +289,18 @@ impl LinkKind {
         !attracts && !self.is_contact()
     }
 
+    /// Whether it may break for good.
+    pub fn may_break(&self) -> bool {
+        let Self::Space(SpaceLink {
+            law: SpaceLaw::Yielding { breaks, .. },
+            ..
+        }) = self
+        else {
+            return false;
+        };
+        breaks.is_finite()
+    }
+
     /// Whether it acts only while its ends meet.
     pub fn is_contact(&self) -> bool {
         match self {

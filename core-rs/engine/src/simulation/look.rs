@@ -86,11 +86,15 @@ pub struct Look {
     pub bodies: Vec<SeenBody>,
     /// Contacts.
     pub contacts: Vec<Contact>,
+    /// LIAs of the network that may break, rising.
+    pub breakable: Vec<usize>,
     plan: Arc<Plan>,
     n_modes: usize,
     sources: Vec<(usize, Source)>,
     /// By unit: the contact of each LIA of the island.
     touched: Vec<(usize, Vec<u32>)>,
+    /// By unit: LIAs of the island that may break, and which of `breakable` each is.
+    breaking: Vec<(usize, Vec<(u32, u32)>)>,
 }
 
 /// Where numbers come from: pairs of an index in the source and one in what is looked at, with the rest of it.
@@ -222,6 +226,21 @@ impl Simulation {
                         tell(contacts[link] as usize, touch.frame / steps, touch.force);
                     }
                 });
+            }
+        }
+    }
+}
+
+impl Simulation {
+    /// Tell of each link of [`Look::breakable`] that is computed whether it is broken.
+    fn look_at_breaks(&self, look: &Look, mut tell: impl FnMut(usize, bool)) {
+        for (unit, links) in &look.breaking {
+            let at = self.groups.partition_point(|group| group.first <= *unit) - 1;
+            let group = &self.groups[at];
+            if let RunningUnit::Island(island) = &group.units[unit - group.first] {
+                for &(own, link) in links {
+                    tell(link as usize, island.is_broken(own as usize));
+                }
             }
         }
     }

@@ -1,5 +1,7 @@
 //! The tables that follow the manifest: points, names, links, shapes.
 
+use std::collections::HashMap;
+
 use ergon_engine::network::Network;
 use ergon_engine::simulation::{How, Look, Oscillation, Point};
 
@@ -46,25 +48,46 @@ fn points(look: &Look, setup: &Setup) -> Bytes {
     table
 }
 
-/// Springs, by the points of their ends. Contacts are in the manifest, and nothing is between masses that attract each other.
 fn links(look: &Look, network: &Network) -> Bytes {
+    let pairs = drawn(look, network);
+    let mut table = Bytes::default();
+    table.u32(pairs.len() as u32);
+    for (_, a, b) in pairs {
+        table.u32(a);
+        table.u32(b);
+    }
+    table
+}
+
+/// Springs, by the points of their ends, with the LIA of each; of one in space a pair along each axis. Contacts are in the
+/// manifest, and nothing is between masses that attract each other.
+fn drawn(look: &Look, network: &Network) -> Vec<(usize, u32, u32)> {
     let mut by_mat = vec![None; network.n_mat()];
     for (at, point) in look.points.iter().enumerate() {
         by_mat[point.mat] = Some(at as u32);
     }
     let springs = network.runs().iter();
     let springs = springs.filter(|run| run.kind.is_drawn());
-    let pairs: Vec<(u32, u32)> = springs
-        .flat_map(|run| (0..run.len).flat_map(move |i| run.pairs(i)))
-        .filter_map(|(a, b)| Some((by_mat[a]?, by_mat[b]?)))
-        .collect();
-    let mut table = Bytes::default();
-    table.u32(pairs.len() as u32);
-    for (a, b) in pairs {
-        table.u32(a);
-        table.u32(b);
+    springs
+        .flat_map(|run| {
+            let pairs = move |i| run.pairs(i).map(move |ends| (run.first + i, ends));
+            (0..run.len).flat_map(pairs)
+        })
+        .filter_map(|(link, (a, b))| Some((link, by_mat[a]?, by_mat[b]?)))
+        .collect()
+}
+
+/// The number of each link that may break among those that are drawn: of its first pair   (n_breakable)
+pub(super) fn breakable(look: &Look, network: &Network) -> Vec<Option<u32>> {
+    if look.breakable.is_empty() {
+        return Vec::new();
     }
-    table
+    let mut first: HashMap<usize, u32> = HashMap::new();
+    for ((link, ..), number) in drawn(look, network).into_iter().zip(0..) {
+        first.entry(link).or_insert(number);
+    }
+    let links = look.breakable.iter();
+    links.map(|link| first.get(link).copied()).collect()
 }
 
 /// The shapes of a body's modes, as many at once as a chunk holds.

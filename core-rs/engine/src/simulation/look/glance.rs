@@ -23,6 +23,8 @@ pub struct Glance {
     pub asked: Vec<f64>,
     /// What each contact did since the last glance   (n_contacts)
     pub pushes: Vec<Push>,
+    /// Whether each link that may break is broken   (n_breakable)
+    pub broken: Vec<bool>,
 }
 
 impl Glance {
@@ -33,6 +35,7 @@ impl Glance {
             tracks: vec![0.0; 2 * look.n_tracks()],
             asked: vec![f64::NAN; simulation.plan.n_keys],
             pushes: vec![Push::default(); look.contacts.len()],
+            broken: vec![false; look.breakable.len()],
         }
     }
 }
@@ -48,5 +51,7 @@ impl Simulation {
         self.take_contacts(look, |contact, frame, force| {
             pushes[contact] = Push { frame, force };
         });
+        let broken = &mut into.broken;
+        self.look_at_breaks(look, |link, is| broken[link] = is);
     }
 }

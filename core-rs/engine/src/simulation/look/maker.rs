@@ -56,7 +56,14 @@ pub(super) struct Maker<'a> {
     bodies: Vec<FoundBody>,
     contacts: Vec<Contact>,
     touched: Vec<(usize, Vec<u32>)>,
+    breakable: Vec<usize>,
+    /// Which of them joins two MATs; of several the first, the second …
+    by_ends: HashMap<Ends, u32>,
+    breaking: Vec<(usize, Vec<(u32, u32)>)>,
 }
+
+/// Two MATs of the whole network, and how many links that may break were between them before.
+type Ends = (usize, usize, u32);
 
 impl<'a> Maker<'a> {
     pub(super) fn new(network: &'a Network, rate: f64) -> Self {
@@ -74,7 +81,11 @@ impl<'a> Maker<'a> {
                 }
             })
         });
+        let (breakable, ends): (Vec<usize>, Vec<Ends>) = may_break(network, |mat| mat).unzip();
         Self {
+            by_ends: ends.into_iter().zip(0..).collect(),
+            breakable,
+            breaking: Vec::new(),
             network,
             rate,
             by_name: (0..n).map(|mat| (network.mat_name(mat), mat)).collect(),
@@ -174,6 +185,10 @@ impl<'a> Maker<'a> {
             }
         }
         self.touched.push((at, contacts));
+        let breaking: Vec<(u32, u32)> = may_break(network, |mat| whole(&island.to_whole.mats, mat))
+            .filter_map(|(own, ends)| Some((own as u32, *self.by_ends.get(&ends)?)))
+            .collect();
+        self.breaking.push((at, breaking));
     }
 
     pub(super) fn bank(&mut self, at: usize, bank: &BankPlan) {
@@ -321,6 +336,8 @@ impl<'a> Maker<'a> {
             plan,
             n_modes,
             touched: self.touched,
+            breakable: self.breakable,
+            breaking: self.breaking,
             points,
         }
     }
@@ -391,6 +408,22 @@ fn kind(how: How) -> (u8, usize) {
         How::Modal(body) => (2, body),
         How::NotComputed { is_moved } => (3, usize::from(is_moved)),
     }
+}
+
+/// LIAs that may break, each with its ends by their numbers in the whole network.
+fn may_break(
+    network: &Network,
+    to_whole: impl Fn(usize) -> usize,
+) -> impl Iterator<Item = (usize, Ends)> {
+    let mut known: HashMap<(usize, usize), u32> = HashMap::new();
+    let runs = network.runs().iter().filter(|run| run.kind.may_break());
+    let links = runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
+    links.map(move |(link, (a, b))| {
+        let (a, b) = (to_whole(a), to_whole(b));
+        let next = known.entry((a, b)).or_default();
+        *next += 1;
+        (link, (a, b, *next - 1))
+    })
 }
 
 /// MATs of links in space: a fixed point is seen where something in space hangs on it   (n_mat)

@@ -1,0 +1,173 @@
+//! Links that break are told when they do, and again with each key state.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use ergon_engine::maths::asin;
+use ergon_engine::network::{Network, SpaceLaw, SpacePoint, SpacePoints, Term};
+use ergon_engine::plan::{Budget, Plan};
+use ergon_engine::simulation::{Look, OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+use ergon_view::payload::{Reading, kind};
+use ergon_view::read::MotionFile;
+use ergon_view::record::{Recorder, Setup, runs};
+
+const RATE: f64 = 44_100.0;
+const FPS: f64 = 1_000.0;
+const K: f64 = 1_000.0;
+/// Stiffness that nobody feels [N/m].
+const LOOSE: f64 = 1e-6;
+const LENGTH: f64 = 0.1;
+
+fn point(network: &mut Network, name: &str, m: f64, x0: [f64; 2], v0: f64) -> SpacePoint {
+    let points = SpacePoints {
+        n_axes: 2,
+        masses: &[m],
+        x0: &x0,
+        v0: &[v0, 0.0],
+        z: 0.0,
+    };
+    let first = network.points(name, false, points).unwrap();
+    SpacePoint { first, stride: 1 }
+}
+
+fn thread(network: &mut Network, ends: (SpacePoint, SpacePoint), k: f64, breaks: f64) {
+    let law = SpaceLaw::Yielding {
+        yields: f64::INFINITY,
+        breaks,
+    };
+    network
+        .space_links("t", ends, 1, 2, law, [k, 0.0, LENGTH])
+        .unwrap();
+}
+
+/// When a ball of 1 kg that flies off a spring at `v` [m/s] has gone as far as `x` [m].
+fn instant(v: f64, x: f64) -> f64 {
+    let omega = K.sqrt();
+    asin(x * omega / v) / omega
+}
+
+/// Two balls that tear off, one of them two threads side by side, and one that holds. Threads are written across islands.
+fn torn() -> (Network, Vec<Option<f64>>) {
+    let mut network = Network::new();
+    network.part("w", None);
+    let nails = [0.0, 1.0, 2.0].map(|y| point(&mut network, "n", 0.0, [0.0, y], 0.0));
+    let ends: Vec<(SpacePoint, SpacePoint)> = (nails.into_iter().zip([0.4, 0.8, 0.1]))
+        .zip([0.0, 1.0, 2.0])
+        .map(|((nail, v), y)| (nail, point(&mut network, "b", 1.0, [LENGTH, y], v)))
+        .collect();
+    thread(&mut network, ends[0], LOOSE, 12e-3);
+    thread(&mut network, ends[1], K, 8e-3);
+    thread(&mut network, ends[2], K, 8e-3);
+    thread(&mut network, ends[0], K, 8e-3);
+    let first = instant(0.4, 8e-3);
+    let speed = (0.4_f64 * 0.4 - K * 8e-3 * 8e-3).sqrt();
+    for (ball, name) in ends.iter().zip(["a", "b", "c"]) {
+        let (first, len, weight) = (ball.1.first, 1, 1.0);
+        let term = Term::Position { first, len, weight };
+        network.listen(name, vec![term]).unwrap();
+    }
+    let when = [
+        Some(first + 4e-3 / speed),
+        Some(instant(0.8, 8e-3)),
+        None,
+        Some(first),
+    ];
+    (network, when.to_vec())
+}
+
+fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
+    let look = simulation.looked_at();
+    let parts: Vec<String> = runs(&look)
+        .iter()
+        .map(|run| {
+            let (first, count, kind) = (run.points.start, run.points.len(), run.kind);
+            format!(r#"{{"first": {first}, "count": {count}, "kind": "{kind}"}}"#)
+        })
+        .collect();
+    let (n, parts) = (look.points.len(), parts.join(", "));
+    let setup = Setup {
+        manifest: format!(r#"{{"points": {n}, "modes": 0, "parts": [{parts}]}}"#),
+        places: vec![[0.0; 3]; n],
+        ergons: Vec::new(),
+        strike_points: HashMap::new(),
+        keys: Vec::new(),
+        n_speakers: 0,
+        fps: FPS,
+    };
+    let mut recorder = Recorder::new(&simulation, look.clone(), setup).unwrap();
+    while recorder.next() <= (seconds * RATE) as u64 {
+        simulation
+            .skip(recorder.next() - simulation.frame())
+            .unwrap();
+        recorder.look(&mut simulation);
+    }
+    (look, MotionFile::new(recorder.finish()).unwrap())
+}
+
+/// The ends of each link of the table, as MATs.
+fn links(look: &Look, file: &MotionFile) -> Vec<(usize, usize)> {
+    let table = file.chunks.iter().find(|place| place.kind == kind::LINKS);
+    let mut from = Reading(file.payload(table.unwrap()));
+    let n = from.u32().unwrap();
+    let mut mat = || look.points[from.u32().unwrap() as usize].mat;
+    (0..n).map(|_| (mat(), mat())).collect()
+}
+
+fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
+    let (look, file) = recorded(simulation, 2.5);
+    let table = links(&look, &file);
+    let mut told = vec![Vec::new(); when.len()];
+    for place in file
+        .chunks
+        .iter()
+        .filter(|place| place.kind == kind::BROKEN)
+    {
+        let mut from = Reading(file.payload(place));
+        while !from.0.is_empty() {
+            let instant = place.seconds + from.f32().unwrap();
+            let number = from.u32().unwrap() as usize;
+            // Two pairs of each link, for it has two axes.
+            assert_eq!(number % 2, 0);
+            let link = number / 2;
+            let run = network.run_of(link).unwrap();
+            assert_eq!(table[number], run.pair(link - run.first, 0));
+            told[link].push((place.seconds, instant));
+        }
+    }
+    for (told, when) in told.iter().zip(when) {
+        let Some(when) = when else {
+            assert_eq!(told, &[]);
+            continue;
+        };
+        // At the first look after it broke, and at the beginning of each second.
+        let seconds: Vec<f64> = told.iter().map(|(seconds, _)| *seconds).collect();
+        let late = seconds[0] - when;
+        assert!((-1e-4..1.0 / FPS + 1e-4).contains(&late), "{late} s late");
+        assert_eq!(seconds.len(), 3);
+        assert!((seconds[1] - 1.0).abs() < 1e-4 && (seconds[2] - 2.0).abs() < 1e-4);
+        for (_, instant) in told {
+            assert!((instant - seconds[0]).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn links_are_told_broken_when_they_break_and_with_each_key_state() {
+    let (network, when) = torn();
+    let network = Arc::new(network);
+    let timeline = Timeline::new(Rate::new(RATE).unwrap());
+    let options = Options {
+        ledger: false,
+        record: false,
+        on_fault: OnFault::Stop,
+        threads: 1,
+        unchecked: false,
+    };
+    let whole = Simulation::new(network.clone(), &timeline, options).unwrap();
+    check(whole, &network, &when);
+    let plan = Plan::new(network.clone(), &timeline, &Budget::Error(-20.0), None).unwrap();
+    let planned = Simulation::planned(Arc::new(plan), options).unwrap();
+    check(planned, &network, &when);
+}

@@ -1,0 +1,243 @@
+"""A motion file as a glTF 2.0 scene, for animators."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from .motion import about
+from .motion_space import NotMotionError, points_in_space, threads
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import Motion
+
+_NODES_MAX = 20_000
+_FLOAT, _LINEAR, _LINES = 5126, "LINEAR", 1
+_PEAKS = 15  # kind of the chunks of largest displacements
+_SIDE = 0.004  # [m], of the little octahedron that each point is
+
+
+def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) -> str:
+    """A glTF 2.0 scene: a node for each point under a node for each part.
+
+    A point moves along y (up), `exaggeration` times as far as it does; None: 5 cm at most. A point
+    in space is one node, which is where the point is [m]; springs between such points are lines,
+    until they break. Everything is in one file. Raises NotMotionError where there are too many.
+    """
+    import numpy as np
+
+    manifest, names = about(motion), motion.names
+    in_space = points_in_space(manifest.get("space"), names)
+    links = threads(motion, in_space)
+    space = {point.axes[0]: point for point in in_space}
+    others = {p for point in space.values() for p in point.axes[1:]}
+    if (n := len(names) - len(others) + len(links)) > _NODES_MAX:
+        raise NotMotionError(
+            "glTF has a node for each point, and for each spring in space, "
+            f"{_NODES_MAX:,} at most; this has {n:,}: write npz"
+        )
+    if exaggeration is None:
+        exaggeration = _automatic(motion, manifest["parts"], others.union(space))
+    places, moved = motion.places(), motion.displacements(at.tolist())
+    scene = _Scene(at)
+    drawn: dict[int, tuple[int, NDArray[np.float64]]] = {}
+    for part in manifest["parts"]:
+        parent = scene.node({"name": part["name"]})
+        children = []
+        for point in range(part["first"], part["first"] + part["count"]):
+            if point in others:
+                continue
+            if point in space:
+                own = space[point]
+                place, path = own.rest(places), own.path(places, moved)
+                children.append(scene.point(own.name, place, path))
+                drawn[point] = children[-1], path
+                continue
+            place = places[point, :3] + [0.0, 0.0, places[point, 3]]
+            path = np.tile(place, (len(at), 1))
+            if np.isfinite(moved[:, point]).all():
+                path[:, 2] += exaggeration * moved[:, point]
+            children.append(scene.point(names[point], place, path))
+        if children:
+            scene.nodes[parent]["children"] = children
+        scene.roots.append(parent)
+    if links:
+        parent = scene.node({"name": "springs"})
+        ends = ((drawn[in_space[end].axes[0]] for end in link.ends) for link in links)
+        scene.nodes[parent]["children"] = [
+            scene.line(a, b, link.broken) for (a, b), link in zip(ends, links, strict=True)
+        ]
+        scene.roots.append(parent)
+    return scene.text(str(manifest.get("title") or "ergon"), str(manifest.get("made_by")))
+
+
+def _automatic(motion: Motion, parts: list[dict[str, Any]], in_space: set[int]) -> float:
+    """The exaggeration at which the largest displacement of all is drawn as 5 cm.
+
+    Parts in space are drawn as they are.
+    """
+    kinds = [chunk.kind for chunk in motion.chunks()]
+    peaks = [i for i, kind in enumerate(kinds) if kind == _PEAKS]
+    if not peaks:
+        return 1.0
+    payload = motion.payload(peaks[-1])
+    found = struct.unpack(f"<{len(payload) // 4}f", payload[: len(payload) // 4 * 4])
+    own = (peak for peak, part in zip(found, parts, strict=False) if part["first"] not in in_space)
+    largest = max(own, default=0.0)
+    return 0.05 / largest if largest > 0.0 else 1.0
+
+
+def _turned(places: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Places of the room (…, 3) as glTF has them: right-handed with y up, (x, z, -y)."""
+    import numpy as np
+
+    x, y, z = np.moveaxis(places, -1, 0)
+    return np.stack([x, z, -y], axis=-1).astype(np.float32)
+
+
+@dataclass(slots=True)
+class _Scene:
+    """Nodes and what moves them; numbers lie in one buffer."""
+
+    at: NDArray[np.float64]
+    nodes: list[dict[str, Any]] = field(default_factory=list)
+    roots: list[int] = field(default_factory=list)
+    _data: bytearray = field(default_factory=bytearray)
+    _views: list[dict[str, Any]] = field(default_factory=list)
+    _accessors: list[dict[str, Any]] = field(default_factory=list)
+    _meshes: list[dict[str, Any]] = field(default_factory=list)
+    _samplers: list[dict[str, Any]] = field(default_factory=list)
+    _channels: list[dict[str, Any]] = field(default_factory=list)
+    _times: int = 0
+    # Of each node that moves, the sampler of its translation; arrays of instants by their bytes.
+    _moved: dict[int, int] = field(default_factory=dict)
+    _known: dict[bytes, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """The mesh of points, and the instants."""
+        import numpy as np
+
+        self._meshes.append({"primitives": [{"attributes": {"POSITION": self._octahedron()}}]})
+        self._times = self._instants(self.at.astype(np.float32))
+
+    def node(self, own: dict[str, Any]) -> int:
+        """A node; its number."""
+        self.nodes.append(own)
+        return len(self.nodes) - 1
+
+    def point(self, name: str, rest: NDArray[np.float64], path: NDArray[np.float64]) -> int:
+        """A point that rests at a place (3,) and goes along a path (n_instants, 3); its node."""
+        turned = _turned(path)
+        made = self.node({"name": name, "mesh": 0, "translation": _turned(rest).tolist()})
+        if (path != rest).any():
+            self._move(made, "translation", self._sampler(self._times, turned))
+        return made
+
+    def line(self, a: tuple[int, NDArray[Any]], b: tuple[int, NDArray[Any]], until: float) -> int:
+        """A line between two points, by the node and the path [m] of each, up to an instant [s].
+
+        Its mesh goes from 0 to (1, 1, 1). So it is where its first end is, and as large along
+        each axis as its ends are apart; without size it is not seen.
+        """
+        import numpy as np
+
+        apart = _turned(b[1] - a[1])
+        if until <= self.at[0]:
+            apart[:] = 0.0
+        made = self.node(
+            {
+                "name": f"{self.nodes[a[0]]['name']}, {self.nodes[b[0]]['name']}",
+                "mesh": self._line_mesh(),
+                "translation": self.nodes[a[0]]["translation"],
+                "scale": apart[0].tolist(),
+            }
+        )
+        if a[0] in self._moved:
+            self._move(made, "translation", self._moved[a[0]])
+        times = self.at.astype(np.float32)
+        end = np.float32(until)
+        if self.at[0] < until <= self.at[-1]:
+            n = int(np.searchsorted(times, end))
+            last = [np.interp(until, self.at, axis) for axis in apart.T]
+            apart = np.vstack([apart[:n], [last], np.zeros((1, 3))]).astype(np.float32)
+            times = np.append(times[:n], [end, np.nextafter(end, np.float32(np.inf))])
+            self._move(made, "scale", self._sampler(self._instants(times), apart))
+        elif (apart != apart[0]).any():
+            self._move(made, "scale", self._sampler(self._times, apart))
+        return made
+
+    def _sampler(self, times: int, values: NDArray[np.float32]) -> int:
+        output = self._array(values, "VEC3")
+        self._samplers.append({"input": times, "output": output, "interpolation": _LINEAR})
+        return len(self._samplers) - 1
+
+    def _move(self, node: int, path: str, sampler: int) -> None:
+        self._channels.append({"sampler": sampler, "target": {"node": node, "path": path}})
+        if path == "translation":
+            self._moved[node] = sampler
+
+    def _instants(self, times: NDArray[np.float32]) -> int:
+        """The array of some instants, which many lines may have."""
+        key = times.tobytes()
+        if key not in self._known:
+            self._known[key] = self._array(times, "SCALAR", bounds=True)
+        return self._known[key]
+
+    def _line_mesh(self) -> int:
+        import numpy as np
+
+        if len(self._meshes) == 1:
+            ends = np.array([[0, 0, 0], [1, 1, 1]], dtype=np.float32)
+            position = {"POSITION": self._array(ends, "VEC3", bounds=True)}
+            self._meshes.append({"primitives": [{"attributes": position, "mode": _LINES}]})
+        return 1
+
+    def text(self, title: str, made_by: str) -> str:
+        """The whole file."""
+        whole: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": made_by},
+            "scene": 0,
+            "scenes": [{"name": title, "nodes": self.roots}],
+            "nodes": self.nodes,
+            "meshes": self._meshes,
+            "accessors": self._accessors,
+            "bufferViews": self._views,
+        }
+        if self._channels:
+            motion_of = {"name": "motion", "samplers": self._samplers, "channels": self._channels}
+            whole["animations"] = [motion_of]
+        uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(self._data)).decode()
+        whole["buffers"] = [{"byteLength": len(self._data), "uri": uri}]
+        return json.dumps(whole)
+
+    def _octahedron(self) -> int:
+        import numpy as np
+
+        ends = _SIDE * np.eye(3, dtype=np.float32)
+        corners = np.stack([ends, -ends], axis=1).reshape(6, 3)
+        faces = [(0, 2, 4), (4, 2, 1), (1, 2, 5), (5, 2, 0)]
+        faces += [(4, 3, 0), (1, 3, 4), (5, 3, 1), (0, 3, 5)]
+        return self._array(corners[np.array(faces).ravel()], "VEC3", bounds=True)
+
+    def _array(self, values: NDArray[np.float32], kind: str, *, bounds: bool = False) -> int:
+        self._views.append(
+            {"buffer": 0, "byteOffset": len(self._data), "byteLength": values.nbytes}
+        )
+        found: dict[str, Any] = {
+            "bufferView": len(self._views) - 1,
+            "componentType": _FLOAT,
+            "count": len(values),
+            "type": kind,
+        }
+        if bounds:
+            rows = values.reshape(len(values), -1)
+            found["min"], found["max"] = rows.min(0).tolist(), rows.max(0).tolist()
+        self._accessors.append(found)
+        self._data.extend(values.astype("<f4").tobytes())
+        return len(self._accessors) - 1

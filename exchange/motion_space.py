@@ -1,0 +1,118 @@
+"""Points in space of a motion file: its table `space` joins the coordinates of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon.common.errors import ErgonError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import Motion
+
+_LINKS, _BROKEN = 12, 16  # kinds of chunks
+_NUMBER = 4  # bytes of the number of links before them
+# Along which axis of the room each axis of a space goes: the last is up.
+_ALONG = {2: (0, 2), 3: (0, 1, 2)}
+
+
+class NotMotionError(ErgonError, ValueError):
+    """What was asked for cannot be had from a motion file."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpacePoint:
+    """A point in space: its name, and the points of the file that are its coordinates."""
+
+    name: str
+    axes: tuple[int, ...]
+
+    def rest(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where it rests [m], x, y and z of the room, z upwards   (3,).
+
+        `places` (n_points, 4) are those of the file.
+        """
+        found = places[self.axes[0], :3].copy()
+        for axis, point in self._coordinates():
+            found[axis] += places[point, 3]
+        return found
+
+    def path(self, places: NDArray[np.float64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where it is [m]   (n_instants, 3); `moved` (n_instants, n_points) is that of the file.
+
+        A coordinate that is not known throughout stays where it rests.
+        """
+        import numpy as np
+
+        found = np.tile(self.rest(places), (len(moved), 1))
+        for axis, point in self._coordinates():
+            if np.isfinite(moved[:, point]).all():
+                found[:, axis] += moved[:, point]
+        return found
+
+    def _coordinates(self) -> Iterator[tuple[int, int]]:
+        """An axis of the room, and the point of the file that moves along it."""
+        yield from zip(_ALONG[len(self.axes)], self.axes, strict=True)
+
+
+def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
+    """The points of the manifest's table `space`. Raises NotMotionError where it is damaged."""
+    if table is None:
+        return []
+    found: list[SpacePoint] = []
+    if not isinstance(table, list):
+        raise NotMotionError("its table of points in space is no list")
+    taken: set[int] = set()
+    for axes in table:
+        is_point = isinstance(axes, list) and len(axes) in _ALONG
+        if not is_point or not all(_is_point(p, len(names)) for p in axes):
+            raise NotMotionError(f"its table of points in space names no such points: {axes!r:.60}")
+        if len(taken.union(axes)) != len(taken) + len(axes):
+            raise NotMotionError(f"its table of points in space names a point twice: {axes!r:.60}")
+        taken.update(axes)
+        found.append(SpacePoint(names[axes[0]].removesuffix(".x"), tuple(axes)))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Thread:
+    """A link between two points in space, by their numbers; since when it is broken [s], or inf."""
+
+    ends: tuple[int, int]
+    broken: float
+
+
+def threads(motion: Motion, space: Sequence[SpacePoint]) -> list[Thread]:
+    """The springs between points in space. Raises NotMotionError where one is damaged."""
+    import numpy as np
+
+    chunks = list(enumerate(motion.chunks()))
+    tables = [at for at, chunk in chunks if chunk.kind == _LINKS]
+    if not (tables and space):
+        return []
+    table = motion.payload(tables[0])
+    if len(table) < _NUMBER or len(table) != _NUMBER + 8 * int.from_bytes(table[:4], "little"):
+        raise NotMotionError("its table of links is damaged")
+    pairs = np.frombuffer(table, "<u4", offset=_NUMBER).reshape(-1, 2)
+    if pairs.size and int(pairs.max()) >= len(motion.names):
+        raise NotMotionError("its table of links names no such points")
+    broken = np.full(len(pairs), np.inf)
+    for at, chunk in chunks:
+        if chunk.kind == _BROKEN:
+            told = np.frombuffer(motion.payload(at), [("dt", "<f4"), ("link", "<u4")])
+            if told.size and int(told["link"].max()) >= len(pairs):
+                raise NotMotionError("a link that broke is none of its table")
+            np.minimum.at(broken, told["link"], chunk.seconds + told["dt"].astype(float))
+    number = np.full(len(motion.names), -1)
+    number[[point.axes[0] for point in space]] = np.arange(len(space))
+    ends = number[pairs]
+    drawn = np.flatnonzero((ends >= 0).all(axis=1))
+    return [Thread((int(ends[i, 0]), int(ends[i, 1])), float(broken[i])) for i in drawn]
+
+
+def _is_point(number: object, n_points: int) -> bool:
+    return isinstance(number, int) and not isinstance(number, bool) and 0 <= number < n_points

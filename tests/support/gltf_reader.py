@@ -1,0 +1,69 @@
+"""A reader of the glTF files that ergon writes, by the specification of glTF 2.0."""
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Scene:
+    """Nodes of a glTF file, and where each is at its instants."""
+
+    def __init__(self, path: Path) -> None:
+        self.file: dict[str, Any] = json.loads(path.read_text())
+        assert self.file["asset"]["version"] == "2.0"
+        (buffer,) = self.file["buffers"]
+        self._data = base64.b64decode(buffer["uri"].partition(",")[2])
+        assert len(self._data) == buffer["byteLength"]
+        self.nodes: list[dict[str, Any]] = self.file["nodes"]
+        self.roots: list[int] = self.file["scenes"][0]["nodes"]
+        (animation,) = self.file["animations"]
+        self.channels: dict[tuple[int, str], tuple[NDArray[Any], NDArray[Any]]] = {}
+        for channel in animation["channels"]:
+            sampler = animation["samplers"][channel["sampler"]]
+            assert sampler["interpolation"] == "LINEAR"
+            times, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
+            assert len(times) == len(values)
+            assert (np.diff(times) > 0.0).all()
+            target = channel["target"]
+            self.channels[target["node"], target["path"]] = times, values
+
+    def children(self, root: int) -> list[int]:
+        """The nodes under one."""
+        return list(self.nodes[root].get("children", []))
+
+    def named(self, name: str) -> int:
+        """The only node of a name."""
+        (found,) = (i for i, node in enumerate(self.nodes) if node["name"] == name)
+        return found
+
+    def line(self, node: int) -> NDArray[Any]:
+        """The ends of the line that a node's mesh is (2, 3), before it is moved."""
+        (primitive,) = self.file["meshes"][self.nodes[node]["mesh"]]["primitives"]
+        assert primitive["mode"] == 1
+        return self._values(primitive["attributes"]["POSITION"])
+
+    def at(self, node: int, path: str, t: float) -> NDArray[Any]:
+        """`translation` or `scale` of a node at an instant [s] (3,)."""
+        still = self.nodes[node].get(path, {"translation": [0, 0, 0], "scale": [1, 1, 1]}[path])
+        if (node, path) not in self.channels:
+            return np.array(still, dtype=float)
+        times, values = self.channels[node, path]
+        return np.array([np.interp(t, times, values[:, axis]) for axis in range(3)])
+
+    def _values(self, accessor: int) -> NDArray[Any]:
+        own = self.file["accessors"][accessor]
+        view = self.file["bufferViews"][own["bufferView"]]
+        width = {"SCALAR": 1, "VEC3": 3}[own["type"]]
+        assert own["componentType"] == 5126
+        assert view["byteLength"] == 4 * width * own["count"]
+        assert view["byteOffset"] % 4 == 0
+        found = np.frombuffer(self._data, "<f4", width * own["count"], view["byteOffset"])
+        found = found.reshape(own["count"], width)
+        if "min" in own:
+            assert found.min(0).tolist() == own["min"]
+            assert found.max(0).tolist() == own["max"]
+        return found
