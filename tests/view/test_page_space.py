@@ -110,3 +110,61 @@ def test_a_spring_that_broke_is_not_drawn(
         *(("whole", t) for t in (0.01, 0.1, 1.4, 0.015)),
         *(("torn", t) for t in (0.01, 0.015)),
     }, light
+
+
+SURFACE = """\
+ergon: 1
+instruments:
+  w:
+    space: 3
+    modules:
+      ball: {MAS: {M: 20g, X0: [2cm, 0, 3cm], V0: [0, 0, -1m/s]}}
+      skin: {SURFACE: {of: drum.all, at: [1cm, 0], across: 20cm}}
+      hit: {BUT: {between: [ball, skin.all], K: 2kN/m, gap: 2cm}}
+      tie: {RES: {between: [ball, skin.3], K: 1N/m}}
+  drum:
+    PLATE: {shape: disc, radius: 3, M: 50g, f: 90Hz, t60: 2s, rim: fixed}
+    out: {SOV: drum.0}
+render: {tail: 0.5s}
+"""
+
+
+def test_a_plate_lies_where_its_surface_is(
+    chromium: browser.Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its masses are drawn there, exaggerated as without a surface; a tie ends at one of them."""
+    monkeypatch.chdir(tmp_path)
+    Path("drum.yaml").write_text(SURFACE)
+    assert app.run(["render", "-q", "drum.yaml", "-o", "drum.wav", "--motion"]) == 0
+    server = _core.ViewServer(tmp_path / "drum.motion")
+    try:
+        with chromium.page(640, 360) as page:
+            page.open(f"{server.url}?t=0.03")
+            page.run("ergon.seek(0.03)")
+            points = page.run(
+                "(({story, motion}) => story.model.space.map((axes) => [story.model.nameOf("
+                "axes[0]), story.model.drawn[axes[0]], axes.at(-1), ...motion.where(axes.at(-1)), "
+                "story.model.x[axes[0]]])"
+                ")(ergon.page)"
+            )
+            gains = page.run(
+                "(({story, motion}) => story.model.parts.map((part, i) => "
+                "[part.name, motion.exaggeration(i)]))(ergon.page)"
+            )
+            links = page.run("Array.from(ergon.page.story.model.links)")
+    finally:
+        server.close()
+    ball = next(point for point in points if point[0] == "w.ball")
+    masses = [point for point in points if point[0].startswith("w.skin")]
+    assert len(masses) == 19
+    assert all(point[1] == point[2] for point in masses)
+    assert dict(gains)["w"] == 1.0 < dict(gains)["drum"]
+    wide = np.ptp([point[3] for point in masses])
+    assert 0.13 < wide < 0.2  # without the rim, which is held
+    middle = np.mean([point[3] for point in masses])
+    assert abs(middle - (ball[6] - 1e-2)) < 1e-6  # of where the ball begins
+    assert max(abs(point[5]) for point in masses) > 1e-3
+    tied = masses[3][2]
+    assert any(
+        tied in pair for pair in zip(links[::2], links[1::2], strict=True) if ball[1] in pair
+    )

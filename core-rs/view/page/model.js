@@ -28,14 +28,20 @@ export class Model {
       this.partOf.fill(i, part.first, part.first + part.count);
       part.shapes = []; // of each of its modes: which, and its shape over the part's points
     });
-    // Points in space: the points of the file that are their coordinates, axis by axis. The last of them is drawn: that
-    // of a surface is a mass of a body.
+    // Points in space: the points of the file that are their coordinates, axis by axis. The first of them is drawn; of a
+    // surface the last, a mass of a body.
     this.space ??= [];
     if (!this.space.every((axes) => [2, 3].includes(axes.length) && axes.every((p) => p >= 0 && p < n))) {
       throw new Error("a point in space has coordinates that the model has not");
     }
     this.drawn = Uint32Array.from(range(0, n));
-    for (const axes of this.space) for (const p of axes) this.drawn[p] = axes.at(-1);
+    this.masses = new Map(); // of points on surfaces, by their first coordinates
+    for (const axes of this.space) {
+      const [first, last] = [axes[0], axes.at(-1)];
+      const isOfBody = this.partOf[first] !== this.partOf[last];
+      if (isOfBody) this.masses.set(first, last);
+      for (const p of axes) this.drawn[p] = isOfBody ? last : first;
+    }
     this.links = new Uint32Array(0);
     this.names = [];
     this.version = 0; // goes up with every table, so that what is drawn follows
@@ -60,7 +66,7 @@ export class Model {
 
   takeLinks(view) {
     const n = view.getUint32(0, true);
-    this.links = new Uint32Array(view.buffer, 4, 2 * n);
+    this.links = new Uint32Array(view.buffer, 4, 2 * n).map((p) => this.masses.get(p) ?? p);
     this.version++;
   }
 

@@ -46,8 +46,7 @@ export class Motion {
       moved[ALONG[axes.length][axis]] = this.z[p];
       light = Math.max(light, this.light[p]);
     });
-    const { partOf } = this.story.model;
-    const isOfBody = partOf[axes[0]] !== partOf[axes.at(-1)];
+    const isOfBody = this.story.model.masses.has(axes[0]);
     for (const p of axes) {
       [this.aside[0][p], this.aside[1][p], this.z[p]] = moved;
       if (isOfBody) continue; // a body looks as it does by itself
