@@ -29,7 +29,7 @@ fn point(network: &mut Network, name: &str, m: f64, x0: [f64; 2], v0: f64) -> Sp
         z: 0.0,
     };
     let first = network.points(name, false, points).unwrap();
-    SpacePoint { first, stride: 1 }
+    SpacePoint::strided(first, 1)
 }
 
 fn thread(network: &mut Network, ends: (SpacePoint, SpacePoint), k: f64, breaks: f64) {
