@@ -119,10 +119,12 @@ def of_rows(
     clock: NDArray[np.uint32],
     rate: float,
     known: NDArray[np.bool_] | None = None,
+    is_told: NDArray[np.bool_] | None = None,
 ) -> Gesture:
     """A gesture of ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
 
-    `known` (n,) says of which ticks the force is sure; without it of those with a reply.
+    `known` (n,) says of which ticks the force is sure; without it of those with a reply. `is_told`
+    (n,) says of which ticks `sent` holds what was sent; without it of all.
 
     A force acts from the reply before its own on, for in lockstep a reply comes after the force has
     acted; by other clocks the delay is a tick longer. A tick without a reply has no position that
@@ -147,7 +149,10 @@ def of_rows(
     if np.sqrt(np.mean(beside**2)) >= _JITTER:
         at = np.maximum.accumulate(exact)
         found = _retimed(found, at, sent, np.asarray(position), fresh)
-    unknown = _unknown(at - 1.0, sent, sure, n)
+    least, most = sent.copy(), sent.copy()
+    if is_told is not None and is_told.any():
+        least[~is_told], most[~is_told] = sent[is_told].min(), sent[is_told].max()
+    unknown = _unknown(at - 1.0, (least, most), sure, n)
     return replace(found, unknown=unknown).with_forces(unknown.middle)
 
 
@@ -173,8 +178,10 @@ def _retimed(
     )
 
 
-def _unknown(begins: Floats, sent: Floats, known: NDArray[np.bool_], n: int) -> Unknown:
-    """The forces of n ticks that nobody knows, by forces (k,) sent, each of which has its begin.
+def _unknown(
+    begins: Floats, sent: tuple[Floats, Floats], known: NDArray[np.bool_], n: int
+) -> Unknown:
+    """The forces of n ticks that nobody knows, by the least and the most that were sent (k,).
 
     A device holds a force until it hears of the next one: between two ticks that had replies no
     other forces acted than those that were sent. Where many are unknown, replies were late rather
@@ -186,9 +193,10 @@ def _unknown(begins: Floats, sent: Floats, known: NDArray[np.bool_], n: int) -> 
         return _NONE
     sure = np.maximum.accumulate(np.where(known, np.arange(known.size), 0))
     first = sure[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
-    last = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), sent.size - 1)
-    acted = [sent[i : j + 1] for i, j in zip(first, last, strict=True)]
-    least, most = (np.array([end(forces) for forces in acted]) for end in (np.min, np.max))
+    last = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
+    acted = [slice(i, j + 1) for i, j in zip(first, last, strict=True)]
+    least = np.array([sent[0][rows].min() for rows in acted])
+    most = np.array([sent[1][rows].max() for rows in acted])
     differ = most > least
     return Unknown(ticks[differ], least[differ], most[differ])
 
@@ -256,6 +264,7 @@ def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True
         np.where(has_row, recording.clocks()[row, axis], 0).astype(np.uint32),
         recording.rate / recording.frames,
         replied if loses_requests else has_row,
+        has_row,
     )
 
 
