@@ -18,7 +18,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 
 _MEMBERS = re.compile(rf"(.*?)(?:\.({PATTERN}))?")
 
-Wanted = Literal["mat", "mats", "point", "points", "link", "links"]
+Wanted = Literal["mat", "mats", "body", "point", "points", "link", "links"]
 
 
 @dataclass(slots=True)
@@ -93,8 +93,9 @@ class PartNames:
     ) -> Target | None:
         """What a name reaches, from inside `part` if given; None after a report.
 
-        `mat`, `point` and `link` are one, `mats`, `points` and `links` may be several. A point is
-        one in space, of which each coordinate is a MAT: `ball.bob.x`.
+        `mat`, `point` and `link` are one, `mats`, `points` and `links` may be several; a `body` is
+        mats, all of a module where its name alone is written. A point is one in space, of which
+        each coordinate is a MAT: `ball.bob.x`.
         """
         match = _MEMBERS.fullmatch(name)
         prefix = prefix or (part.prefix if part else "")
@@ -190,7 +191,10 @@ class PartNames:
         elif axis is not None and axis >= owner.axes:
             problem = f"{owner.name} has the axes {' and '.join(axes)}"
         elif axis is not None and body and axis == owner.axes - 1:
-            problem = f"the {axes[-1]} of {called} is that of {body.text}; write those masses"
+            home = ".".join(filter(None, (body.part, body.module)))
+            problem = (
+                f"{quote(name)} moves with a mass of {home}; write that mass, such as {home}.0"
+            )
         elif size > 1 and wanted in ("mat", "point"):
             problem = f"one is expected here, but {size:,} are named"
         if problem:
@@ -208,7 +212,7 @@ class PartNames:
             return of
         quiet = replace(self, collector=Collector())
         missing = Target(owner.name, module.name, 0, 0, str(of), of.place)
-        return quiet.target(of, "mats", "", owner) or missing
+        return quiet.target(of, "body", "", owner) or missing
 
     def _place(
         self, path: str, part: Part | None, prefix: str
@@ -278,13 +282,13 @@ class PartNames:
         who: str,
     ) -> Target | None:
         count = self._count(owner, module)
-        several = wanted in ("mats", "links")
+        several = wanted in ("mats", "body", "links")
         called = ".".join(filter(None, (owner.name, module.name)))
         first: int | Literal["centre"] = 0
         size = 1
         problem = ""
         if some is None:
-            if module.kind in LINKS:  # its links together
+            if module.kind in LINKS or wanted == "body":  # all together
                 size = count
             elif count > 1:
                 kind, examples = "masses", ("0", "centre")

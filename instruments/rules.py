@@ -79,13 +79,13 @@ def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[
 def _body(module: Module, part: Part, part_names: PartNames, who: str) -> Target | None:
     """The masses that a surface moves with: those of a body of one axis; reports."""
     name = module.fields["of"]
-    found = None if name is None else part_names.target(name, "mats", who, part)
+    found = None if name is None else part_names.target(name, "body", who, part)
     if found is None:
         return None
     kind = part_names.parts[found.part].modules[found.module].kind
     if kind not in BODIES:
         message = f"{who}: of: {quote(found.text)} is a {kind}; a surface is that of a STRING or a "
-        part_names.collector.error("E304", f"{message}PLATE: of: gong.all", name.place)
+        part_names.collector.error("E304", f"{message}PLATE: of: gong", name.place)
         return None
     return found
 
@@ -180,7 +180,7 @@ def _output_target(
         head = name.split(".")[0] if name not in part.modules else name
         module = part.modules.get(str(head)) or part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):
-            return part_names.target(name, "mats", who, part)
+            return part_names.target(name, "body", who, part)
     return part_names.target(name, family, who, part)
 
 

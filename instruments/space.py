@@ -112,7 +112,12 @@ def tables(between: Field, endpoint: Shape) -> dict[str, tuple[Family, Record]]:
         drag,
     )
     surface = (
-        Field("of", endpoint, "masses of a STRING or a PLATE, such as gong.all", required=True),
+        Field(
+            "of",
+            endpoint,
+            "a STRING or a PLATE, or some of its masses, such as gong.plate or string.3..8",
+            required=True,
+        ),
         Field("at", MIDDLE, "where its middle lies, along all axes but the last", required=True),
         Field("across", k.SIZE, "how wide the whole STRING or PLATE is", required=True),
     )
