@@ -232,6 +232,7 @@ def _config(
         boards=boards,
         force_max=options.force_max,
         ahead=options.ahead,
+        audio_in=options.audio_in,
         fold=fold_of(piece, options, report),
     )
 
@@ -275,6 +276,8 @@ def _engine(
         except _core.EngineError as error:
             raise not_begun(error, str(error)) from None
         report.say(engine.performance.output())
+        if heard := engine.performance.heard().sentence:
+            report.say(f"input: {heard}")
         return engine
 
     def opening(every: int, hands: Path | None) -> SessionStart:

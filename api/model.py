@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Literal
 
 from ergon.models.errors import DialectError, ModelError
 from ergon.models.grammar import FORMS, NAMES, Dialect
 from ergon.models.laws import Laws
+from ergon.models.miphysics_reading import is_model as is_miphysics
+from ergon.models.miphysics_reading import parse as miphysics_network
+from ergon.models.miphysics_score import RATES
+from ergon.models.miphysics_score import written as miphysics_written
 from ergon.models.model import Model
 from ergon.models.pmpd_obeying import network
 from ergon.models.pmpd_reading import is_list
@@ -17,23 +22,30 @@ from ergon.models.pmpd_reading import parse as pmpd_messages
 from ergon.models.pmpd_score import written as pmpd_written
 from ergon.models.pmpd_words import OBJECTS, Object
 from ergon.models.reading import parse, text_of
+from ergon.models.sam_reading import parse as sam_sheet
+from ergon.models.sam_reading import ports as sam_ports
+from ergon.models.sam_score import written as sam_written
+from ergon.models.sam_words import is_model as is_sam
 from ergon.models.score import RATE, Input, written
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 
 from .errors import OptionError
 
+Language = Literal["v1", "v2", "pmpd", "pmpd~", "sam", "miphysics"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelOptions:
     """How a model is read.
 
-    `dialect`: "v1" (MIMS), "v2" (mi-gen), "pmpd" or "pmpd~" (messages to an object of Pure Data);
-    without it the one that reads the model. `laws`: "head", as mi-gen has them today, or "2019".
-    `values` of parameters, `inputs` as WAV files of 44,100 Hz, both by name.
+    `dialect`: "v1" (MIMS), "v2" (mi-gen), "pmpd" or "pmpd~" (messages to an object of Pure Data),
+    "sam" (Synth-A-Modeler), "miphysics" (its XML); without it the one that reads the model. `laws`:
+    "head", as mi-gen has them today, or "2019". `values` of parameters, `inputs` as WAV files of
+    44,100 Hz, both by name; miPhysics has the value `rate` [Hz].
     """
 
-    dialect: Dialect | Object | None = None
+    dialect: Language | None = None
     laws: Laws = "head"
     values: Mapping[str, str] = field(default_factory=dict)
     inputs: Mapping[str, str | Path] = field(default_factory=dict)
@@ -44,7 +56,7 @@ class ImportedModel:
     """The text of a score, and what it was made from; `unfed` inputs have no file and stay at 0."""
 
     text: str
-    dialect: Literal["v1", "v2", "pmpd", "pmpd~"]
+    dialect: Language
     n_statements: int
     unfed: tuple[str, ...] = ()
 
@@ -52,7 +64,7 @@ class ImportedModel:
 def import_model(
     path: str | Path, options: ModelOptions = ModelOptions(), *, beside: str | Path = "."
 ) -> ImportedModel:
-    """A model of MIMS, mi-gen or pmpd as a score; inputs are named from the folder `beside`.
+    """A model of another program as a score; inputs are named from the folder `beside`.
 
     Raises ModelError with the line at fault, DialectError where two dialects read the model and
     it sounds otherwise in each, OptionError, and OSError.
@@ -66,6 +78,18 @@ def import_model(
     inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
 
     asked = options.dialect
+    if asked == "sam" or (asked is None and is_sam(text)):
+        try:
+            return _sam(text, path.name, options, inputs)
+        except ModelError as error:
+            error.file = str(path)
+            raise
+    if asked == "miphysics" or (asked is None and is_miphysics(text)):
+        try:
+            return _miphysics(text, path.name, options)
+        except ModelError as error:
+            error.file = str(path)
+            raise
     if asked in OBJECTS or (asked is None and is_list(text)):
         try:
             return _pmpd(text, path.name, options, inputs)
@@ -106,6 +130,43 @@ def _pmpd(
     known = {f"in{port.number}" for port in made.ports if port.what.startswith("in")}
     unfed = _unfed(inputs, sorted(known))
     return ImportedModel(pmpd_written(made, inputs, name), kind, len(messages), unfed)
+
+
+def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]) -> ImportedModel:
+    """A model of Synth-A-Modeler. Raises ModelError and OptionError."""
+    if options.laws != "head":
+        raise OptionError("laws", "the laws of 2019 are those of mi-gen")
+    given = {}
+    for parameter, value in options.values.items():
+        try:
+            given[parameter] = float(value)
+        except ValueError:
+            raise OptionError("set", f"{value} is no number", value=parameter) from None
+        if not isfinite(given[parameter]):
+            raise OptionError("set", f"{value} is no number", value=parameter)
+    sheet = sam_sheet(text)
+    unfed = _unfed(inputs, sam_ports(sheet))
+    count = len(sheet.statements) + len(sheet.code)
+    return ImportedModel(sam_written(sheet, inputs, given, name), "sam", count, unfed)
+
+
+def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
+    """A model of miPhysics. Raises ModelError and OptionError."""
+    if options.laws != "head":
+        raise OptionError("laws", "the laws of 2019 are those of mi-gen")
+    if options.inputs:
+        raise OptionError("input", "a model of miPhysics has no inputs")
+    rate = str(RATE)
+    for parameter, value in options.values.items():
+        if parameter != "rate":
+            raise OptionError("set", f"the model has no parameter {quote(parameter)}; it has rate")
+        rate = value
+    if not (rate.isascii() and rate.isdigit() and RATES[0] <= int(rate[:9]) <= RATES[1]):
+        least, most = RATES
+        raise OptionError("set", f"rate is a whole number from {least} to {most:,} [Hz]")
+    network = miphysics_network(text)
+    count = len(network.masses) + len(network.links)
+    return ImportedModel(miphysics_written(network, name, int(rate)), "miphysics", count)
 
 
 def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:

@@ -107,7 +107,8 @@ class PerformanceOptions:
 
     `live` lists PLAYER=DEVICE, the devices under the players' keys. With `unchecked` the direction
     of no motor is tried before. `force_max` [N] is the largest force on a hand. `audio` says where
-    the sound goes: "jack[:PORTS]", "pulse[:SINK]", "file:PATH", "null" or "auto". The sound card
+    the sound goes: "jack[:PORTS]", "pulse[:SINK]", "file:PATH", "null" or "auto". `audio_in`
+    says where inputs are heard: "jack[:PORTS]", "pulse[:SOURCE]", "none" or "auto". The sound card
     takes `block` frames at a time, and `ahead` frames are computed before it asks for them. `gain`
     ("-12dB") is the gain of the sound; without it one is measured by computing the piece unheard.
     `to` folds the loudspeakers of the score's layout as `FoldOptions.to` does, for the `head` of a
@@ -119,6 +120,7 @@ class PerformanceOptions:
     unchecked: bool = False
     force_max: float | None = None
     audio: str = "auto"
+    audio_in: str = "auto"
     block: int | None = None
     ahead: int | None = None
     gain: str | None = None

@@ -42,7 +42,8 @@ class PlayOptions(AccuracyOptions, PerformanceOptions):
     are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT). `guide` lists
     PLAYER[=STIFFNESS], real keys that are pulled along a written part; `standin` lists
     PLAYER=GESTURE, played where a player has no device. `record` is the new file of what live
-    hands do, `frozen` the folder of frozen parts.
+    hands do, `record_input` the new WAVE file of what inputs hear, `frozen` the folder of frozen
+    parts.
     """
 
     from_: str | None = None
@@ -52,6 +53,7 @@ class PlayOptions(AccuracyOptions, PerformanceOptions):
     guide: Sequence[str] = ()
     standin: Sequence[str] = ()
     record: str | None = None
+    record_input: str | None = None
     frozen: Path | None = None
 
 
@@ -184,8 +186,9 @@ def _config(
             raise OptionError("from_", f"the piece ends at {end}", value=options.from_)
     master = piece.mix.master
     limit = master.limit if master is not None and master.limit is not None else 1.0
-    if options.loop and (options.record or options.audio.startswith("file:")):
-        raise OptionError("loop", "excludes --record and file:, which are written once")
+    written = options.record or options.record_input
+    if options.loop and (written or options.audio.startswith("file:")):
+        raise OptionError("loop", "excludes --record, --record-input and file:, written once")
     scores.whole_rate(stage.rate)
     record = None if options.record is None else _recording(options.record, stage)
     config = PlaybackConfig(
@@ -199,6 +202,8 @@ def _config(
         guides=guides(piece, boards, options.guide),
         force_max=options.force_max,
         ahead=options.ahead,
+        audio_in=options.audio_in,
+        record_in=_input_file(options, piece),
         record=record,
         frozen=frozen,
         fold=fold_of(piece, options, report),
@@ -230,6 +235,22 @@ def _about(
         "level": about(config),
         "axes": [devices.get(hand.player, {"device": None}) for hand in stage.live],
     }
+
+
+def _input_file(options: PlayOptions, piece: Piece) -> Path | None:
+    """The new file of what inputs hear, from the beginning of the piece on."""
+    if options.record_input is None:
+        return None
+    if not any(take.input for take in piece.takes.values()):
+        raise OptionError("record_input", "records inputs, and this score has none")
+    if options.from_ is not None:
+        raise OptionError("record_input", "begins with the piece", excludes="from_")
+    if Path(options.record_input).suffix.lower() != ".wav":
+        raise OptionError("record_input", "is a .wav file", value=options.record_input)
+    if Path(options.record_input).exists():
+        message = f"{options.record_input} exists, and a recording overwrites no file"
+        raise OptionError("record_input", message)
+    return Path(options.record_input)
 
 
 def _recording(path: str, stage: Stage) -> Path:

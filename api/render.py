@@ -44,7 +44,8 @@ class RenderOptions(AccuracyOptions):
     `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
     "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16, 24
     or "float") decide the level too: "float" is in SI units where the score gives no level, and not
-    high-passed. `hands` is the file of a recording of live hands. `on` are processes that compute
+    high-passed. `hands` is the file of a recording of live hands, `input` the WAVE file
+    of what inputs heard. `on` are processes that compute
     islands: "local:N", or the Dask scheduler "tcp://HOST:PORT". `threads` is the number of threads
     and `block` the number of frames computed at once; these three change no sample.
     """
@@ -55,6 +56,7 @@ class RenderOptions(AccuracyOptions):
     bits: Bits | None = None
     rate: float | None = None
     hands: Path | str | None = None
+    input: Path | str | None = None
     on: str | None = None
     threads: int = THREADS
     block: int = 4096
@@ -62,9 +64,8 @@ class RenderOptions(AccuracyOptions):
     @property
     def files(self) -> tuple[Path, ...]:
         """Files that are read in addition to the score's."""
-        hands = () if self.hands is None else (Path(self.hands),)
-        plan = () if self.plan is None else (Path(self.plan),)
-        return *plan, *hands
+        given = (self.plan, self.hands, self.input)
+        return tuple(Path(one) for one in given if one is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,6 +180,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     if options.on is not None:
         check_shared(options)
     recorded = _recorded(loaded, options, report)
+    loaded = _hearing(loaded, options)
     staged = scores.stage_piece(
         loaded,
         options,
@@ -192,6 +194,8 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     job = replace(job, inputs=(*loaded.inputs, *options.files))
     if recorded is not None:
         job = replace(job, level=recorded.level)
+    elif options.input is not None and job.level.normalise is None:
+        job = replace(job, level=scores.played_level(staged.piece))
     if file.motion:
         from .film import film
 
@@ -219,7 +223,12 @@ def write(prepared: Prepared, report: Report, cluster: Cluster | None = None) ->
 def check_shared(options: RenderOptions) -> None:
     """Refuse what only this process can compute, or know. Raises OptionError."""
     is_motion = isinstance(options, FileOptions) and options.motion
-    excluded = {"hands": options.hands is not None, "motion": is_motion, "trust": options.trust}
+    excluded = {
+        "hands": options.hands is not None,
+        "input": options.input is not None,
+        "motion": is_motion,
+        "trust": options.trust,
+    }
     for name, is_given in excluded.items():
         if is_given:
             raise OptionError("on", "; leave one of the two out", excludes=name)
@@ -302,6 +311,23 @@ def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[
         report.progress(task, n_frames, stage.rate) as progress,
     ):
         yield progress.at
+
+
+def _hearing(loaded: Loaded, options: RenderOptions) -> Loaded:
+    """The score, whose inputs hear what is in a file. Raises OptionError."""
+    if options.input is None:
+        return loaded
+    piece = scores.piece_of(loaded)
+    path = Path(options.input)
+    if not any(take.input for take in piece.takes.values()):
+        raise OptionError("input", "is of a score with inputs, and this one has none")
+    if path.suffix.lower() != ".wav" or not path.is_file():
+        raise OptionError("input", "there is no such .wav file", value=str(path))
+    takes = {
+        name: take if take.input is None else replace(take, path=path, channel=None)
+        for name, take in piece.takes.items()
+    }
+    return replace(loaded, piece=replace(piece, takes=takes))
 
 
 def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorded | None:

@@ -24,6 +24,7 @@ _DECIDED = (
     "seed",
     "rate",
     "hands",
+    "input",
     "method",
     "error",
     "cents",

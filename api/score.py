@@ -226,6 +226,12 @@ def level_of(piece: Piece, bits: Bits) -> Level:
     )
 
 
+def played_level(piece: Piece) -> Level:
+    """The level of a performance that is given no gain."""
+    limit = master.limit if (master := piece.mix.master) is not None else None
+    return Level(None, 1.0 if limit is None else limit, HIGHPASS, 1.0, piece.mix.reference())
+
+
 def whole_rate(rate: float) -> int:
     """The rate of a file, which counts whole frames a second."""
     if rate != int(rate):

@@ -105,6 +105,13 @@ sound = several(
         help="Where the sound goes: jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
     ),
     click.option(
+        "--audio-in",
+        default="auto",
+        show_default=True,
+        metavar="WHERE",
+        help="Where inputs are heard: jack[:PORTS], pulse[:SOURCE], none or auto.",
+    ),
+    click.option(
         "--block",
         type=click.IntRange(16, 8192),
         help="Frames that the sound card takes at a time.",

@@ -61,6 +61,8 @@ class Shown:
         performance = self._performance
         try:
             self._console.say(performance.output())
+            if said := performance.heard().sentence:
+                self._console.say(f"input: {said}")
             begin()
             if osc is not None:
                 self._osc = osc
@@ -70,7 +72,7 @@ class Shown:
             while not performance.wait(_LOOK):
                 self._show()
             self._show(last=True)
-            status = performance.status()
+            status, heard = performance.status(), performance.heard()
             self._rest()
         except BaseException:
             performance.panic()
@@ -85,7 +87,7 @@ class Shown:
             self._tell(performance.close(_AFTER))
         except _core.EngineError as error:
             raise Refused(str(error)) from None
-        self._finish(status)
+        self._finish(status, heard)
 
     def _rest(self) -> None:
         if self._osc is not None:
@@ -160,7 +162,7 @@ class Shown:
         else:
             self._console.say(sentence)
 
-    def _finish(self, status: _core.Status) -> None:
+    def _finish(self, status: _core.Status, heard: _core.SoundInput) -> None:
         from ergon.live.trouble import gaps as gaps_of
 
         self._clear()
@@ -173,6 +175,8 @@ class Shown:
             "dropped": status.dropped,
             "missed": status.missed,
         }
+        if heard.live:
+            fields["input_gaps"] = heard.gaps
         if self._osc is not None and (ignored := self._osc.malformed):
             self._console.warn(f"{ignored} datagrams were not valid OSC and were ignored")
         if self._console.json:
@@ -180,10 +184,20 @@ class Shown:
         else:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
+        if heard.missing or heard.discarded:
+            missing, early = heard.missing / self._stage.rate, heard.discarded / self._stage.rate
+            self._console.warn(
+                f"{heard.gaps} gaps in the input: {missing:.3f} s of silence in their place, "
+                f"{early:.3f} s left out"
+            )
+        if heard.error or heard.lost:
+            why = heard.error or f"{heard.lost} frames were lost, for the disk was too slow"
+            self._console.warn(f"the recording of the input: {why}")
         if status.missed:
             missed = status.missed / self._stage.rate
             self._console.warn(
                 f"{missed:.3f} s of frozen parts were read too late, and were silent"
             )
-        if self._strict and (late or n_gaps or status.dropped or status.missed):
+        is_short = status.dropped or status.missed or heard.gaps
+        if self._strict and (late or n_gaps or is_short):
             raise Late(f"{late} late ticks, {n_gaps} gaps in the sound (--strict)")

@@ -18,6 +18,11 @@ _playing = options.several(
         help="Where to begin, such as '3|1' (in quotes), B+2 or 12.5s.",
     ),
     options.sound,
+    click.option(
+        "--record-input",
+        metavar="FILE.wav",
+        help="Write what inputs hear into a new file, for `ergon render --input`.",
+    ),
     options.frozen,
     click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),

@@ -73,6 +73,11 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
     help="Play the live hands of this recording (from `ergon duet --record`), at its level.",
 )
 @click.option(
+    "--input",
+    metavar="FILE.wav",
+    help="Let inputs hear this file (from `ergon play --record-input`), at the level of `play`.",
+)
+@click.option(
     "--freeze",
     metavar="PART[,PART]",
     help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",

@@ -12,8 +12,9 @@ from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start, member_count
-from ergon.instruments.space import Space, add_surface, along, unit
+from ergon.instruments.space import Space
 from ergon.instruments.space import add as add_points
+from ergon.instruments.space.points import add_surface, along, unit
 from ergon.instruments.spread import is_pairwise, singles
 
 _Fields = Mapping[str, Any]
@@ -60,8 +61,9 @@ class Assembly:
                     if space is None:
                         first = _MATS[module.kind](self, module.name, fields)
                     else:
-                        chance = self._chance(".".join((name, module.name)))
-                        first = add_points(self.network, module.kind, module.name, fields, chance)
+                        who = ".".join((name, module.name))
+                        own = module.kind, module.name, fields
+                        first = add_points(self.network, *own, self._chance(who), who)
                         count = member_count(module.kind, fields)
                         firsts = along(first, count, space.axes)
                         self.points[name, module.name] = firsts
@@ -128,13 +130,14 @@ class Assembly:
     def _link_in_space(self, module: Module, a: Target, b: Target) -> int:
         fields = module.fields
         first, second = self.coordinates(a), self.coordinates(b)
+        if is_pairwise(module.kind, fields, (a, b)):
+            groups = sorted(((first, a.count), (second, b.count)), key=lambda group: group[1])
+            own = _pick(fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core")
+            own["inside"] = fields.get("side") == "inside"
+            own["normal"] = unit(fields.get("normal"))
+            return self.network.pairwise(module.name, *groups, **own)
         if module.kind == "BUT":
             own = _pick(fields, "K", "Z", "gap", "exponent", "clamp")
-            if is_pairwise(module.kind, fields, (a, b)):
-                groups = sorted(((first, a.count), (second, b.count)), key=lambda group: group[1])
-                own["inside"] = fields["side"] == "inside"
-                own["normal"] = unit(fields["normal"])
-                return self.network.pairwise(module.name, *groups, **own)
             return self.network.space_but(module.name, first, second, **own)
         own = _pick(fields, "K", "Z", "yields", "breaks", "core")
         rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")

@@ -19,6 +19,7 @@ from ergon.instruments.modal import (
     PLACES,
 )
 from ergon.instruments.model import Form
+from ergon.instruments.space import fields as space_fields
 from ergon.instruments.spread import GAP
 from ergon.instruments.stiff import INHARMONICITY, STRETCHING
 from ergon.notation.tables import value_kinds as k
@@ -383,7 +384,7 @@ def _all() -> dict[str, Kind]:
     ca = _generators(True)
     for name, (table, gliding) in _generators(False).items():
         kinds[name] = Kind(name, "generator", {"si": table, "ca": ca[name][0]}, gliding)
-    for name, (own, table) in space.tables(BETWEEN, ENDPOINT).items():
+    for name, (own, table) in space_fields.tables(BETWEEN, ENDPOINT).items():
         known = kinds.get(name, Kind(name, own, {}))
         kinds[name] = replace(known, tables={**known.tables, "space": table})
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
@@ -409,6 +410,9 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "bending": None,
     "gain": None,
     "hole": 0.3,
+    "friction": 0.0,
+    "apart": None,
+    "stretch": 0.0,
 }
 
 

@@ -132,8 +132,8 @@ class PartNames:
         if owner.axes > 1 and module.kind not in LINKS:
             return self._in_space(name, owner, module, some, axis, wanted, who)
         if wanted in ("point", "points"):
-            message = f"{who}: {quote(name)} is no point in space; a link of an instrument in "
-            message += "space joins two; write the link in an instrument of one axis"
+            message = f"{who}: {quote(name)} is no point in space: it moves along one axis; "
+            message += "a link to a coordinate stands in an instrument of one axis"
             self.collector.error("E304", message, name.place)
             return None
         return self._members(name, owner, module, some, wanted, who)
@@ -184,7 +184,7 @@ class PartNames:
         if problem:
             pass
         elif is_point and axis is not None:
-            problem = f"{quote(name)} is one axis of a point; a link in space joins points: {bare}"
+            problem = f"{quote(name)} is one axis of a point; write the point: {bare}"
         elif not is_point and axis is None:
             examples = ", ".join(f"{bare}.{one}" for one in axes)
             problem = f"{quote(name)} is a point in space; write one of its axes: {examples}"
@@ -333,14 +333,15 @@ class PartNames:
 
     def _is_broken(self, path: str, part: Part | None) -> bool:
         """Whether the name was refused already: one mistake, one report."""
-        head, _, tail = path.rpartition(".")
-        owner = self.parts.get(head or path)
-        return (
-            path in self.broken
-            or head in self.broken
-            or (part is not None and path in part.broken)
-            or (owner is not None and (tail in owner.broken or not owner.modules))
-        )
+        words = path.split(".")
+        cuts = [(".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)]
+        for head, tail in cuts:  # a part, a module of the same part, or a module of another
+            if head in self.broken or (part is not None and head in part.broken):
+                return True
+            owner = self.parts.get(head)
+            if owner is not None and (not owner.modules or tail.split(".")[0] in owner.broken):
+                return True
+        return False
 
     def _wrong_family(self, name: Name, module: Module, wanted: Wanted, who: str) -> None:
         if wanted in ("link", "links"):

@@ -11,7 +11,8 @@ from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
-from ergon.instruments.space import AXES, DIRECTION, MIDDLE, PLACE, VELOCITY, Space
+from ergon.instruments.space import AXES, Space
+from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
@@ -338,37 +339,12 @@ def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
 
 def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     fields = {field.name: values[field.name] for field in values.record.fields}
-    for field in values.record.fields:
-        value = fields[field.name]
-        wanted = axes - 1 if field.shape == MIDDLE else axes
-        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE)
-        if is_vector and value is not None and len(value) != wanted:
-            called = " and ".join(filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1])))
-            message = f"{values.context.of(field.name)}: the number of items is {len(value)}, but "
-            values.error("E106", f"{message}must be {wanted}: {called}", field.name)
-            fields[field.name] = (0.0,) * wanted
     if kind in HOLDERS:
         fields["axes"] = axes
-    if kind == "BUT":
-        _check_wall(fields, values)
+    check_in_space(kind, fields, values, axes)
     for check in _CHECKS.get(kind, ()) if kind in ("RES", "FRO", "REF") else ():
         check(kind, values)
     return Module(name, kind, fields, values.place, Places(values.nodes))
-
-
-def _check_wall(fields: dict[str, Any], values: Values) -> None:
-    """Only a plane has a gap below 0; its normal has a direction, and it has no inside; reports."""
-    if fields["normal"] is None:
-        if (fields["gap"] or 0.0) < 0.0:
-            values.error("E105", f"{values.context.of('gap')}: it must not be negative", "gap")
-            fields["gap"] = 0.0
-    elif not any(fields["normal"]):
-        message = f"{values.context.of('normal')}: a normal of length 0 has no direction"
-        values.error("E105", message, "normal")
-        fields["normal"] = None
-    elif fields["side"] == "inside":
-        message = f"{values.context.of('side')}: a plane has no inside; turn its normal round"
-        values.error("E111", message, "side")
 
 
 def _needs(*names: str) -> Any:

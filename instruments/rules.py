@@ -12,6 +12,7 @@ from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
 from ergon.instruments.module_kinds import BODIES, GENERATORS, LINKS, Start, member_count
 from ergon.instruments.names import Part, PartNames, Wanted
+from ergon.instruments.space import NETS
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -70,7 +71,9 @@ def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[
     found = (part_names.target(name, wanted, who, part) for name in names)
     ends = tuple(end for end in found if end is not None)
     if spread.is_pairwise(module.kind, module.fields, ends):
-        spread.may_meet(ends, spread.has_wall(module.fields), who, part_names.collector)
+        spread.may_meet(
+            module.kind, ends, spread.has_wall(module.fields), who, part_names.collector
+        )
     else:
         spread.is_fitting(ends, who, part_names.collector)
     return ends
@@ -130,6 +133,8 @@ def _drive(
             part_names.collector.error(
                 "E301", message, source.place, word=str(source), names=tuple(takes)
             )
+    else:
+        _check_input(module, takes.get(str(source)), who, part_names.collector)
     if target is None or module.kind != "ENX":
         return
     first = driven.setdefault(_point(target), module.name)
@@ -138,6 +143,22 @@ def _drive(
             f"{who}: {first} already imposes the position of {target.text}; only forces add up"
         )
         part_names.collector.error("E304", message, module.place)
+
+
+def _check_input(module: Module, take: Any, who: str, collector: Collector) -> None:
+    """An input drives what it has the unit of, from the beginning on."""
+    values = getattr(take, "values", None)
+    if not isinstance(values, Values) or values["input"] is None or values["gain"] is None:
+        return
+    _, is_force = values["gain"]
+    if is_force != (module.kind == "ENF"):
+        unit, kind = ("force", "ENF") if is_force else ("length", "ENX")
+        name = quote(str(module.fields["from"]))
+        message = f"{who}: the gain of the input {name} is a {unit}, which drives an {kind}"
+        collector.error("E304", message, module.places.get("from", module.place))
+    if module.fields["at"] is not None:
+        message = f"{who}: an input is heard from the beginning on; remove `at`"
+        collector.error("E111", message, module.places.get("at", module.place))
 
 
 def outputs(
@@ -175,8 +196,11 @@ def _each(name: Name, part: Part, part_names: PartNames) -> list[Name]:
 def _output_target(
     name: Name, family: Any, who: str, part: Part, part_names: PartNames
 ) -> Target | None:
-    """SOF also hears the ground's spring of a CEL or of a bank's members."""
+    """SOF also hears springs to the ground of a CEL or BANK, and all springs of a net."""
     if family == "links":
+        own = part.modules.get(str(name))
+        if own is not None and own.kind in NETS:
+            return Target(part.name, own.name, 0, 1, str(name), name.place)
         head = name.split(".")[0] if name not in part.modules else name
         module = part.modules.get(str(head)) or part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):

@@ -23,6 +23,9 @@ _MEMBERS = re.compile(rf"\.{PATTERN}$")
 
 MAX_SPREAD = 10_000  # points of one link
 MAX_MEETING = 200_000  # points that meet each other
+MAX_ATTRACTING = 1_000  # points that attract each other: each looks at all others in every frame
+# Of links that act between all pairs: what one is called, and for how many points it is.
+_MOST = {"BUT": ("a contact", MAX_MEETING), "ATTRACTION": ("an attraction", MAX_ATTRACTING)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +76,10 @@ def size(ends: Sequence[Target]) -> int:
 
 
 def is_pairwise(kind: str, fields: Mapping[str, Any], ends: Sequence[Target]) -> bool:
-    """Whether a contact in space is between all points of its ends, or with a wall."""
-    is_contact = kind == "BUT" and any(end.points for end in ends)
-    return is_contact and (size(ends) > 1 or has_wall(fields))
+    """Whether a link in space acts between all points of its ends, or is a contact with a wall."""
+    if kind not in ("BUT", "ATTRACTION") or not any(end.points for end in ends):
+        return False
+    return size(ends) > 1 or has_wall(fields) or fields.get("friction", 0.0) > 0.0
 
 
 def has_wall(fields: Mapping[str, Any]) -> bool:
@@ -86,7 +90,7 @@ def has_wall(fields: Mapping[str, Any]) -> bool:
 def singles(module: Module) -> Iterator[Module]:
     """The links of which a link over a range is made, `bridge.0` and so on; itself if it is one.
 
-    Contacts between all points of two ranges are one.
+    What acts between all points of two ranges is one link.
     """
     ends = module.fields["between"]
     n, gap = size(ends), module.fields.get("gap")
@@ -130,11 +134,14 @@ def is_fitting(ends: Sequence[Target], who: str, collector: Collector) -> bool:
     return True
 
 
-def may_meet(ends: Sequence[Target], is_wall: bool, who: str, collector: Collector) -> bool:
-    """Whether all points of one end can meet all of the other; reports."""
+def may_meet(
+    kind: str, ends: Sequence[Target], is_wall: bool, who: str, collector: Collector
+) -> bool:
+    """Whether all points of one end can meet, or attract, all of the other; reports."""
     if len(ends) != 2:
         return False
     a, b = ends
+    what, most = _MOST[kind]
     problem = ""
     code = "E304"
     if is_wall and a.count > b.count:
@@ -143,13 +150,13 @@ def may_meet(ends: Sequence[Target], is_wall: bool, who: str, collector: Collect
         is_same = (a.first, a.count) == (b.first, b.count)
         last = min(a.first + a.count, b.first + b.count) if isinstance(b.first, int) else 0
         if is_same and (is_wall or a.count == 1):
-            problem = f"both ends are {b.text}; a contact joins different points"
+            problem = f"both ends are {b.text}; {what} joins different points"
         elif not is_same and isinstance(b.first, int) and max(a.first, b.first) < last:
             problem = f"{quote(a.text)} and {quote(b.text)} have points in common; write the same "
             problem += "range twice, or two that have none"
-    if not problem and size(ends) > MAX_MEETING:
+    if not problem and size(ends) > most:
         code = "E105"
-        problem = f"a contact of all pairs has at most {MAX_MEETING:,} points, not {size(ends):,}"
+        problem = f"{what} of all pairs has at most {most:,} points, not {size(ends):,}"
     if problem:
         collector.error(code, f"{who}: {problem}", b.place)
     return not problem

@@ -42,6 +42,8 @@ class PlaybackConfig:
     guides: Mapping[str, float] = field(default_factory=dict)  # player → K [N/m]
     force_max: float | None = None
     ahead: int | None = None
+    audio_in: str = "auto"
+    record_in: Path | None = None
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
     frozen: Sequence[VerifiedStem] = ()
@@ -124,6 +126,8 @@ def perform(
             ],
             fold=config.fold,
             seen=window is not None,
+            audio_in=config.audio_in,
+            record_in=config.record_in,
         )
         if config.pages and window:
             config.pages.server.show(window, performance)

@@ -45,5 +45,7 @@ def _troubles(
             yield f"{player} stalls {hand.stalls}"
     if count := gaps(status):
         yield f"gaps {count}"
+    if status.input_gaps:
+        yield f"input gaps {status.input_gaps}"
     if status.lost:
         yield f"held up {status.lost}"

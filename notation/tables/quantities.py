@@ -88,6 +88,9 @@ SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high=1e6, low=-1e6)
 GRAVITY = _dimension("acceleration", "m/s2 m/s²", "9.81m/s2", high=1e5, low=-1e5)
 PUSH = _dimension("force", "N mN:-3 kN:3", "-5N")
 FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
+# Of an input of a sound card: full scale is so much, and no more than so much acts.
+INPUT_FORCE = _dimension("force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low=-1e3, high=1e3)
+INPUT_LENGTH = _dimension("length", _LENGTH, "0.1mm", low=-1.0, high=1.0)
 IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs")
 HARDENING = _dimension("hardening", _HARDENING, "4e8N/m3", "not negative")
 FREQUENCY = _dimension("frequency", "Hz kHz:3", "220Hz", "positive", high=1e6)
@@ -107,6 +110,7 @@ SHARE = _dimension("share of the processor", "%:-2", "80%", "positive", bare=Fal
 NUMBER = _dimension("plain number", "", "0.5")
 RATIO = _dimension("plain number", "", "0.5", "not negative")
 FACTOR = _dimension("number", "", "1.5", "positive")
+FRICTION = _dimension("coefficient of friction", "", "0.4", "not negative", high=10.0)
 EXPONENT = _dimension("exponent", "", "1.5", low=1.0, high=16.0)
 RADIUS = _dimension("radius", "", "0.3", "not negative", high=10.0)
 WAY_ROUND = _dimension("angle", "deg", "1080deg", low=-36000.0, high=36000.0)
@@ -140,6 +144,21 @@ _ALL_UNITS = tuple(
     )
     for unit in d.units
 )
+
+
+def full_scale(text: str) -> tuple[float, bool]:
+    """Read what full scale of an input is: its value [N or m], and whether it is a force.
+
+    Raises TextError where it is neither, or is 0.
+    """
+    word = text.strip()
+    is_force = word.endswith("N")
+    if not is_force and not word.endswith("m"):
+        raise TextError(f"{quote(word)} has no unit of a force or a length, such as 2mN or 0.1mm")
+    value = quantity(text, INPUT_FORCE if is_force else INPUT_LENGTH)
+    if value == 0.0:
+        raise TextError("full scale is not 0")
+    return value, is_force
 
 
 def quantity(text: str, dimension: Dimension) -> float:

@@ -118,6 +118,13 @@ SPEED = quantity(q.SPEED)
 GRAVITY = quantity(q.GRAVITY)
 FORCE = quantity(q.FORCE)
 PUSH = quantity(q.PUSH, "a force of either sign, such as -5N")
+FULL_SCALE = Text(
+    _cached(q.full_scale),
+    "a force or a length, such as 2mN or 0.1mm",
+    f"^{_NUMBER} *({_units(q.INPUT_FORCE)}|{_units(q.INPUT_LENGTH)})$",
+    units=(*q.INPUT_FORCE.units, *q.INPUT_LENGTH.units),
+    is_value=True,
+)
 HARDENING = quantity(q.HARDENING)
 HERTZ = quantity(q.FREQUENCY)
 RATE = quantity(q.RATE)
@@ -134,6 +141,7 @@ LEVEL = quantity(q.LEVEL)
 ERROR = quantity(q.ERROR)
 CENTS = quantity(q.CENTS)
 SHARE = quantity(q.SHARE)
+FRICTION = quantity(q.FRICTION, "a coefficient from 0 to 10, such as 0.4")
 CHANCE = quantity(q.CHANCE, "a chance from 0 to 1, such as 0.6 or 60%")
 PROPORTION = quantity(q.CHANCE, "a share from 0 to 1, such as 0.3 or 30%")
 NUMBER = quantity(q.NUMBER)

@@ -58,7 +58,10 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
     return Scope(
         players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
         gestures={name: _about(gesture) for name, gesture in piece.gestures.items()},
-        takes={name: f"take, {take.path.name}" for name, take in piece.takes.items()},
+        takes={
+            name: f"take, {take.path.name}" if take.path else "input of the sound card"
+            for name, take in piece.takes.items()
+        },
         keys={name: "key" for name in piece.keys},
         marks={mark.name: f"mark, {mark.at.text}" for mark in piece.marks},
         instruments={

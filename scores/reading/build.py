@@ -37,6 +37,7 @@ from ergon.scores.reading.piece import (
     Player,
     RenderSpec,
     Route,
+    SoundInput,
     Strikes,
     TakeFile,
     TempoEntry,
@@ -122,9 +123,22 @@ def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:
     )
 
 
-def take(values: Values, files: Files) -> TakeFile:
+_HIGHPASS = 20.0  # of an input [Hz]
+_OF_INPUTS = ("gain", "highpass", "clamp")
+_NOT_OF_INPUTS = ("velocity", "depth", "trim", "smooth", "rate", "unit")
+
+
+def take(values: Values, files: Files) -> TakeFile | None:
     """A take; its file must be there, its content is read when it is played."""
     v, who = values, f"{values.context.of('file')}: "
+    if v.written("input"):
+        return _input(v, files, who)
+    for name in v.written(*_OF_INPUTS):
+        v.error("E111", f"{v.context.of(name)}: belongs to a take with `input`", name)
+    if v["file"] is None:
+        message = f"{v.context.of('')} has neither a file nor an input; write `file` or `input`"
+        v.context.error("E103", message, v.place)
+        return None
     file, folder = v["file"], v.nodes["file"].document.folder
     path = folder / file
     if path.suffix.lower() == ".gms":
@@ -149,6 +163,50 @@ def take(values: Values, files: Files) -> TakeFile:
         unit=v["unit"],
         place=v.place,
         places={name: node.place for name, node in v.nodes.items()},
+    )
+
+
+def _input(v: Values, files: Files, who: str) -> TakeFile | None:
+    """An input of a sound card; what it lacks, or has too much, is reported."""
+    for name in v.written(*_NOT_OF_INPUTS):
+        v.error("E111", f"{v.context.of(name)}: an input has no {name}; remove it", name)
+    if v["gain"] is None or v["input"] is None:
+        if not v.written("gain"):
+            message = f"{v.context.of('')} has no 'gain': what full scale is, such as 2mN or 0.1mm"
+            v.context.error("E103", message, v.place)
+        return None
+    gain, is_force = v["gain"]
+    clamp, is_clamp_force = v["clamp"] or (abs(gain), is_force)
+    if is_clamp_force != is_force:
+        unit = "a force" if is_force else "a length"
+        v.error("E111", f"{v.context.of('clamp')}: `gain` is {unit}, so `clamp` is one", "clamp")
+    elif clamp < 0.0:
+        v.error(
+            "E202", f"{v.context.of('clamp')}: acts either way; write it without a sign", "clamp"
+        )
+    path = None
+    if v["file"] is not None:
+        folder = v.nodes["file"].document.folder
+        path = folder / v["file"]
+        if path.suffix.lower() != ".wav":
+            v.error("E206", f"{who}what an input hears is a .wav file", "file")
+        else:
+            path = files.locate(v["file"], folder, v.place_of("file"), who, is_text=False) or path
+    elif v["channel"] is not None:
+        message = f"{v.context.of('channel')}: is of a file, and the input has none; remove it"
+        v.error("E111", message, "channel")
+    highpass = _HIGHPASS if v["highpass"] is None else v["highpass"]
+    return TakeFile(
+        name=v.context.name,
+        path=path,
+        channel=v["channel"],
+        trim=None,
+        smooth=None,
+        rate=None,
+        unit=None,
+        place=v.place,
+        places={name: node.place for name, node in v.nodes.items()},
+        input=SoundInput(v["input"], gain, is_force, highpass, clamp),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -196,6 +198,8 @@ class Checker:
             return None if found is None else build.melody(values, *found)
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
+        if values["along"] is not None and not kind:
+            return self._aslant(values, names, who)
         targets = tuple(t for name in names for t in self.part_names.targets(name, "mats", who))
         if kind:
             made = build.passing_strikes(values, targets)
@@ -208,6 +212,39 @@ class Checker:
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
+
+    def _aslant(self, values: Values, names: Sequence[Name], who: str) -> Strikes | None:
+        """Strikes on points along a direction: on each coordinate by its share; reports."""
+        along = values["along"]
+        length = math.hypot(*along)
+        if length == 0.0:
+            message = f"{values.context.of('along')}: it has no direction; write one number above 0"
+            values.error("E105", message, "along")
+            return None
+        if extra := values.written("mass", "speed", "notes"):
+            message = f"{values.context.of(extra[0])}: strikes along a direction have an `impulse`"
+            values.error("E111", f"{message} alone", extra[0])
+            return None
+        points = [t for name in names for t in self.part_names.targets(name, "points", who)]
+        for target in points:
+            axes = self.part_names.parts[target.part].axes
+            if axes != len(along):
+                message = (
+                    f"{values.context.of('along')}: {quote(target.text)} has {axes} axes, not "
+                )
+                values.error("E106", f"{message}{len(along)}", "along")
+                return None
+            if self.part_names.parts[target.part].modules[target.module].kind == "SURFACE":
+                message = f"{who}: {quote(target.text)} moves along one axis; strike its masses"
+                self.collector.error("E304", message, target.place)
+                return None
+        made = build.strikes(values, tuple(points))
+        coordinates = tuple(
+            replace(point, first=int(point.first) + axis * point.points, points=0)
+            for axis in range(len(along))
+            for point in points
+        )
+        return replace(made, to=coordinates, along=tuple(part / length for part in along))
 
     def _phrases(self) -> dict[str, Any]:
         """Phrases, and takes that are MIDI files."""

@@ -37,7 +37,7 @@ class Loaded:
     def inputs(self) -> tuple[Path, ...]:
         """Every file that the score is read from: its texts and its takes."""
         takes = self.piece.takes.values() if self.piece is not None else ()
-        return *map(Path, self.files), *(take.path for take in takes)
+        return *map(Path, self.files), *(take.path for take in takes if take.path is not None)
 
 
 @lasting

@@ -12,6 +12,7 @@ from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.module_kinds import member_count
 from ergon.instruments.names import Part, PartNames
 from ergon.instruments.read import instrument
+from ergon.instruments.space import obj_file
 from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import lets
 from ergon.notation.tables.fields import Values
@@ -78,7 +79,7 @@ class Matter:
     def _part(
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
     ) -> None:
-        values = self._with_modes(values)
+        values = self._with_files(values)
         part_object = called(self._made(section, entry, values), name)
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
@@ -90,8 +91,8 @@ class Matter:
         self._written[name] = entry, values
         self.by_name[name] = part_object
 
-    def _with_modes(self, values: Values) -> Values:
-        """The values with the modes of the files that BANK and MODES name."""
+    def _with_files(self, values: Values) -> Values:
+        """The values with what is in the files that BANK, MODES and MESH name."""
 
         def read(file: str, place: Place) -> Document | None:
             files = self._uses.files
@@ -99,11 +100,14 @@ class Matter:
 
         def filled(owner: Values) -> Values:
             body = owner.given.get(owner.kind)
-            if owner.kind not in ("BANK", "MODES") or not isinstance(body, Values):
+            if not isinstance(body, Values):
                 return owner
-            if not body.written("modes"):
+            if owner.kind in ("BANK", "MODES") and body.written("modes"):
+                said = modal.from_file(body, read, moved, self._collector)
+            elif owner.kind == "MESH" and body.written("file"):
+                said = obj_file.from_file(body, read, self._collector)
+            else:
                 return owner
-            said = modal.from_file(body, read, moved, self._collector)
             return replace(owner, given={**owner.given, owner.kind: said})
 
         own = filled(values)

@@ -142,7 +142,7 @@ def voiced(made: Strikes, values: Values, voices: Voices, who: str) -> Strikes:
 def is_midi(take: Any) -> bool:
     """Whether a take is written that is a MIDI file."""
     is_take = isinstance(take, Values) and take.record.noun == "take"
-    return is_take and PurePath(take["file"]).suffix.lower() in SUFFIXES
+    return is_take and PurePath(take["file"] or "").suffix.lower() in SUFFIXES
 
 
 def midi_notes(take: Values, files: Files) -> MidiNotes | None:

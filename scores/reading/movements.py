@@ -68,9 +68,9 @@ class Movements:
     def take(self, name: str, entry: Entry) -> None:
         """Make a take, but for a MIDI file: strikes and keys play its notes."""
         if name not in self.takes and isinstance(entry.values, Values):
-            made = called(build.take(entry.values, self._uses.files), name)
-            if not melodies.is_midi(entry.values):
-                self.takes[name] = made
+            made = build.take(entry.values, self._uses.files)
+            if made is not None and not melodies.is_midi(entry.values):
+                self.takes[name] = called(made, name)
 
     def _gesture(self, name: str, entry: Entry) -> None:
         if name not in self._made:

@@ -123,14 +123,30 @@ class Gesture:
 
 
 @dataclass(frozen=True, slots=True)
+class SoundInput:
+    """An input of a sound card, its channel from 1.
+
+    Full scale is `gain` [N] of a force, [m] of a length, after a high-pass at `highpass` [Hz]; no
+    more than `clamp` [N or m] acts.
+    """
+
+    channel: int
+    gain: float
+    is_force: bool
+    highpass: float
+    clamp: float
+
+
+@dataclass(frozen=True, slots=True)
 class TakeFile:
     """A captured movement in a file; `trim` [s], `smooth` [Hz], `rate` [Hz] where it has no t.
 
-    `unit` [m] is what 1.0 means where the file does not tell.
+    `unit` [m] is what 1.0 means where the file does not tell. Of an `input` the file, if there is
+    one, holds what is heard where no card is.
     """
 
     name: str
-    path: Path
+    path: Path | None
     channel: str | None
     trim: tuple[float, float] | None
     smooth: float | None
@@ -138,6 +154,7 @@ class TakeFile:
     unit: float | None = field(metadata={"hash_omits_empty": True})
     place: Place
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
+    input: SoundInput | None = field(default=None, metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +201,8 @@ class Strikes:
     hits: tuple[Hit, ...] = field(default=(), metadata=OMIT_EMPTY)
     length: Length | None = field(default=None, metadata=OMIT_EMPTY)
     passing: Passing | None = field(default=None, metadata=OMIT_EMPTY)
+    # Along a direction of length 1: `to` are the coordinates of all points, axis by axis.
+    along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
 
     @property
     def has_rounds(self) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 from ergon.instruments.module_kinds import LINKS, tables
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
+from ergon.instruments.space.fields import DIRECTION
 from ergon.instruments.transpose import INTERVAL
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -134,9 +135,15 @@ TAKE = Record(
         Field(
             "file",
             k.PATH,
-            "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, SDIF or MIDI (.mid)",
-            required=True,
+            "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, SDIF or MIDI (.mid); of an input "
+            "a WAV file, heard where no card is",
         ),
+        Field(
+            "input", k.integer(1, 64, "1"), "an input of the sound card, which drives ENX or ENF"
+        ),
+        Field("gain", k.FULL_SCALE, "what full scale of an input is"),
+        Field("highpass", k.HERTZ, "cutoff of an input's high-pass filter", shown="20Hz"),
+        Field("clamp", k.FULL_SCALE, "the most that an input gives, either way", shown="`gain`"),
         Field(
             "channel",
             k.TITLE,
@@ -177,6 +184,7 @@ STRIKES = Record(
         Field("do", DO, "transformations of the phrase, left to right"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
+        Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),
     ),
     meant={"repeat": "times"},
 )

@@ -220,6 +220,9 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
         elif (target.part, target.module) in assembly.links:
             links = assembly.links[target.part, target.module]
             forces.append((links.start + int(target.first), target.count, 1.0))
+        elif (target.part, target.module) in assembly.points:  # a net: all its springs
+            springs = assembly.bodies[target.part, target.module]
+            forces.append((springs.start, len(springs), 1.0))
         else:
             ground.append(_range(assembly, target))
     listening.outputs.append(".".join(filter(None, name)))

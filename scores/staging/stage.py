@@ -241,7 +241,10 @@ def prepare(
         rests = spans is not None
         live = tuple(join(piece, real, assembly, timeline, collector, rests=rests))
         played = [Span(piece, ALL)] if spans is None else spans
+        sounds = _sounds(piece, timeline, takes)
+        _drives(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
         end = max(_play(piece, assembly, hands, couplings, real, played), _length(piece, live))
+        end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_rooms(piece, collector)
@@ -433,7 +436,6 @@ def _play(
     for name, key in piece.keys.items():
         if name not in live_keys:
             hands.key(name, assembly.mats[name, key.struck])
-    _drives(piece, assembly, hands)
     for played, window in spans:
         span_hands = hands if window is ALL else hands.other(played, window)
         span_hands.play_parts(played, live_keys)
@@ -467,8 +469,25 @@ def _within(piece: Piece, window: Window) -> tuple[float, float]:
     return max(0.0, first), last
 
 
-def _drives(piece: Piece, assembly: Assembly, hands: Hands) -> None:
-    """ENX and ENF: imposed positions and forces, by a constant or a take."""
+def _sounds(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
+    """The inputs of a sound card: the number and the length [s] of the file of each, by name."""
+    found: dict[str, tuple[int, float]] = {}
+    for name, take in piece.takes.items():
+        if (own := take.input) is None:
+            continue
+        if own.highpass >= 0.5 * piece.rate:
+            message = f"take {quote(name)}: its highpass is not below half of the rate"
+            place = take.places.get("highpass", take.place)
+            takes.collector.error("E308", message, place)
+        elif (samples := takes.sound(name)) is not None:
+            how = {"gain": own.gain, "clamp": own.clamp, "highpass": own.highpass}
+            index = timeline.sound_in(own.channel - 1, samples, **how)
+            found[name] = index, len(samples) / piece.rate
+    return found
+
+
+def _drives(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, int]) -> None:
+    """ENX and ENF: imposed positions and forces, by a constant, a take or an input."""
     tempo = piece.tempo_map
     keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
     instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
@@ -481,12 +500,20 @@ def _drives(piece: Piece, assembly: Assembly, hands: Hands) -> None:
             # Behind a lever positions are seen times s, forces divided by it.
             scale = reach if is_position else 1.0 / reach
             source, at = module.fields["from"], module.fields["at"]
-            take = None if isinstance(source, float) else hands.takes.get(str(source))
+            constant = source * scale if isinstance(source, float) else None
+            sound = sounds.get(str(source))
+            take = None
+            if constant is None and sound is None:
+                known = piece.takes.get(str(source))
+                take = None if known is None or known.input else hands.takes.get(str(source))
+                if take is None:
+                    continue  # what is wrong with it was reported
             hands.timeline.drive(
                 mat,
                 "position" if is_position else "force",
-                constant=source * scale if isinstance(source, float) else None,
+                constant=constant,
                 take=take,
+                sound=sound,
                 at=0.0 if at is None else tempo.seconds(tempo.resolve(at)),
                 scale=scale * module.fields["scale"],
                 own=module.fields["to"].part == name,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
@@ -38,6 +38,8 @@ class Striking:
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
+        if strikes.along:
+            return max(axis.play(collector) for axis in self._axes())
         at = tempo.resolve(strikes.at)
         stop = None
         if strikes.span is not None:
@@ -71,6 +73,15 @@ class Striking:
         except TextError as error:
             collector.error("E305", error.message, strikes.place)
         return 0.0
+
+    def _axes(self) -> Iterator[Striking]:
+        """The same strikes on each axis, by its share of the impulse: chance draws alike on all."""
+        strikes = self.strikes
+        n = len(self.mats) // len(strikes.along)
+        low, high = strikes.impulse or (0.0, 0.0)
+        for axis, share in enumerate(strikes.along):
+            own = replace(strikes, along=(), impulse=(share * low, share * high))
+            yield replace(self, strikes=own, mats=self.mats[axis * n : (axis + 1) * n])
 
     def _by_pattern(self, places: Steps) -> float:
         """Strikes in the places of a pattern; chance leaves out each member by itself."""

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ergon import _core
 from ergon.notation.text.errors import Collector, quote
 from ergon.scores.gesture.take_file import TakeError
-from ergon.scores.gesture.takes import read
+from ergon.scores.gesture.takes import Samples, read
 from ergon.scores.reading.piece import Piece, TakeFile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 @dataclass(slots=True)
@@ -42,7 +49,31 @@ class Takes:
         self.files[made_of] = take_read
         return take_read
 
+    def sound(self, name: str) -> NDArray[np.float64] | None:
+        """What an input hears where no card is (n_frames,), full scale 1; None after a report.
+
+        A file at another rate goes to that of the piece by a natural quintic spline.
+        """
+        take, rate = self.piece.takes[name], self.piece.rate
+        if take.path is None:
+            return np.empty(0)
+        try:
+            samples = _channel(take, take.path)
+            if samples.t[1] == 1.0 / rate:
+                return samples.x
+            n_frames = int(samples.t[-1] * rate) + 1
+            return _core.Take(samples.t, samples.x).positions(np.arange(n_frames) / rate)
+        except TakeError as error:
+            self._refuse(take, error.field, error.message, error.suggestion)
+        except _core.EngineError as error:
+            self._refuse(take, error.module or "file", str(error))
+        return None
+
     def _new(self, take: TakeFile, made_of: Hashable) -> _core.Take | None:
+        if take.path is None or take.input is not None:
+            message = f"take {quote(take.name)} is an input: it drives an ENX or ENF, and no key"
+            self.collector.error("E308", message, take.place)
+            return None
         try:
             samples = read(take.path, take.channel, rate=take.rate, unit=take.unit)
             if samples.damage is not None:
@@ -66,8 +97,23 @@ class Takes:
         self.collector.error("E310", message, place, suggestion=suggestion)
 
 
+def _channel(take: TakeFile, path: Path) -> Samples:
+    """The channel of a file that an input hears: of its own number where there are several."""
+    if take.channel is not None or take.input is None:
+        return read(path, take.channel)
+    try:
+        return read(path, str(take.input.channel))
+    except TakeError as error:
+        try:
+            return read(path)
+        except TakeError:
+            raise error from None
+
+
 def _made_of(take: TakeFile) -> Hashable:
     """What a take is made of: while this is the same, so is the take."""
+    if take.path is None:
+        return take.input
     try:
         at = take.path.stat()
         file = at.st_mtime_ns, at.st_size, at.st_ino

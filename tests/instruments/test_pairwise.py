@@ -196,3 +196,60 @@ def test_a_gap_below_zero_is_that_of_a_plane():
     text = beside % ("o, a.all", ", normal: [0, 0, 1]") + "render: {tail: 1s}\n"
     module = check(text).piece.instruments["s"].modules[2]
     assert module.fields["gap"] == -1e-3
+
+
+SLOPE = """\
+ergon: 1
+instruments:
+  hill:
+    space: 2
+    gravity: 9.81m/s2
+    modules:
+      slope: {SOL: {X0: [0, 0]}}
+      stone: {MAS: {M: 5g, X0: [-1.477mm, 3.692mm]}}
+      lies:
+        BUT:
+          {between: [slope, stone], K: 2kN/m, Z: 6, gap: 4mm, normal: [-0.4, 1], friction: %s}
+    out: {x: {SOX: stone.x}}
+render: {bits: float, tail: 1s}
+"""
+
+
+def test_friction_holds_on_a_slope_and_lets_go():
+    """Up to the slope's tangent the stone slides, as Coulomb has it; beyond it stays."""
+    held = heard(SLOPE % 0.5)[:, 0]
+    # The weight along the slope on the spring of friction.
+    yielded = 5e-3 * G * 0.4 / np.hypot(1.0, 0.4) / 2e3
+    assert held[-1] - held[0] == pytest.approx(-yielded / np.hypot(1.0, 0.4), rel=0.1)
+    assert np.ptp(held[22_050:]) < 1e-12
+    sliding = heard(SLOPE % 0.3)[:, 0]
+    # g·(tan − μ)·cos along the slope, of which cos lies along the first axis.
+    downhill = G * (0.4 - 0.3) / (1.0 + 0.4**2)
+    seconds = len(sliding) / 44_100
+    assert sliding[0] - sliding[-1] == pytest.approx(0.5 * downhill * seconds**2, rel=0.01)
+
+
+def test_sand_comes_to_rest_in_a_heap():
+    """With friction a heap stays; without it the grains run apart on the floor."""
+    text = """\
+ergon: 1
+seed: 2
+instruments:
+  sand:
+    space: 2
+    gravity: 9.81m/s2
+    modules:
+      table: {{SOL: {{X0: [0, 0]}}}}
+      g: {{GRAINS: {{count: 12, M: 12g, from: [-12mm, 4mm], to: [12mm, 6cm], scatter: 20%}}}}
+      rub: {{BUT: {{between: [g.all, g.all], K: 2kN/m, Z: 0.3, gap: 8mm, friction: {0}}}}}
+      ground:
+        BUT: {{between: [table, g.all], K: 2kN/m, Z: 0.3, gap: 4mm, normal: [0, 1], friction: {0}}}
+    out: {{{1}}}
+render: {{bits: float, tail: 1s}}
+"""
+    ends = []
+    for friction in (0.0, 0.6):
+        paths = heard(text.format(friction, outputs(12, 2))).reshape(-1, 12, 2)
+        assert np.ptp(paths[-2_205:], axis=0).max() < (1e-6 if friction else np.inf)
+        ends.append(np.ptp(paths[-1, :, 0]))
+    assert ends[1] < 0.5 * ends[0]

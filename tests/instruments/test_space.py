@@ -125,11 +125,17 @@ render: {{tail: 1s}}
 @pytest.mark.parametrize("seed", range(50))
 def test_fifty_tangles(seed: int):
     text, given, links = tangle(seed + 100, 2 + seed % 2)
-    ours = heard(text, 352_800)
-    when = np.arange(0, len(ours), 80) / 352_800
-    exact = matter.solve(**given, links=links, when=when, gravity=G)
-    apart = ours[::80] - exact[:, 1:].reshape(len(when), -1)
-    assert np.abs(apart).max() < 1e-4 * np.abs(exact).max()
+
+    def error(rate: int) -> float:
+        """Largest error, as a share of the largest coordinate."""
+        ours, every = heard(text, rate), rate // 4_410
+        when = np.arange(0, len(ours), every) / rate
+        exact = matter.solve(**given, links=links, when=when, gravity=G)
+        apart = ours[::every] - exact[:, 1:].reshape(len(when), -1)
+        return float(np.abs(apart).max() / np.abs(exact).max())
+
+    # Where two points nearly meet, finer steps are needed: in one of the fifty.
+    assert error(352_800) < 1e-4 or error(705_600) < 2e-5
 
 
 def test_a_chain_comes_to_rest_as_a_catenary_of_its_links():
@@ -227,7 +233,7 @@ CELL = "  c:\n    modules:\n      m: {CEL: {M: 1g, f: A3}}\n"
         (
             f"{SPACE}      s: {{RES: {{between: [bob.x, nail], K: 1}}}}\n",
             "E304",
-            "'bob.x' is one axis of a point; a link in space joins points: bob",
+            "'bob.x' is one axis of a point; write the point: bob",
         ),
         (
             f"{SPACE}      s: {{RES: {{between: [bob, c.m], K: 1}}}}\n{CELL}",

@@ -232,6 +232,7 @@ class Card:
             paced=True,
             **{
                 "underruns": 0,
+                "input_gaps": 0,
                 "xruns": 0,
                 "dropped": 0,
                 "alive": True,

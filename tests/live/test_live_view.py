@@ -33,6 +33,20 @@ strikes:
   unheard: {to: dark.3, at: 0s, every: 1s, times: 600, impulse: 1mNs}
 mix: {channels: 2, route: [{from: sky, to: [1, 2]}, {from: wire, to: 1}]}
 """
+TORN = """\
+ergon: 1
+instruments:
+  w:
+    space: 3
+    modules:
+      nail: {SOL: {X0: [0, 0, 0]}}
+      ball: {MAS: {M: 1kg, X0: [10cm, 0, 0], V0: [0.4m/s, 0, 0]}}
+      other: {MAS: {M: 1kg, X0: [0, 0, 10cm], V0: [0, 0, 0.1m/s]}}
+      thread: {REF: {between: [nail, ball], K: 1kN/m, breaks: 8mm}}
+      rope: {REF: {between: [nail, other], K: 1kN/m, breaks: 8mm}}
+    out: {x: {SOX: ball.x}, z: {SOX: other.z}}
+render: {tail: 600s}
+"""
 # What a page knows of what is heard: whether a clock says it, how far its picture is from that.
 HEARD = """(() => { const {live, clock, story} = ergon.page;
   const there = live.at(performance.now() / 1000, story.end);
@@ -150,6 +164,37 @@ def test_a_page_follows_what_is_heard(chromium: browser.Browser, own_folder: Pat
             assert page.errors == []
         tally = pages.server.tally
         assert tally["dropped"] == 0
+    finally:
+        performance.stop()
+        performance.close(1.0)
+        pages.close()
+
+
+@pytest.mark.slow
+def test_a_page_that_comes_late_draws_no_spring_that_broke(
+    chromium: browser.Browser, own_folder: Path
+) -> None:
+    """One page sees the thread tear; another comes when the first has forgotten that instant."""
+    Path("s.yaml").write_text(TORN)
+    options = PlayOptions(audio="null", gain="0dB", view=True)
+    ready = prepare("s.yaml", options, Report())
+    pages = ready.config.pages
+    assert pages is not None
+    performance = begin(ready.stage, ready.config, Report())
+    # Of each spring, by its first pair of coordinates, whether it is drawn now.
+    drawn = """(({story, clock}) => {
+      const {links} = story.model, since = story.breaks.all(links.length / 2);
+      return [0, 3].map((at) => clock.t < since[at]); })(ergon.page)"""
+    try:
+        with chromium.page() as page:
+            page.open(pages.server.url)
+            until(lambda: page.run("ergon.page.story.breaks.since.size") == 1, "it tears")
+            until(lambda: page.run("ergon.page.story.begins") > 1, "that is long past")
+        with chromium.page() as page:
+            page.open(pages.server.url)
+            assert page.run("ergon.page.story.model.links.length") == 12
+            assert page.run(drawn) == [False, True]
+            assert page.errors == []
     finally:
         performance.stop()
         performance.close(1.0)

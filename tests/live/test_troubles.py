@@ -25,6 +25,7 @@ class Status:
     alive: bool = True
     done: bool = False
     underruns: int = 0
+    input_gaps: int = 0
     xruns: int = 0
     lost: int = 0
     hands: list[Hand] = field(default_factory=lambda: [Hand()])
@@ -40,6 +41,7 @@ def told(status: Status, recording: str | None = None, *, is_endless: bool = Tru
 def test_each_trouble_is_told_in_a_few_words():
     assert told(FINE) == []
     assert told(replace(FINE, underruns=2, xruns=1, lost=1)) == ["gaps 3", "held up 1"]
+    assert told(replace(FINE, input_gaps=2)) == ["input gaps 2"]
     assert told(replace(FINE, alive=False)) == ["NO SOUND OUTPUT"]
     assert told(replace(FINE, done=True)) == ["ENGINE ENDED"]
     assert told(replace(FINE, done=True, alive=False), is_endless=False) == []

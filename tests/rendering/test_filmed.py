@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from commands import records
 from gltf_reader import Scene
-from motion_reader import CONTACTS, HAND, HANDS, LEVELS, Replica
+from motion_reader import CONTACTS, ERGON, ERGONS, HAND, HANDS, LEVELS, Replica
 from one_bell import SCORE
 
 from ergon.cli import app
@@ -84,6 +84,41 @@ def test_keys_contacts_and_levels_are_told() -> None:
     assert any(kind == CONTACTS for kind, *_ in replica.chunks)
     assert [mark["name"] for mark in replica.manifest["marks"]] == ["A", "B"]
     assert {source["file"] for source in replica.manifest["sources"]} == {"bell.yaml"}
+
+
+def test_what_a_gesture_strikes_is_told_as_few_ergons_with_its_impulse(capsys: Capture) -> None:
+    _, motion = render("a", "--motion")
+    replica = Replica(motion)
+    key = replica.names.index("k1")
+    told = [
+        (t + float(e["dt"]), float(e["impulse"]), int(e["source"]))
+        for t, all_ in replica.records(ERGONS, ERGON)
+        for e in all_
+        if e["point"] == key
+    ]
+    capsys.readouterr()
+    assert app.run(["compile", "bell.yaml"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    table = [line for line in lines if not line.startswith("#")]
+    struck = [row for row in csv.DictReader(table) if row["struck"] == "k1"]
+    assert len(struck) > 10_000
+    times = np.array([float(row["time [s]"]) for row in struck])
+    impulses = np.array([float(row["sign"] + row["impulse [N·s]"]) for row in struck])
+    at, seen = (np.array(column) for column in list(zip(*told, strict=True))[:2])
+    assert len(seen) < 1.5 * 60 * (times[-1] - times[0])
+    # In each look all that pushed up, and all that pushed down.
+    looks = np.arange(0, int(60 * times[-1]) + 2)
+    edges = (looks * 44_100 / 60 + 0.5).astype(int) / 44_100 - 1e-7
+    for sign in (1.0, -1.0):
+        one = [
+            np.histogram(t[sign * p > 0], edges, weights=p[sign * p > 0])[0]
+            for t, p in ((times, impulses), (at, seen))
+        ]
+        np.testing.assert_allclose(one[1], one[0], rtol=1e-5, atol=1e-12)
+        assert np.abs(one[0]).sum() > 0.1
+    sources = {replica.manifest["sources"][source]["line"] for *_, source in told}
+    (knock,) = (at for at, line in enumerate(UNHEARD.splitlines(), 1) if "knock: " in line)
+    assert sources == {knock}
 
 
 def test_info(capsys: Capture) -> None:

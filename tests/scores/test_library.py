@@ -44,12 +44,15 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "near-and-far": 33.14,
     "one-rope": 39.08,
     "poured-chain": 33.0,
+    "ocean-drum": 42.0,
+    "torn-cloth": 35.0,
     "night-piece": 178.15,
     "procession": 176.97,
     "feathers": 240.0,
     "feathers-small": 240.0,
 }
-HANDS = ("duet", "fader", "one-rope", "poured-chain", "feathers", "feathers-small")
+HANDS = ("duet", "fader", "one-rope", "poured-chain", "ocean-drum", "torn-cloth")
+HANDS += ("feathers", "feathers-small")
 LIVE = [SCORES / f"{name}.yaml" for name in HANDS]
 # `make test` renders these, `make test-long` all.
 SHORT = {"strokes", "bloom", "one-gesture"}
@@ -68,6 +71,8 @@ HEARD = {  # how many seconds are rendered here; others wholly
     "near-and-far": 2.0,
     "one-rope": 1.0,
     "poured-chain": 1.0,
+    "ocean-drum": 1.0,
+    "torn-cloth": 1.0,
     "night-piece": 6.0,
     "procession": 1.0,
     "feathers": 0.5,

@@ -95,7 +95,7 @@ impl MotionRecorder {
     ) -> PyResult<Self> {
         let own = &mut simulation.0;
         let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
-        own.watch_contacts();
+        own.watch();
         let recorder = Recorder::new(own, look.0.clone(), setup).map_err(said)?;
         Ok(Self {
             recorder,

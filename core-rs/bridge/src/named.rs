@@ -151,6 +151,17 @@ results! {
     PerformanceEvent { frame: u64, what: &'static str, number: f64 }
     /// An event of a performance's sound output.
     SoundEvent { time: f64, sentence: String }
+    /// The sound input of a performance: frames of silence put in, and frames thrown away.
+    SoundInput {
+        sentence: String,
+        live: bool,
+        gaps: u64,
+        missing: u64,
+        discarded: u64,
+        recorded: Option<u64>,
+        lost: u64,
+        error: Option<String>,
+    }
     /// A frame at which the silence of a panic begins or ends.
     SilenceEdge { frame: u64, begins: bool }
 }

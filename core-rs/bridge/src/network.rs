@@ -7,8 +7,8 @@ use ergon_engine::generator::{
     self, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
 };
 use ergon_engine::network::{
-    self, Bristle, But, Dry, ElementKind, Measure, ModeRange, PointGroup, SpaceLaw, SpacePoint,
-    SpacePoints, Term, Tie,
+    self, Bristle, But, Dry, ElementKind, Measure, ModeRange, PairLaw, PointGroup, SpaceLaw,
+    SpacePoint, SpacePoints, Term, Tie,
 };
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
@@ -284,8 +284,9 @@ impl Network {
 
     /// Contacts between all points of two groups, each (coordinates of its first point, count); the same group twice: between
     /// all its points. With `normal` they touch planes through the points of the first group, with `inside` they are held
-    /// in spheres around these.
-    #[pyo3(signature = (name, a, b, *, gap, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None))]
+    /// in spheres around these. `friction` is the coefficient of dry friction across a contact. With `core` [m] they attract
+    /// each other.
+    #[pyo3(signature = (name, a, b, *, gap=0.0, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None, friction=0.0, core=None))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn pairwise(
         &mut self,
@@ -299,17 +300,27 @@ impl Network {
         clamp: bool,
         inside: bool,
         normal: Option<[f64; 3]>,
+        friction: f64,
+        core: Option<f64>,
     ) -> PyResult<usize> {
-        let law = SpaceLaw::Contact { exponent, clamp };
+        let law = match core {
+            Some(core) => SpaceLaw::Attraction { core },
+            None => SpaceLaw::Contact { exponent, clamp },
+        };
         let measure = match normal {
             Some(normal) => Measure::Plane(normal),
             None if inside => Measure::Within,
             None => Measure::Distance,
         };
+        let own = PairLaw {
+            measure,
+            law,
+            friction,
+        };
         let (ends, axes) = points(name, [&a.0, &b.0])?;
         let groups = [(ends[0], a.1), (ends[1], b.1)].map(|(first, n)| PointGroup { first, n });
         self.0
-            .pairwise(name, groups, axes, (measure, law), [K, Z, gap])
+            .pairwise(name, groups, axes, own, [K, Z, gap])
             .map_err(from_engine)
     }
 

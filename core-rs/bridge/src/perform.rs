@@ -10,8 +10,8 @@ use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{
-    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, Keyboard, MeasuredKey,
-    PlaybackConfig, Stage, Stem,
+    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard,
+    MeasuredKey, PlaybackConfig, Stage, Stem,
 };
 use ergon_live::recording::{Axis, Header};
 use numpy::PyReadonlyArray1;
@@ -22,7 +22,7 @@ use crate::error::{refused, said, unrecorded};
 use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
-use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent};
+use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent, SoundInput};
 use crate::simulation::{Simulation, damping, strike_impulse};
 use crate::status::{HandLimit, Status, named_event};
 
@@ -63,7 +63,7 @@ pub(crate) struct Performance {
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None, seen=false))]
+    #[pyo3(signature = (simulation, mixer, *, tick_frames=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, fades_from=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new(), fold=None, seen=false, audio_in="auto", record_in=None))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
@@ -82,6 +82,8 @@ impl Performance {
         frozen: Vec<StemOf>,
         fold: Option<&Fold>,
         seen: bool,
+        audio_in: &str,
+        record_in: Option<PathBuf>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guidance, response, measured): &HandOf<'_>| {
@@ -124,6 +126,13 @@ impl Performance {
         };
         let config = PlaybackConfig {
             audio: audio.parse().map_err(said)?,
+            input: InputConfig {
+                from: match audio_in {
+                    "none" => None,
+                    other => Some(other.parse().map_err(said)?),
+                },
+                record: record_in,
+            },
             ahead,
             record: record.map(|(path, axes, about)| {
                 let axis = |(player, key)| Axis { player, key };
@@ -168,13 +177,13 @@ impl Performance {
         })
     }
 
-    /// Events of the sound output so far.
+    /// Events of the sound output and input so far.
     fn sound_events(&self) -> PyResult<Vec<SoundEvent>> {
-        let named = |event: audio::Event| SoundEvent {
+        let named = |event: &audio::Event| SoundEvent {
             time: event.at,
-            sentence: event.sentence,
+            sentence: event.sentence.clone(),
         };
-        self.with(|own| own.output().events().into_iter().map(named).collect())
+        self.with(|own| own.sound_events().iter().map(named).collect())
     }
 
     /// Edges of the silence of panics, from number `since` on.
@@ -209,6 +218,26 @@ impl Performance {
     /// The sound output, as a sentence.
     fn output(&self) -> PyResult<String> {
         self.with(|own| own.output().info().sentence)
+    }
+
+    /// The sound input, and what is missing of it.
+    fn heard(&self) -> PyResult<SoundInput> {
+        self.with(|own| {
+            let heard = own.heard();
+            let shared = heard.input.as_ref().map(audio::Input::shared);
+            let count = |of: fn(&audio::Shared) -> u64| shared.map_or(0, |shared| of(shared));
+            let tap = heard.recorded.as_ref().map(audio::TapHandle::status);
+            SoundInput {
+                sentence: heard.sentence.clone(),
+                live: shared.is_some(),
+                gaps: count(audio::Shared::underruns),
+                missing: count(audio::Shared::missing),
+                discarded: count(audio::Shared::discarded),
+                recorded: tap.as_ref().map(|tap| tap.frames),
+                lost: tap.as_ref().map_or(0, |tap| tap.missing),
+                error: tap.and_then(|tap| tap.error),
+            }
+        })
     }
 
     /// Priority and memory lock of the physics thread, in words; None until it runs.

@@ -1,7 +1,10 @@
 //! Simulations: what moves.
 
 use ergon_engine::simulation;
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadwriteArray2, PyUntypedArrayMethods};
+use numpy::{
+    IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -142,6 +145,19 @@ impl Simulation {
     /// Strike a point of Timeline.strike_point at the next frame; False where there is no such point.
     fn strike(&mut self, point: u32, impulse: f64) -> PyResult<bool> {
         Ok(self.0.strike(point, strike_impulse(impulse)?))
+    }
+
+    /// What a sound card hears in the next frames (n_frames, n_channels), 4096 at most.
+    fn sound_in(&mut self, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
+        let n_channels = frames.shape()[1];
+        self.0.sound_in(frames.as_slice()?, n_channels);
+        Ok(())
+    }
+
+    /// Channels of a sound card that its inputs need.
+    #[getter]
+    fn n_channels_in(&self) -> usize {
+        self.0.n_channels_in()
     }
 
     /// Mean force of the piece on a real hand over the last whole tick [N].

@@ -52,6 +52,7 @@ pub(crate) struct Status {
     busiest: f64,
     filled: usize,
     underruns: u64,
+    input_gaps: u64,
     xruns: u64,
     played: u64,
     alive: bool,
@@ -70,6 +71,11 @@ impl Status {
         let sound = own.output().shared();
         let info = own.output().info();
         let (_, latency) = sound.timing();
+        let input = own
+            .heard()
+            .input
+            .as_ref()
+            .map(ergon_live::audio::Input::shared);
         Self {
             frame: status.frame,
             ticks: status.ticks,
@@ -82,6 +88,7 @@ impl Status {
             busiest: status.busiest,
             filled: status.filled,
             underruns: sound.underruns(),
+            input_gaps: input.map_or(0, |shared| shared.underruns()),
             xruns: sound.xruns(),
             played: sound.played(),
             alive: sound.alive(),

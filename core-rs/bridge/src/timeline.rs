@@ -6,7 +6,7 @@ use ergon_engine::chance::Chance;
 use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network;
-use ergon_engine::timeline::{self, Rain, Source};
+use ergon_engine::timeline::{self, Rain, SoundInSettings, Source};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -253,8 +253,30 @@ impl Timeline {
             .map_err(from_engine)
     }
 
-    /// ENX / ENF: a constant, or a take from `at`.
-    #[pyo3(signature = (mat, kind, *, constant=None, take=None, at=0.0, scale=1.0, own=true))]
+    /// An input of a sound card; `samples` (n_frames,) are what it hears where nobody plays.
+    #[pyo3(signature = (channel, samples, *, gain, clamp, highpass=None))]
+    fn sound_in(
+        &mut self,
+        py: Python<'_>,
+        channel: usize,
+        samples: PyReadonlyArray1<'_, f64>,
+        gain: f64,
+        clamp: f64,
+        highpass: Option<f64>,
+    ) -> PyResult<usize> {
+        let settings = SoundInSettings {
+            channel,
+            gain,
+            highpass,
+            clamp,
+        };
+        let samples = samples.as_slice()?;
+        computing(py, || self.inner.sound_in(settings, samples))?
+            .map_err(|error| refused("sound_in", error))
+    }
+
+    /// ENX / ENF: a constant, a take from `at`, or an input.
+    #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, at=0.0, scale=1.0, own=true))]
     #[allow(clippy::too_many_arguments)]
     fn drive(
         &mut self,
@@ -262,22 +284,27 @@ impl Timeline {
         kind: &str,
         constant: Option<f64>,
         take: Option<&Take>,
+        sound: Option<usize>,
         at: f64,
         scale: f64,
         own: bool,
     ) -> PyResult<()> {
         self.there("drive", mat)?;
         let kind = word("kind", kind, words::DRIVES)?;
-        let source = match (constant, take) {
-            (Some(constant), None) => Source::Constant(constant),
-            (None, Some(take)) => {
+        let source = match (constant, take, sound) {
+            (None, None, Some(sound)) => {
+                let driven = self.inner.drive_by_sound(mat, kind, sound, scale);
+                return driven.map_err(|error| refused("drive", error));
+            }
+            (Some(constant), None, None) => Source::Constant(constant),
+            (None, Some(take), None) => {
                 let path = take.0.placed(at, scale, 1.0, false);
                 Source::Take(path.map_err(|error| refused("drive", error))?)
             }
             _ => {
                 return Err(refused(
                     "drive",
-                    "a drive takes either a constant or a take",
+                    "a drive takes one of a constant, a take and an input",
                 ));
             }
         };

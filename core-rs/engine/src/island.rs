@@ -19,6 +19,7 @@ mod real_hands;
 pub(crate) mod record;
 mod rest;
 pub(crate) mod slow;
+mod sounds_in;
 mod step;
 mod stored;
 mod takeover;
@@ -46,10 +47,12 @@ use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use crate::timeline::{Drive, Ergon, Gate, GateContinuation, Push};
+use written_hand::SPARKS;
 use written_hand::framed::FramedGesture;
 
 use fault::Mutes;
 use ledger::Ledger;
+pub(crate) use sounds_in::FRAMES_MAX;
 
 /// Everything that does not change while the simulation runs.
 #[derive(Clone, Debug)]
@@ -66,6 +69,7 @@ pub(crate) struct Script {
     led: Vec<glide::Led>,
     pub(crate) hand_bindings: Vec<real_hands::HandBinding>,
     strike_points: Vec<live_strikes::StrikePoint>,
+    sound_drives: Vec<sounds_in::SoundDrive>,
     on_fault: OnFault,
 }
 
@@ -96,6 +100,8 @@ struct State {
     fine: Option<fine::Fine>,
     /// Impulses that act in the next step [N·s]   (n_strike_points)
     impulses: Vec<f64>,
+    /// What was played into each of the inputs   (n_sound_drives)
+    played: Vec<sounds_in::Played>,
     hand_states: Vec<real_hands::HandState>,
     ledger: Option<Ledger>,
     mutes: Mutes,
@@ -210,15 +216,29 @@ impl Island {
         self.state.stream.take()
     }
 
-    /// Note the strongest push of each contact from here on.
-    pub(crate) fn watch_contacts(&mut self) {
+    /// Note the strongest push of each contact, and what written hands strike, from here on.
+    pub(crate) fn watch(&mut self) {
         self.state.touches = touched::Touches::of(&self.network);
+        let voices = &mut self.state.voices;
+        voices.iter_mut().for_each(|voice| voice.sparks.watch());
         self.wake();
     }
 
     /// Tell of contacts (link, how) that pushed since the last call.
     pub(crate) fn take_touches(&mut self, tell: impl FnMut(usize, Touch)) {
         self.state.touches.take(tell);
+    }
+
+    /// Tell of what written hands struck since the last call.
+    pub(crate) fn take_sparks(&mut self, mut tell: impl FnMut(Record)) {
+        for voice in &mut self.state.voices {
+            voice.sparks.take(&mut tell);
+        }
+    }
+
+    /// How many sparks there are between two looks at most.
+    pub(crate) fn sparks_max(&self) -> usize {
+        SPARKS * self.state.voices.len()
     }
 
     /// Whether a link in space is broken.

@@ -160,6 +160,8 @@ pub struct Plan {
     pub(crate) timeline_rate: crate::units::Rate,
     pub(crate) n_keys: usize,
     pub(crate) n_gestures: usize,
+    /// What is done to the samples of inputs before they act   (n_sounds_in)
+    pub(crate) sounds_in: Vec<crate::timeline::SoundInSettings>,
     /// Units that are heard, then those that are looked at alone.
     pub(crate) units: Vec<Unit>,
     pub(crate) n_heard: usize,
@@ -332,6 +334,7 @@ impl Plan {
             timeline_rate: timeline.rate,
             n_keys: timeline.keys.len(),
             n_gestures: timeline.gestures.len(),
+            sounds_in: timeline.sound_settings().collect(),
             still: vec![0.0; network.outputs().len()],
             rows: Vec::new(),
             seen: Vec::new(),

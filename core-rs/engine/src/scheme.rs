@@ -109,6 +109,14 @@ impl Run {
         (0..self.n_axes()).map(move |axis| self.pair(i, axis))
     }
 
+    /// The index of its memory, of contacts of all pairs; 0 of other links.
+    pub(crate) fn room(&self) -> usize {
+        match &self.kind {
+            Kind::Pairwise { room, .. } => *room,
+            _ => 0,
+        }
+    }
+
     /// The run as contacts of all pairs.
     pub(crate) fn pairwise(&self) -> Option<PairRun> {
         match &self.kind {
@@ -321,6 +329,13 @@ impl Scheme {
     pub(crate) fn has_pairwise(&self) -> bool {
         let mut runs = self.runs.iter();
         runs.any(|run| matches!(run.kind, Kind::Pairwise { .. }))
+    }
+
+    /// The memory of the contacts of all pairs that begin with a link.
+    pub(crate) fn room_of(&self, link: usize) -> Option<usize> {
+        let mut runs = self.runs.iter();
+        let run = runs.find(|run| run.first == link && run.pairwise().is_some())?;
+        Some(run.room())
     }
 
     /// What all LIAs remember at the beginning; nothing where no link remembers.

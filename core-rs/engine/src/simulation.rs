@@ -8,6 +8,7 @@ mod group;
 mod look;
 mod response;
 mod side;
+mod sounds_in;
 mod stored;
 mod takeover;
 
@@ -38,6 +39,7 @@ pub struct Simulation {
     threads: usize,
     frame: u64,
     derivatives: Derivatives,
+    sounds_in: sounds_in::SoundsIn,
     /// The last frames of what is skipped, for outputs that are differentiated.
     unheard: Vec<f64>,
 }
@@ -113,9 +115,11 @@ impl Simulation {
         } else {
             derivative::SPAN
         };
+        let sounds_in = sounds_in::SoundsIn::new(&plan);
         Ok(Self {
             plan,
             groups,
+            sounds_in,
             threads,
             frame: 0,
             derivatives,

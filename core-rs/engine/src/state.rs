@@ -1,6 +1,9 @@
 //! State of an island's masses: positions, last steps, forces.
 
-use crate::scheme::Scheme;
+mod contact_history;
+
+use crate::scheme::{Kind, Scheme};
+pub(crate) use contact_history::ContactHistory;
 
 /// Positions of the MATs and the forces on them.
 #[derive(Clone, Debug)]
@@ -16,7 +19,9 @@ pub(crate) struct Body {
     /// What each LIA remembers [m]: how far its bristles are bent, or by how much its rest length has yielded, endless
     /// where it is broken; empty: none remembers anything   (n_lia)
     pub(crate) memory: Vec<f64>,
-    /// Part of `force` by contacts of all pairs of points [N]   (n_mat; empty: there are none)
+    /// How touching points slid, of each run of contacts of all pairs, by its room.
+    pub(crate) histories: Vec<ContactHistory>,
+    /// Part of `force` by all pairs of points [N]   (n_mat; empty: there are none)
     pub(crate) pair_force: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
     pub(crate) inner: Vec<f64>,
@@ -32,6 +37,7 @@ crate::archive::state!(Body {
     force,
     link,
     memory,
+    histories,
     pair_force,
     inner,
     outside,
@@ -69,6 +75,7 @@ impl Body {
             force: vec![0.0; x.len()],
             link: vec![0.0; scheme.n_lia],
             memory: scheme.memory(),
+            histories: histories(scheme),
             pair_force: vec![0.0; if scheme.has_pairwise() { x.len() } else { 0 }],
             inner: Vec::new(),
             outside: Vec::new(),
@@ -91,8 +98,26 @@ impl Body {
         self.x.copy_from_slice(&other.x);
         self.d.copy_from_slice(&other.d);
         self.memory.copy_from_slice(&other.memory);
+        for (own, other) in self.histories.iter_mut().zip(&other.histories) {
+            own.copy_from(other);
+        }
         self.inner.copy_from_slice(&other.inner);
     }
+}
+
+/// Room for what the pairs of points of each room remember: of those without friction for nothing.
+fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
+    let mut histories = Vec::new();
+    for run in &scheme.runs {
+        if let Kind::Pairwise { by, room } = &run.kind {
+            let n_rooms = histories.len().max(room + 1);
+            histories.resize_with(n_rooms, ContactHistory::default);
+            if by.friction > 0.0 {
+                histories[*room] = ContactHistory::new(by.n_points(run.len));
+            }
+        }
+    }
+    histories
 }
 
 /// A MAT whose next position is imposed for this step.

@@ -6,6 +6,7 @@ mod glide;
 mod hand;
 mod lead;
 mod push;
+mod sound_in;
 
 use std::sync::Arc;
 
@@ -25,6 +26,7 @@ pub use hand::{Hand, HandWay};
 pub use lead::Factors;
 pub(crate) use lead::{Lead, first, greatest, next_change};
 pub(crate) use push::{Push, pushes};
+pub use sound_in::{Conditioner, SoundIn, SoundInSettings};
 
 /// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.
 const STRIKES_MAX: u64 = 5_000_000;
@@ -107,6 +109,8 @@ pub struct Timeline {
     pub(crate) ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
+    /// Inputs of a sound card, of which drives hold copies.
+    pub(crate) sounds_in: Vec<SoundIn>,
     pub(crate) glides: Vec<Glide>,
     pub(crate) leads: Vec<Lead>,
     /// Frames of this rate in a frame of the score: events that act by frame fall on the first of them.
@@ -126,6 +130,7 @@ impl Timeline {
             ergons: Vec::new(),
             gates: Vec::new(),
             drives: Vec::new(),
+            sounds_in: Vec::new(),
             glides: Vec::new(),
             leads: Vec::new(),
             oversampling: 1,

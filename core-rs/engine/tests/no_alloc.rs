@@ -13,7 +13,9 @@ use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, Written};
-use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::network::{
+    Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term, Tie,
+};
 use ergon_engine::plan::{Budget, Computed, Method, Plan};
 use ergon_engine::simulation::{Glance, OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
@@ -55,7 +57,7 @@ fn a_playing_scene_does_not_allocate() {
     }
 }
 
-/// Looking only copies: masses, cells, modes, and the strongest push of each contact.
+/// Looking only copies: masses, cells, modes, the strongest push of each contact, and what written hands struck.
 #[test]
 fn looking_does_not_allocate() {
     look(0..4);
@@ -68,6 +70,7 @@ fn many_looks_do_not_allocate() {
 }
 
 fn look(seeds: Range<u64>) {
+    let mut sparks = 0;
     for seed in seeds {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
@@ -78,7 +81,7 @@ fn look(seeds: Range<u64>) {
         };
         let mut simulation = Simulation::planned(Arc::new(plan), options).unwrap();
         let look = simulation.looked_at();
-        simulation.watch_contacts();
+        simulation.watch();
         let mut glance = Glance::new(&simulation, &look);
         let mut seen = false;
         let mut out = vec![0.0; scene.n_frames() * simulation.n_out()];
@@ -89,9 +92,11 @@ fn look(seeds: Range<u64>) {
             assert_eq!(violation_count(), 0, "{seed}");
             assert_eq!(glance.frame, simulation.frame());
             seen |= glance.tracks.iter().any(|x| *x != 0.0);
+            sparks += glance.sparks().len();
         }
         assert!(seen, "{seed}");
     }
+    assert!(sparks > 10, "{sparks}");
 }
 
 /// A key of two masses that goes once in ten frames and a bell that it pulls; it is led, thrown by grains, struck.
@@ -331,5 +336,72 @@ fn a_body_that_changes_does_not_allocate() {
             assert_eq!(allocations(&mut new, &mut out), 0, "{before:?} {after:?}");
             assert!(out.iter().any(|x| *x != 0.0));
         }
+    }
+}
+
+/// Points that meet in all pairs, and remember how they slid: from the first frame on, and in a heap.
+#[test]
+fn a_crowd_that_rubs_does_not_allocate() {
+    let (side, gap, n) = (5, 8e-3, 125);
+    let mut network = Network::new();
+    network.part("sand", None);
+    let place = |i: usize| {
+        let row = [i % side, i / side % side, i / side / side];
+        row.map(|i| 0.9 * gap * i as f64 - 2.0 * gap)
+    };
+    let axis = |axis: usize| (0..n).map(move |i| place(i)[axis]);
+    let x0: Vec<f64> = (0..3).flat_map(axis).collect();
+    let mut points = |name: &str, masses: &[f64], x0: &[f64]| {
+        let v0 = &vec![0.0; x0.len()][..];
+        let (n_axes, z) = (3, 0.0);
+        let points = SpacePoints {
+            n_axes,
+            masses,
+            x0,
+            v0,
+            z,
+        };
+        let first = network.points(name, true, points).unwrap();
+        PointGroup {
+            first: SpacePoint::strided(first, masses.len()),
+            n: masses.len(),
+        }
+    };
+    let bowl = points("bowl", &[0.0], &[0.0; 3]);
+    let sand = points("sand", &vec![1e-3; n], &x0);
+    let last = sand.first.first + 2 * n;
+    network.weigh(last..last + n, -9.81).unwrap();
+    let law = SpaceLaw::Contact {
+        exponent: 1.0,
+        clamp: true,
+    };
+    for (name, groups, measure, gap) in [
+        ("rub", [sand, sand], Measure::Distance, gap),
+        ("wall", [bowl, sand], Measure::Within, 0.03),
+    ] {
+        let own = PairLaw {
+            measure,
+            law,
+            friction: 0.4,
+        };
+        let numbers = [500.0, 0.05, gap];
+        network.pairwise(name, groups, 3, own, numbers).unwrap();
+    }
+    let term = Term::Force {
+        first: 0,
+        len: n,
+        weight: 1.0,
+    };
+    network.listen("rub", vec![term]).unwrap();
+    let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    let options = Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    };
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, options).unwrap();
+    let mut out = vec![0.0; 8_000];
+    for block in 0..4 {
+        assert_eq!(allocations(&mut simulation, &mut out), 0, "{block}");
+        assert!(out.iter().any(|&force| force != 0.0));
     }
 }

@@ -30,8 +30,14 @@ mod plans;
 mod resting;
 #[path = "scenes/scene.rs"]
 mod scene;
+#[path = "scenes/sliding.rs"]
+mod sliding;
+#[path = "scenes/sounds_in.rs"]
+mod sounds_in;
 #[path = "scenes/space.rs"]
 mod space;
+#[path = "scenes/sparks.rs"]
+mod sparks;
 #[path = "scenes/stiff.rs"]
 mod stiff;
 #[path = "scenes/takeover.rs"]

@@ -5,6 +5,7 @@
 
 mod connect;
 mod file;
+mod input;
 mod jack;
 mod null;
 mod output;
@@ -14,6 +15,7 @@ mod ring;
 mod shape;
 mod shared;
 mod sink;
+mod source;
 mod spec;
 #[cfg(all(feature = "system", any(target_os = "macos", windows)))]
 mod system;
@@ -26,6 +28,7 @@ mod wave;
 use std::path::PathBuf;
 
 pub use connect::survey;
+pub use input::{Input, InputInfo, Intake, listen};
 pub use jack::Capture;
 pub use output::{Event, Info, News, Output, Sounding, open};
 pub use ring::{CHANNELS_MAX, Drain, Feed, ring};

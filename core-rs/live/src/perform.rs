@@ -11,6 +11,7 @@ mod frozen;
 mod guidance;
 mod hand;
 mod hand_limit;
+mod hearing;
 mod keys;
 mod performance;
 mod player;
@@ -25,6 +26,7 @@ pub use frozen::Stem;
 pub use guidance::{Guidance, GuidanceShare, GuidanceStep};
 pub use hand::Hand;
 pub use hand_limit::{HandKey, HandLimit, MeasuredKey, SCALE_MIN};
+pub use hearing::{Heard, InputConfig};
 pub use keys::{DeviceConfig, Keyboard, Slot};
 pub use performance::Performance;
 pub use player::change::Change;
@@ -97,6 +99,8 @@ pub struct PlaybackConfig {
     pub ahead: Option<usize>,
     /// A recording of the hands, and what stands at its beginning.
     pub record: Option<(PathBuf, Header)>,
+    /// Where the inputs of the piece are heard, if it has any.
+    pub input: InputConfig,
 }
 
 /// Something that is asked of the physics thread.

@@ -522,20 +522,24 @@ class Network:
         a: tuple[Sequence[int], int],
         b: tuple[Sequence[int], int],
         *,
-        gap: float,
+        gap: float = 0.0,
         K: float = 0.0,
         Z: float = 0.0,
         exponent: float = 1.0,
         clamp: bool = False,
         inside: bool = False,
         normal: Sequence[float] | None = None,
+        friction: float = 0.0,
+        core: float | None = None,
     ) -> int:
         """Contacts between all points of two groups; the index of the first, one for each of `b`.
 
         A group is the MATs of its first point's axes, and its count; the same group twice: between
         all its points. The second is not smaller than the first. They push as `space_but` does, where the distance
         is below `gap` [m]; `inside`: above it; with `normal`, (3,) and of length 1, where `b` is
-        less than `gap` above the plane through the point of `a`. Raises EngineError.
+        less than `gap` above the plane through the point of `a`. `friction` is the coefficient of dry
+        friction across a contact. With `core` [m] they attract each other as those of `space_ref`,
+        and have no gap. Raises EngineError.
         """
     def bank(
         self,
@@ -983,6 +987,21 @@ class Timeline:
 
         Raises EngineError where the MAT is fixed.
         """
+    def sound_in(
+        self,
+        channel: int,
+        samples: _Floats,
+        *,
+        gain: float,
+        clamp: float,
+        highpass: float | None = None,
+    ) -> int:
+        """Declare an input of a sound card; returns its index.
+
+        `channel` counts from 0. Full scale is `gain` [m or N], after a Butterworth high-pass of order
+        2 [Hz]; no value is larger than `clamp` [m or N]. `samples` (n_frames,), full scale 1, at the rate of the
+        timeline: what is heard from frame 0 on where nobody plays. Raises EngineError.
+        """
     def drive(
         self,
         mat: int,
@@ -990,12 +1009,14 @@ class Timeline:
         *,
         constant: float | None = None,
         take: Take | None = None,
+        sound: int | None = None,
         at: float = 0.0,
         scale: float = 1.0,
         own: bool = True,
     ) -> None:
-        """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, or a take.
+        """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, a take, or an input.
 
+        `sound` is an index that `sound_in` returned: frame n is computed with value n times `scale`.
         The take begins at `at` [s]; before it its first value holds, after it its last. With `own`
         the module belongs to the MAT's part, so that the free copy of a key feels it too.
         """
@@ -1336,6 +1357,14 @@ class Simulation:
         Impulses of one frame add up. False where the simulation has no such point. Raises
         EngineError where the impulse is not finite.
         """
+    def sound_in(self, frames: NDArray[np.float32]) -> None:
+        """Give what a sound card hears in the next frames, full scale 1, (n_frames, n_channels).
+
+        At most 4096 frames. From the first call on, frames for which nothing is given are silent.
+        """
+    @property
+    def n_channels_in(self) -> int:
+        """Channels of a sound card that the inputs of the timeline need."""
     def felt(self, hand: int) -> float:
         """Mean force of the piece on a real hand [N] over the last whole tick."""
     def fork(self) -> Simulation:
@@ -1664,6 +1693,7 @@ class Status:
     busiest: float  # greatest load of one tick
     filled: int  # frames in the ring
     underruns: int
+    input_gaps: int  # how often frames of the sound input were missing
     xruns: int  # how often the clock of the sound was held up
     played: int  # frames that went to the card
     alive: bool  # a card or server takes frames
@@ -1746,10 +1776,22 @@ class PerformanceEvent(NamedTuple):
     number: float
 
 class SoundEvent(NamedTuple):
-    """An event of a performance's sound output, at a time since it was opened [s]."""
+    """An event of a performance's sound output or input, at a time since it was opened [s]."""
 
     time: float
     sentence: str
+
+class SoundInput(NamedTuple):
+    """The sound input of a performance."""
+
+    sentence: str  # what is heard, or why nothing is; empty where the piece has no inputs
+    live: bool  # a card is heard
+    gaps: int  # how often frames were missing
+    missing: int  # frames of silence in their place
+    discarded: int  # frames that came too many
+    recorded: int | None  # frames in the file of what is heard; None: no file
+    lost: int  # of them, silence for which the disk was too slow
+    error: str | None  # why the file could not be written
 
 class SilenceEdge(NamedTuple):
     """A frame at which the silence of a panic begins or ends.
@@ -1797,6 +1839,8 @@ class Performance:
         frozen: Sequence[FrozenStem] = ...,
         fold: Fold | None = None,
         seen: bool = False,
+        audio_in: str = "auto",
+        record_in: Path | None = None,
     ) -> Self:
         """Begin to play a copy of the simulation, through a copy of the mixer and of the fold.
 
@@ -1804,14 +1848,16 @@ class Performance:
         `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
         FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
         over; `fold`: from the mixer's channels to those that are heard; `seen`: pages will
-        see it (`ViewServer.show`). Raises EngineError.
+        see it (`ViewServer.show`); `audio_in`: where the inputs of the piece are heard, "auto" (that of
+        the output, if it has one), "jack[:PORTS]", "pulse[:SOURCE]" or "none"; `record_in`: a new WAVE
+        file of what is heard there. Raises EngineError.
         """
     def status(self) -> Status:
         """The state now."""
     def events(self) -> list[PerformanceEvent]:
         """Events since the last call."""
     def sound_events(self) -> list[SoundEvent]:
-        """Events of the sound output so far."""
+        """Events of the sound output and input so far."""
     def silences(self, since: int) -> list[SilenceEdge]:
         """Edges of the silence of panics, from number `since` on.
 
@@ -1830,6 +1876,8 @@ class Performance:
         """
     def output(self) -> str:
         """The sound output, as a sentence."""
+    def heard(self) -> SoundInput:
+        """The sound input, and what is missing of it."""
     def granted(self) -> str | None:
         """Priority and memory lock of the physics thread, in words; None until it runs."""
     def panic(self) -> None:

@@ -10,6 +10,7 @@ const TRAIL_STEP = 1 / 40; // [s] of the picture between them
 const HIDDEN = -3; // as light
 const SPARK = 3.2; // radii [px of 720 lines]
 const CONTACT = 26;
+const CROWD = 2; // contacts at once that cover no more than themselves: of more, each is smaller
 
 export class Drawing {
   constructor(gl) {
@@ -142,11 +143,11 @@ export class Drawing {
   drawFlashes(story, motion, t, look, width, height) {
     const px = height / 720;
     const sparks = this.show.sparks ? this.sparksAt(story, motion, t, look, px) : { points: [], values: [], radii: [] };
-    const contacts = this.show.contacts && !look.still ? contactsAt(story, motion, t, px) : { at: [], radii: [] };
+    const contacts = this.show.contacts && !look.still ? contactsAt(story, motion, t, px) : { at: [], radii: [], share: 1 };
     const hold = look.strobe ? 1 : held([...sparks.radii, ...contacts.radii], width, height);
     this.sparks = sparks.points.length;
     if (sparks.points.length) this.drawSparks(sparks, look, hold);
-    if (contacts.at.length) this.drawDiscs(new Float32Array(contacts.at), { size: CONTACT * hold, far: 0, dark: [0, 0, 0], bright: [1, 0.9, 0.7] });
+    if (contacts.at.length) this.drawDiscs(new Float32Array(contacts.at), { size: CONTACT * contacts.share * hold, far: 0, dark: [0, 0, 0], bright: [1, 0.9, 0.7] });
   }
 
   sparksAt(story, motion, t, look, px) {
@@ -159,7 +160,8 @@ export class Drawing {
       const depth = m[3] * model.x[p] + m[7] * model.y[p] + m[11] * model.z[p] + m[15];
       const near = Math.min(5, Math.max(0.7, (2.3 * motion.whole) / Math.max(depth, 1e-9)));
       const d = e.t - t;
-      const { size, light } = spark(look.still && d < 0.1 * reach ? 0.1 * reach : d, reach, Math.abs(e.impulse) / (ergons.greatest || 1));
+      const { size, light } = spark(look.still && d < 0.1 * reach ? 0.1 * reach : d, reach, ergons.share(e));
+      if (light <= 0) return;
       const radius = px * near * SPARK * size;
       found.points.push(model.drawn[p]);
       found.values.push(d, e.impulse, radius, light);
@@ -225,14 +227,19 @@ function apart(model, part) {
 
 function contactsAt(story, motion, t, px) {
   const { model, contacts } = story;
-  const found = { at: [], radii: [] };
+  // Two masses that stay in touch are told of at every look: one flash, as bright as the brightest.
+  const flashes = new Map();
   contacts.between(t - 0.2, t, (c) => {
-    const link = model.contacts[c.contact];
-    const flash = link ? contactFlash(t - c.t, Math.abs(c.force) / (contacts.greatest || 1)) : 0;
-    if (flash <= 0) return;
-    found.at.push(...middle(motion, link.a, link.b), flash);
-    found.radii.push(px * CONTACT);
+    const flash = contactFlash(t - c.t, Math.abs(c.force) / (contacts.greatest || 1));
+    if (model.contacts[c.contact] && flash > (flashes.get(c.contact) ?? 0)) flashes.set(c.contact, flash);
   });
+  const share = Math.min(1, Math.sqrt(CROWD / flashes.size));
+  const found = { at: [], radii: [], share };
+  for (const [contact, flash] of flashes) {
+    const { a, b } = model.contacts[contact];
+    found.at.push(...middle(motion, a, b), flash);
+    found.radii.push(px * CONTACT * share);
+  }
   return found;
 }
 

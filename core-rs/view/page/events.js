@@ -50,14 +50,16 @@ class Events {
 }
 
 export class Ergons extends Events {
-  constructor() {
+  constructor(model) {
     super();
-    this.greatest = 0; // [N·s]
+    this.partOf = model.partOf;
+    this.greatest = new Float64Array(model.parts.length); // [N·s] of each part
   }
 
   take(seconds, view) {
     for (let at = 0; at + 20 <= view.byteLength; at += 20) {
-      this.greatest = Math.max(this.greatest, Math.abs(view.getFloat32(at + 8, true)));
+      const part = this.partOf[view.getUint32(at + 4, true)];
+      this.greatest[part] = Math.max(this.greatest[part], Math.abs(view.getFloat32(at + 8, true)));
       this.add({
         t: seconds + view.getFloat32(at, true),
         point: view.getUint32(at + 4, true),
@@ -66,6 +68,11 @@ export class Ergons extends Events {
         source: view.getUint32(at + 16, true),
       });
     }
+  }
+
+  /** The impulse of one as a share of the greatest of its part. */
+  share(ergon) {
+    return Math.abs(ergon.impulse) / (this.greatest[this.partOf[ergon.point]] || 1);
   }
 }
 

@@ -20,7 +20,7 @@ export class Story {
     this.model = new Model(bytes);
     this.flights = new Flights(this.model.points + this.model.modes);
     this.frames = this.model.parts.map((part) => new Frames(part.count));
-    this.ergons = new Ergons();
+    this.ergons = new Ergons(this.model);
     this.contacts = new Contacts();
     this.breaks = new Breaks();
     this.levels = new Rows();

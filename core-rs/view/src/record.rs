@@ -182,6 +182,7 @@ impl Recorder {
         }
         self.fly(&glance.tracks, now, is_first);
         self.touch(&glance.pushes);
+        self.spark(glance.sparks());
         if is_first {
             self.end_segment();
             self.begin_segment(now);
@@ -259,6 +260,21 @@ impl Recorder {
         }
     }
 
+    /// What written hands struck since the last look; at the first one, since this is seen.
+    fn spark(&mut self, sparks: &[Record]) {
+        let (last, since) = (self.last, self.since - 0.5 / self.rate);
+        for spark in sparks.iter().filter(|spark| spark.time >= since) {
+            if let Some(&point) = self.points.get(&(spark.mat as usize)) {
+                put_ergon(
+                    self.event(last, kind::ERGONS),
+                    spark.time - last,
+                    point,
+                    spark,
+                );
+            }
+        }
+    }
+
     /// Links that broke since the last look; with a key state all that are broken.
     fn part(&mut self, broken: &[bool], now: f64, is_first: bool) {
         for (at, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
@@ -300,12 +316,12 @@ impl Recorder {
             let Some(&point) = self.points.get(&(ergon.mat as usize)) else {
                 continue;
             };
-            let to = self.event(now, kind::ERGONS);
-            to.f32(ergon.time - now);
-            to.u32(point as u32);
-            to.f32(ergon.impulse);
-            to.f32(ergon.speed);
-            to.u32(ergon.source);
+            put_ergon(
+                self.event(now, kind::ERGONS),
+                ergon.time - now,
+                point,
+                &ergon,
+            );
         }
     }
 
@@ -408,6 +424,14 @@ impl Recorder {
             put(&mut self.out, kind, seconds, &payload.0);
         }
     }
+}
+
+fn put_ergon(to: &mut Bytes, dt: f64, point: usize, ergon: &Record) {
+    to.f32(dt);
+    to.u32(point as u32);
+    to.f32(ergon.impulse);
+    to.f32(ergon.speed);
+    to.u32(ergon.source);
 }
 
 /// Add the squares of frames to those of each loudspeaker; how many frames there were.

@@ -10,6 +10,7 @@ use super::ledger::Ledger;
 use super::live_strikes::strike_points;
 use super::real_hands::{HandState, hand_bindings};
 use super::rest::Rest;
+use super::sounds_in::sound_drives;
 use super::touched::Touches;
 use super::written_hand::framed::FramedGesture;
 use super::{Island, OnFault, Script, State, Stream};
@@ -141,6 +142,7 @@ impl Island {
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
         let hand_bindings = hand_bindings(&timeline.drives);
         let strike_points = strike_points(&timeline.drives);
+        let (sound_drives, played) = sound_drives(&timeline.drives);
         let state = State {
             frame: 0,
             voices,
@@ -160,6 +162,7 @@ impl Island {
             fine,
             hand_states: vec![HandState::default(); hand_bindings.len()],
             impulses: vec![0.0; strike_points.len()],
+            played,
             ledger,
             mutes: Mutes::new(&scheme),
             guard,
@@ -180,6 +183,7 @@ impl Island {
             led,
             hand_bindings,
             strike_points,
+            sound_drives,
             on_fault: options.on_fault,
         };
         let mut simulation = Self {

@@ -224,6 +224,10 @@ impl Island {
         }
         state.bodies.retain(|body| !body.is_of(&ours, part));
         script.drives.retain(|drive| !ours[drive.mat]);
+        let mut stays = script.sound_drives.iter().map(|drive| !ours[drive.mat]);
+        state.played.retain(|_| stays.next().unwrap_or(true));
+        drop(stays);
+        script.sound_drives.retain(|drive| !ours[drive.mat]);
         let mut stays = script.voices.iter().map(|voice| !ours[voice.struck]);
         state.voices.retain(|_| stays.next().unwrap_or(true));
         drop(stays);

@@ -286,7 +286,9 @@ impl Ledger {
                 self.potential[run.first] = stored;
                 let law = [now * run.k, now * run.z];
                 let before = if finer.is_some() { &body.d } else { &d };
-                let work = pair_energy::work(&pairs, law, room, body, [before, &body.d]);
+                let steps: [&[f64]; 2] = [before, &body.d];
+                let history = &body.histories[run.room()];
+                let work = pair_energy::work(&pairs, law, room, body, steps, history);
                 self.lost.add(work.given - work.kept);
                 if finer.is_none() {
                     self.produced.add(risen - work.kept);

@@ -1,8 +1,8 @@
-//! Energy and work of contacts of all pairs of points.
+//! Energy and work of contacts and attractions of all pairs of points.
 
-use crate::kernel::Neighbours;
-use crate::network::PairRun;
-use crate::state::Body;
+use crate::kernel::{Neighbours, PairContact};
+use crate::network::{PairRun, difference};
+use crate::state::{Body, ContactHistory};
 
 /// Work of all pairs in a frame [J].
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,6 +40,7 @@ pub(super) fn work(
     room: &mut Neighbours,
     body: &Body,
     d: [&[f64]; 2],
+    history: &ContactHistory,
 ) -> Work {
     let link = run.pairs.link;
     let mut work = Work::default();
@@ -47,8 +48,41 @@ pub(super) fn work(
     room.touching(run, then, |ends, e, along| {
         let step = link.stretch(ends, along, |mat| d[0][mat]);
         let stretch = 0.5 * link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
-        work.given += stretch * link.law.force(by, e, step);
-        work.kept += stretch * link.law.elastic(by[0], e);
+        let (f, elastic) = (link.law.force(by, e, step), link.law.elastic(by[0], e));
+        work.given += stretch * f;
+        work.kept += stretch * elastic;
+        if run.pairs.friction > 0.0 {
+            let moved = d.map(|d| link.between(ends, |mat| d[mat]));
+            let contact = PairContact {
+                e,
+                f,
+                elastic,
+                along,
+                apart: link.between(ends, then),
+                moved: moved[0],
+            };
+            let across = contact.sliding(&run.pairs, by[1]);
+            let (force, _) = across.force(history.find(run.points(ends)));
+            for (axis, force) in force.into_iter().enumerate() {
+                work.given += 0.5 * (moved[0][axis] + moved[1][axis]) * force;
+            }
+        }
     });
     work
+}
+
+/// Energy that friction across all touching pairs of stiffness `k` holds as a spring [J].
+pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
+    let link = run.pairs.link;
+    let of = |(points, anchor): ([u32; 2], [f64; 3])| {
+        let ends = run.ends(points);
+        let e = link.line(ends, |mat| body.x[mat]).0 - run.rest;
+        if e >= 0.0 {
+            return 0.0;
+        }
+        let stretch = difference(link.between(ends, |mat| body.x[mat]), anchor);
+        let square: f64 = stretch.iter().map(|part| part * part).sum();
+        0.5 * (link.law.elastic(k, e) / e) * square
+    };
+    history.pairs().map(of).sum()
 }

@@ -1,7 +1,7 @@
 //! Energy that contacts of all pairs of points make out of nothing: one account for all of an island.
 
 use super::account::{Account, Gain};
-use super::pair_energy::potential;
+use super::pair_energy::{held, potential};
 use crate::kernel::Neighbours;
 use crate::network::PairRun;
 use crate::scheme::Scheme;
@@ -17,6 +17,8 @@ pub(super) struct PairGains {
     /// The step before: last steps [m], and forces of the contacts [N]   (n_mat each)
     d: Vec<f64>,
     force: Vec<f64>,
+    /// What friction held as a spring where the account began [J].
+    held: f64,
     /// Positions [m] and last steps [m] where the account began   (n_mat each)
     from: [Vec<f64>; 2],
     account: Account,
@@ -30,6 +32,7 @@ crate::archive::option!(PairGains, fixed);
 crate::archive::state!(PairGains {
     d,
     force,
+    held,
     from,
     account,
     is_whole,
@@ -41,6 +44,7 @@ crate::archive::state!(PairGains {
 struct Crowd {
     run: PairRun,
     first: usize,
+    room: usize,
     k: f64,
     neighbours: Neighbours,
 }
@@ -57,6 +61,7 @@ impl PairGains {
             .map(|(own, run)| Crowd {
                 run,
                 first: own.first,
+                room: own.room(),
                 k: own.k,
                 neighbours: Neighbours::new(&run),
             })
@@ -67,6 +72,7 @@ impl PairGains {
             crowds,
             d: room(),
             force: room(),
+            held: 0.0,
             from: [room(), room()],
             account: Account::default(),
             is_whole: false,
@@ -100,6 +106,7 @@ impl PairGains {
         self.account = Account::default();
         self.d.copy_from_slice(&body.d);
         self.force.copy_from_slice(&body.pair_force);
+        self.held = self.held(body);
         self.from[0].copy_from_slice(&body.x);
         self.from[1].copy_from_slice(&body.d);
         self.is_whole = false;
@@ -120,19 +127,26 @@ impl PairGains {
     pub(super) fn look(&mut self, body: &Body, around: impl Fn() -> f64, n: u64) -> Option<Gain> {
         if self.account.is_overdrawn() && !self.is_whole {
             let start = stored(&mut self.crowds, [&self.from[0], &self.from[1]]);
-            self.account.add_start(start);
+            self.account.add_start(start + self.held);
             self.is_whole = true;
         }
         if !self.account.is_overdrawn() {
             return None;
         }
-        let stored = stored(&mut self.crowds, [&body.x, &body.d]);
+        let stored = stored(&mut self.crowds, [&body.x, &body.d]) + self.held(body);
         let gain = self.account.gain(stored, around(), n);
         if !gain.is_told() || gain.made <= self.rounding(body) {
             return None;
         }
         self.worst = Some(gain.worst(self.worst));
         Some(gain)
+    }
+
+    /// What friction holds as a spring [J].
+    fn held(&self, body: &Body) -> f64 {
+        let crowds = self.crowds.iter();
+        let of = |crowd: &Crowd| held(&crowd.run, crowd.k, &body.histories[crowd.room], body);
+        crowds.map(of).sum()
     }
 
     fn rounding(&self, body: &Body) -> f64 {

@@ -4,7 +4,7 @@
 const MASS_RATIO: f64 = 1e-4;
 
 /// One ergon.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Record {
     /// Instant of the strike [s].
     pub time: f64,

@@ -2,7 +2,9 @@
 //!
 //! A step does not allocate (but for a recorded stream of ergons), lock or panic.
 
-use super::{Fault, Island, Record, Script, State, gain, glide, live_strikes, real_hands};
+use super::{
+    Fault, Island, Record, Script, State, gain, glide, live_strikes, real_hands, sounds_in,
+};
 use crate::guard;
 use crate::interrupt;
 use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
@@ -120,6 +122,13 @@ impl Island {
         for drive in &script.drives {
             drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
         }
+        sounds_in::apply(
+            &script.sound_drives,
+            &state.played,
+            n,
+            &mut state.body,
+            &mut state.targets,
+        );
         live_strikes::apply(
             &script.strike_points,
             &mut state.impulses,

@@ -19,6 +19,8 @@ pub(crate) enum ItemTakeover {
     Body(usize, usize),
     /// What a link remembers, there and here.
     Memory(usize, usize),
+    /// How points slid that meet in all pairs, by the first link there and here.
+    History(usize, usize),
     /// A part that may be mute: what it is called there and here.
     Part(usize, usize),
 }
@@ -87,6 +89,7 @@ impl Island {
         std::mem::swap(&mut body.inner, &mut other.inner);
         std::mem::swap(&mut body.link, &mut other.link);
         std::mem::swap(&mut body.memory, &mut other.memory);
+        std::mem::swap(&mut body.histories, &mut other.histories);
         for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
             own.continue_from(their);
         }
@@ -158,6 +161,16 @@ impl Island {
             ItemTakeover::Memory(from, to) => {
                 let memory = old.state.memory_of(from);
                 self.state.set_memory(to, memory);
+            }
+            ItemTakeover::History(from, to) => {
+                let rooms = (
+                    old.script.scheme.room_of(from),
+                    self.script.scheme.room_of(to),
+                );
+                if let (Some(from), Some(to)) = rooms {
+                    let own = &mut self.state.body.histories[to];
+                    own.copy_from(&old.state.body.histories[from]);
+                }
             }
             ItemTakeover::Part(from, to) => {
                 let is_mute =

@@ -3,4 +3,7 @@
 pub(crate) mod framed;
 pub(crate) mod free;
 mod particle;
+mod sparks;
 pub(crate) mod voice;
+
+pub(crate) use sparks::ROOM as SPARKS;

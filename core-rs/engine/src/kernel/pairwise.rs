@@ -1,4 +1,4 @@
-//! Contacts between all pairs of points of two groups: pairs that are near are found by cells, and kept while nothing has
+//! Contacts and attractions between all pairs of points of two groups: pairs that are near are found by cells, and kept while nothing has
 //! moved far.
 //!
 //! Pairs are taken in the order of their points, whatever the cells: the same sums in the same order, however long a list
@@ -6,9 +6,9 @@
 
 use std::ops::Range;
 
-use crate::network::{AXES_MAX, Measure, PairRun, Pairwise, distance};
+use crate::network::{AXES_MAX, Measure, PairRun, Pairwise, Sliding, difference, distance};
 use crate::scheme::Run;
-use crate::state::Body;
+use crate::state::{Body, ContactHistory};
 
 /// Beyond what touches, pairs are kept that are so far apart, as a share of the gap: a list lasts until a point has moved
 /// half of this.
@@ -77,7 +77,7 @@ impl Neighbours {
         }
     }
 
-    /// Every pair that touches at positions `x`: its first coordinates, distance − rest [m], and the direction from the
+    /// Every pair that touches, or attracts each other, at positions `x`: its first coordinates, distance − rest [m], and the direction from the
     /// one to the other. False where there are too many to be told of.
     pub(crate) fn touching(
         &mut self,
@@ -88,14 +88,13 @@ impl Neighbours {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
             for first in 0..pairs.n_first {
-                for second in 0..run.n {
+                for second in pairs.others(first, run.n) {
                     let ends = (run.a + first, run.b + second);
                     let (length, along) = pairs.link.line(ends, &x);
                     let e = length - run.rest;
-                    if e >= 0.0 {
-                        continue;
+                    if pairs.link.law.acts(e) {
+                        each(ends, e, along);
                     }
-                    each(ends, e, along);
                 }
             }
             return true;
@@ -121,8 +120,15 @@ impl Neighbours {
         }
     }
 
-    /// Set `force` to those of all pairs by the law of a run, whose K and Z are `by`. False where there are too many pairs.
-    fn push(&mut self, run: &PairRun, by: [f64; 2], x: &[f64], d: &[f64]) -> bool {
+    /// Set `force` to those of all pairs by the law of a run, whose K and Z are `by`, and by its friction. False where there
+    /// are too many pairs.
+    fn push<const HAS_FRICTION: bool>(
+        &mut self,
+        run: &PairRun,
+        by: [f64; 2],
+        (x, d): (&[f64], &[f64]),
+        history: &mut ContactHistory,
+    ) -> bool {
         self.follow(run, |mat| x[mat]);
         gather(&run.pairs, &self.mats, &mut self.d, |mat| d[mat]);
         self.force.fill([0.0; AXES_MAX + 1]);
@@ -141,8 +147,24 @@ impl Neighbours {
                 let step = along[0] * (there[0] - step_here[0])
                     + along[1] * (there[1] - step_here[1])
                     + along[2] * (there[2] - step_here[2]);
-                let f = law.force(by, e, step);
-                let part = [f * along[0], f * along[1], f * along[2], -share * f];
+                let elastic = law.elastic(by[0], e);
+                let f = law.damped(elastic, by[1] * step);
+                let mut part = [f * along[0], f * along[1], f * along[2], -share * f];
+                if HAS_FRICTION {
+                    let contact = Contact {
+                        e,
+                        f,
+                        elastic,
+                        along,
+                        apart: difference(self.x[j], here),
+                        moved: difference(there, step_here),
+                    };
+                    let pull =
+                        contact.pull_across(&run.pairs, by[1], [i as u32, j as u32], history);
+                    for axis in 0..AXES_MAX {
+                        part[axis] += pull[axis];
+                    }
+                }
                 let other = &mut self.force[j];
                 for axis in 0..=AXES_MAX {
                     own[axis] += part[axis];
@@ -300,7 +322,50 @@ fn meeting(rest: f64, here: Vector, there: Vector) -> Option<(f64, Vector)> {
         return None;
     }
     let (length, along) = Measure::Distance.of(apart);
-    Some((length - rest, along))
+    let e = length - rest;
+    // A length whose square is less than that of `rest` may be rounded to `rest`: nothing is pressed then.
+    if e >= 0.0 { None } else { Some((e, along)) }
+}
+
+/// A pair that touches.
+pub(crate) struct Contact {
+    /// Distance − rest [m].
+    pub(crate) e: f64,
+    /// Force that pulls its ends together [N], and its elastic part.
+    pub(crate) f: f64,
+    pub(crate) elastic: f64,
+    /// Direction from the one to the other, of length 1.
+    pub(crate) along: Vector,
+    /// What lies between them, and by how much that grew in the last step [m].
+    pub(crate) apart: Vector,
+    pub(crate) moved: Vector,
+}
+
+impl Contact {
+    /// Its friction, where Z of the contact is `z`.
+    #[inline(always)]
+    pub(crate) fn sliding(&self, pairs: &Pairwise, z: f64) -> Sliding {
+        Sliding {
+            limit: pairs.friction * (-self.f).max(0.0),
+            by: [self.elastic / self.e, z],
+            apart: self.apart,
+            along: self.along,
+            moved: self.moved,
+        }
+    }
+
+    /// Force of friction that pulls the first point [N], which is remembered.
+    fn pull_across(
+        &self,
+        pairs: &Pairwise,
+        z: f64,
+        points: [u32; 2],
+        history: &mut ContactHistory,
+    ) -> Vector {
+        let (force, anchor) = self.sliding(pairs, z).force(history.anchor(points));
+        history.keep(points, anchor);
+        force
+    }
 }
 
 /// Copy what each coordinate has to where the coordinates of a point lie together.
@@ -325,7 +390,7 @@ pub(super) fn forces(
     pairs: &PairRun,
     gates: &[f64],
     body: &mut Body,
-    neighbours: &mut Neighbours,
+    (room, neighbours): (usize, &mut Neighbours),
 ) {
     let open = run.gate.map_or(1.0, |gate| gates[gate]);
     let by = [open * run.k, open * run.z];
@@ -334,9 +399,13 @@ pub(super) fn forces(
         d,
         pair_force,
         link,
+        histories,
         ..
     } = body;
     let own = &mut link[run.first..run.first + run.len];
+    let (n_first, history) = (pairs.pairs.n_first, &mut histories[room]);
+    let has_friction = pairs.pairs.friction > 0.0;
+    history.begin();
     let Pairwise {
         link, is_within, ..
     } = &pairs.pairs;
@@ -347,19 +416,46 @@ pub(super) fn forces(
             |mat| x[mat],
             |ends, e, along| {
                 let step = link.stretch(ends, along, |mat| d[mat]);
-                let f = link.law.force(by, e, step);
-                for (axis, along) in along.into_iter().enumerate().take(link.n_axes) {
-                    let (a, b) = link.pair(ends, axis);
-                    pair_force[a] += f * along;
-                    pair_force[b] -= f * along;
+                let elastic = link.law.elastic(by[0], e);
+                let f = link.law.damped(elastic, by[1] * step);
+                let mut pull = along.map(|along| f * along);
+                if has_friction {
+                    let contact = Contact {
+                        e,
+                        f,
+                        elastic,
+                        along,
+                        apart: link.between(ends, |mat| x[mat]),
+                        moved: link.between(ends, |mat| d[mat]),
+                    };
+                    let across =
+                        contact.pull_across(&pairs.pairs, by[1], pairs.points(ends), history);
+                    pull = std::array::from_fn(|axis| pull[axis] + across[axis]);
                 }
-                own[ends.1 - run.b] += f;
+                for (axis, pull) in pull.into_iter().enumerate().take(link.n_axes) {
+                    let (a, b) = link.pair(ends, axis);
+                    pair_force[a] += pull;
+                    pair_force[b] -= pull;
+                }
+                // Of one group each point is told of: half the force of each pair.
+                if *is_within {
+                    own[ends.0 - run.a] += 0.5 * f;
+                    own[ends.1 - run.b] += 0.5 * f;
+                } else {
+                    own[ends.1 - run.b] += f;
+                }
             },
         );
+        history.end();
         return;
     }
-    let is_found = neighbours.push(pairs, by, x, d);
-    let n_first = pairs.pairs.n_first;
+    let push = if has_friction {
+        Neighbours::push::<true>
+    } else {
+        Neighbours::push::<false>
+    };
+    let is_found = push(neighbours, pairs, by, (x, d), history);
+    history.end();
     for (i, (&mat, force)) in neighbours.mats.iter().zip(&neighbours.force).enumerate() {
         let end = usize::from(i >= n_first);
         for (axis, part) in force.iter().enumerate().take(link.n_axes) {
@@ -377,5 +473,26 @@ pub(super) fn forces(
     if !is_found {
         own.fill(f64::NAN);
         pair_force[run.a] = f64::NAN;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Friction divides by the depth, which rounding may make 0.
+    #[test]
+    fn what_touches_is_pressed() {
+        let mut n_rounded = 0;
+        for i in 1..20_000 {
+            let rest = 1e-6 * f64::from(i);
+            let (x, y) = (0.6 * rest, 0.8 * rest);
+            let is_near = x * x + y * y < rest * rest;
+            n_rounded += u32::from(is_near && distance(x, y, 0.0) >= rest);
+            if let Some((e, _)) = meeting(rest, [0.0; AXES_MAX], [x, y, 0.0]) {
+                assert!(e < 0.0, "{x} {y}");
+            }
+        }
+        assert!(n_rounded > 0, "the loop has no such length");
     }
 }

@@ -40,7 +40,8 @@ pub(crate) fn links(
             continue;
         }
         if let (Kind::Pairwise { room, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
-            pairwise::forces(run, &pairs, gates, body, &mut laws.neighbours[*room]);
+            let memory = (*room, &mut laws.neighbours[*room]);
+            pairwise::forces(run, &pairs, gates, body, memory);
             continue;
         }
         let ends = Ends::of(run, &body.x, &body.d);

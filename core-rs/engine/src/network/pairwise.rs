@@ -1,10 +1,11 @@
-//! Contacts of every point of a group with every point of another, or of all points of a group with each other.
+//! What every point of a group does to every point of another, or all points of a group to each other.
 
+use super::checks::Rule;
 use super::error::Error;
 use super::space::{AXES_MAX, Measure, SpaceLaw, SpaceLink, SpacePoint};
 use super::{LinkKind, Network, Run};
 
-/// Contacts between all pairs of two groups of points. Link i tells of the i-th point of the second group: its force is
+/// Contacts or attractions between all pairs of two groups of points. Link i tells of the i-th point of the second group: its force is
 /// the sum of those on that point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pairwise {
@@ -14,6 +15,30 @@ pub struct Pairwise {
     pub n_first: usize,
     /// Whether both groups are the same: its points meet each other.
     pub is_within: bool,
+    /// Coefficient of dry friction across the line of a contact.
+    pub friction: f64,
+}
+
+/// What a pair of points does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairLaw {
+    /// What it measures.
+    pub measure: Measure,
+    /// What it does with that: a contact or an attraction.
+    pub law: SpaceLaw,
+    /// Coefficient of dry friction across the line of a contact; 0 for an attraction.
+    pub friction: f64,
+}
+
+impl PairLaw {
+    /// One without friction.
+    pub const fn smooth(measure: Measure, law: SpaceLaw) -> Self {
+        Self {
+            measure,
+            law,
+            friction: 0.0,
+        }
+    }
 }
 
 /// The numbers of a run of them that say which pairs touch.
@@ -30,6 +55,26 @@ pub(crate) struct PairRun {
 }
 
 impl PairRun {
+    /// The numbers of two points by their first coordinates: the first group, then the second where it is another.
+    pub(crate) fn points(&self, (a, b): (usize, usize)) -> [u32; 2] {
+        let before = if self.pairs.is_within {
+            0
+        } else {
+            self.pairs.n_first
+        };
+        [(a - self.a) as u32, (before + b - self.b) as u32]
+    }
+
+    /// The coordinates of the first axis of two points by their numbers.
+    pub(crate) fn ends(&self, [first, second]: [u32; 2]) -> (usize, usize) {
+        let before = if self.pairs.is_within {
+            0
+        } else {
+            self.pairs.n_first
+        };
+        (self.a + first as usize, self.b + second as usize - before)
+    }
+
     /// The MATs of its points, as ranges.
     pub(crate) fn spans(&self) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
         let Self { pairs, a, b, n, .. } = *self;
@@ -61,6 +106,15 @@ impl Pairwise {
             .pair((ends.0 + other % self.n_first, ends.1 + i), axis)
     }
 
+    /// Number of points of both groups together.
+    pub(crate) fn n_points(&self, n_second: usize) -> usize {
+        if self.is_within {
+            n_second
+        } else {
+            self.n_first + n_second
+        }
+    }
+
     /// How many points of the other group push a point at once, at most: one of the first, and one of the second.
     pub(crate) fn neighbours(&self, n_second: usize) -> [f64; 2] {
         if self.is_searched() {
@@ -70,9 +124,19 @@ impl Pairwise {
         }
     }
 
-    /// Whether pairs are found by where points are; all of them are looked at where they are few.
+    /// Whether pairs are found by where points are; all of them are looked at where they are few, or act from afar.
     pub(crate) fn is_searched(&self) -> bool {
-        self.link.measure == Measure::Distance && self.n_first > 1
+        let is_contact = matches!(self.link.law, SpaceLaw::Contact { .. });
+        is_contact && self.link.measure == Measure::Distance && self.n_first > 1
+    }
+
+    /// Which points of the second group a point of the first may meet, where all pairs are looked at.
+    pub(crate) fn others(&self, first: usize, n_second: usize) -> std::ops::Range<usize> {
+        if self.is_within {
+            first + 1..n_second
+        } else {
+            0..n_second
+        }
     }
 }
 
@@ -93,8 +157,8 @@ impl Run {
 }
 
 impl Network {
-    /// Add contacts between every point of one group and every point of another that is not smaller; the same group twice:
-    /// between all its points. Returns the index of the first link: there are as many as points of the second group.
+    /// Add contacts or attractions between every point of one group and every point of another that is not smaller; the
+    /// same group twice: between all its points. Returns the index of the first link: there are as many as points of the second group.
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module where a number is out of range or the groups cannot meet.
@@ -103,18 +167,24 @@ impl Network {
         name: &str,
         groups: [PointGroup; 2],
         n_axes: usize,
-        (measure, law): (Measure, SpaceLaw),
+        own: PairLaw,
         [k, z, gap]: [f64; 3],
     ) -> Result<usize, Error> {
+        let PairLaw {
+            measure,
+            law,
+            friction,
+        } = own;
+        self.check(name, &[("friction", friction, Rule::NotNegative)])?;
         // A plane may lie beside the point that carries it.
-        let own = match measure {
+        let length = match measure {
             Measure::Plane(_) if gap.is_finite() => 0.0,
             _ => gap,
         };
-        self.check_space(name, n_axes, law, [k, z, own])?;
+        self.check_space(name, n_axes, law, [k, z, length])?;
         let [a, b] = groups;
         let is_within = a == b;
-        if let Some(message) = refusal(groups, n_axes, (measure, law), gap) {
+        if let Some(message) = refusal(groups, n_axes, own, gap) {
             return Err(self.refused(name, message));
         }
         if !groups
@@ -130,6 +200,7 @@ impl Network {
             link,
             n_first: a.n,
             is_within,
+            friction,
         };
         let rest = match measure {
             Measure::Within => -gap,
@@ -147,9 +218,15 @@ impl Network {
 fn refusal(
     [a, b]: [PointGroup; 2],
     n_axes: usize,
-    (measure, law): (Measure, SpaceLaw),
+    PairLaw {
+        measure,
+        law,
+        friction,
+    }: PairLaw,
     gap: f64,
 ) -> Option<&'static str> {
+    let is_contact = matches!(law, SpaceLaw::Contact { .. });
+    let attracts = matches!(law, SpaceLaw::Attraction { .. });
     let length = |normal: [f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
     // No two axes share a MAT.
     let is_whole = |group: PointGroup| {
@@ -170,9 +247,11 @@ fn refusal(
         Some("the coordinates of a group lie axis by axis")
     } else if a == b && measure != Measure::Distance {
         Some("points of one group meet by their distance")
-    } else if !matches!(law, SpaceLaw::Contact { .. }) {
-        Some("only contacts act between all pairs of points")
-    } else if measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
+    } else if !is_contact && !attracts {
+        Some("only contacts and attractions act between all pairs of points")
+    } else if attracts && (measure != Measure::Distance || gap != 0.0 || friction != 0.0) {
+        Some("an attraction acts along a distance, without a gap and without friction")
+    } else if is_contact && measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")
     } else if matches!(measure, Measure::Plane(normal) if (length(normal) - 1.0).abs() > 1e-9
         || (n_axes == 2 && normal[2] != 0.0))

@@ -134,6 +134,12 @@ impl SpaceLaw {
         }
     }
 
+    /// Whether it acts at distance − rest `e` [m].
+    #[inline(always)]
+    pub(crate) fn acts(self, e: f64) -> bool {
+        !matches!(self, Self::Contact { .. }) || e < 0.0
+    }
+
     /// Force that pulls the ends together [N], without damping, at distance − rest [m].
     pub(crate) fn elastic(self, k: f64, e: f64) -> f64 {
         match self {
@@ -156,10 +162,16 @@ impl SpaceLaw {
             Self::Spring | Self::Yielding { .. } => k * e + z * step,
             Self::Attraction { .. } => self.elastic(k, e) + z * step,
             Self::Contact { .. } if e >= 0.0 => 0.0,
-            Self::Contact { clamp, .. } => {
-                let pull = self.elastic(k, e) + z * step;
-                if clamp { pull.min(0.0) } else { pull }
-            }
+            Self::Contact { .. } => self.damped(self.elastic(k, e), z * step),
+        }
+    }
+
+    /// Force of a contact that pulls the ends together [N], from its elastic and its damping part.
+    pub(crate) fn damped(self, elastic: f64, damping: f64) -> f64 {
+        let pull = elastic + damping;
+        match self {
+            Self::Contact { clamp: true, .. } => pull.min(0.0),
+            _ => pull,
         }
     }
 
@@ -214,12 +226,21 @@ impl SpaceLink {
         ends: (usize, usize),
         x: impl Fn(usize) -> f64,
     ) -> (f64, [f64; AXES_MAX]) {
-        let mut apart = [0.0; AXES_MAX];
-        for (axis, apart) in apart.iter_mut().enumerate().take(self.n_axes) {
+        self.measure.of(self.between(ends, x))
+    }
+
+    /// What `x` of the second end is beyond that of the first, axis by axis.
+    pub(crate) fn between(
+        &self,
+        ends: (usize, usize),
+        x: impl Fn(usize) -> f64,
+    ) -> [f64; AXES_MAX] {
+        let mut between = [0.0; AXES_MAX];
+        for (axis, between) in between.iter_mut().enumerate().take(self.n_axes) {
             let (a, b) = self.pair(ends, axis);
-            *apart = x(b) - x(a);
+            *between = x(b) - x(a);
         }
-        self.measure.of(apart)
+        between
     }
 
     /// How far the ends move away from each other along the line between them, where each MAT moves by `moved`.
@@ -279,14 +300,11 @@ impl LinkKind {
 
     /// Whether it is seen between its ends: neither a contact nor an attraction.
     pub fn is_drawn(&self) -> bool {
-        let attracts = matches!(
-            self,
-            Self::Space(SpaceLink {
-                law: SpaceLaw::Attraction { .. },
-                ..
-            })
-        );
-        !attracts && !self.is_contact()
+        match self {
+            Self::Space(space) if matches!(space.law, SpaceLaw::Attraction { .. }) => false,
+            Self::Pairwise(_) => false,
+            _ => !self.is_contact(),
+        }
     }
 
     /// Whether it may break for good.
@@ -306,7 +324,7 @@ impl LinkKind {
         match self {
             Self::But(_) => true,
             Self::Space(space) => matches!(space.law, SpaceLaw::Contact { .. }),
-            Self::Pairwise(_) => true,
+            Self::Pairwise(pairs) => matches!(pairs.link.law, SpaceLaw::Contact { .. }),
             _ => false,
         }
     }

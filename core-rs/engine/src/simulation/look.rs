@@ -10,7 +10,7 @@ use super::group::RunningUnit;
 use crate::island::inside::RunningBody;
 use crate::island::{Island, Record};
 use crate::network::Network;
-use crate::plan::{Plan, Unit};
+use crate::plan::{Plan, Unit, whole};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 use maker::Maker;
@@ -93,6 +93,8 @@ pub struct Look {
     sources: Vec<(usize, Source)>,
     /// By unit: the contact of each LIA of the island.
     touched: Vec<(usize, Vec<u32>)>,
+    /// Units in which written gestures play, and the MAT of the network that each of theirs is.
+    played: Vec<(usize, Option<Vec<u32>>)>,
     /// By unit: LIAs of the island that may break, and which of `breakable` each is.
     breaking: Vec<(usize, Vec<(u32, u32)>)>,
 }
@@ -142,7 +144,7 @@ impl Look {
 
 impl Simulation {
     /// The ergons that a timeline holds, by rising instant; the speed of a strike, and the impulse of an ergon, are those
-    /// against a mass that stands still. Ergons of gestures and of real hands are none of them.
+    /// against a mass that stands still. Of gestures [`Self::take_sparks`] tells; real hands give forces.
     pub fn written(&self, timeline: &Timeline) -> Vec<Record> {
         let network = &*self.plan.network;
         let mass = |mat: u32| {
@@ -186,9 +188,7 @@ impl Simulation {
     pub fn look(&self, look: &Look, out: &mut [f64]) {
         let (now, before) = out.split_at_mut(look.n_tracks());
         for (unit, source) in &look.sources {
-            let at = self.groups.partition_point(|group| group.first <= *unit) - 1;
-            let group = &self.groups[at];
-            match &group.units[unit - group.first] {
+            match self.running(*unit) {
                 RunningUnit::Bank(bank) => {
                     let Source::Bank(pairs) = source else {
                         continue;
@@ -203,11 +203,11 @@ impl Simulation {
         }
     }
 
-    /// Note the strongest push of each contact from here on.
-    pub fn watch_contacts(&mut self) {
+    /// Note the strongest push of each contact, and what written hands strike, from here on.
+    pub fn watch(&mut self) {
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
-                island.watch_contacts();
+                island.watch();
             }
         }
     }
@@ -216,10 +216,7 @@ impl Simulation {
     /// which force [N], above 0 where it pushes its first end up.
     pub fn take_contacts(&mut self, look: &Look, mut tell: impl FnMut(usize, u64, f64)) {
         for (unit, contacts) in &look.touched {
-            let at = self.groups.partition_point(|group| group.first <= *unit) - 1;
-            let group = &mut self.groups[at];
-            let place = unit - group.first;
-            if let RunningUnit::Island(island) = &mut group.units[place] {
+            if let RunningUnit::Island(island) = self.running_mut(*unit) {
                 let steps = u64::from(island.oversampling());
                 island.take_touches(|link, touch| {
                     if contacts[link] != NOWHERE {
@@ -232,12 +229,47 @@ impl Simulation {
 }
 
 impl Simulation {
+    /// A unit of the plan as it runs.
+    fn running(&self, unit: usize) -> &RunningUnit {
+        let at = self.groups.partition_point(|group| group.first <= unit) - 1;
+        &self.groups[at].units[unit - self.groups[at].first]
+    }
+
+    fn running_mut(&mut self, unit: usize) -> &mut RunningUnit {
+        let at = self.groups.partition_point(|group| group.first <= unit) - 1;
+        let group = &mut self.groups[at];
+        &mut group.units[unit - group.first]
+    }
+
+    /// How many sparks there are between two looks at most.
+    pub(super) fn sparks_max(&self, look: &Look) -> usize {
+        let most = look
+            .played
+            .iter()
+            .map(|(unit, _)| match self.running(*unit) {
+                RunningUnit::Island(island) => island.sparks_max(),
+                RunningUnit::Bank(_) => 0,
+            });
+        most.sum()
+    }
+
+    /// Tell of the ergons of written gestures since the last call, as they are seen: a throw and a grain each by itself, of those that lead along a
+    /// path the ones of one sign as one, with the impulse of all. Where more strike than can be told, others are gathered too.
+    pub fn take_sparks(&mut self, look: &Look, mut tell: impl FnMut(Record)) {
+        for (unit, mats) in &look.played {
+            if let RunningUnit::Island(island) = self.running_mut(*unit) {
+                island.take_sparks(|spark| {
+                    let mat = whole(mats, spark.mat as usize) as u32;
+                    tell(Record { mat, ..spark });
+                });
+            }
+        }
+    }
+
     /// Tell of each link of [`Look::breakable`] that is computed whether it is broken.
     fn look_at_breaks(&self, look: &Look, mut tell: impl FnMut(usize, bool)) {
         for (unit, links) in &look.breaking {
-            let at = self.groups.partition_point(|group| group.first <= *unit) - 1;
-            let group = &self.groups[at];
-            if let RunningUnit::Island(island) = &group.units[unit - group.first] {
+            if let RunningUnit::Island(island) = self.running(*unit) {
                 for &(own, link) in links {
                     tell(link as usize, island.is_broken(own as usize));
                 }

@@ -61,6 +61,7 @@ impl Takeover {
         takeover.bodies(&there, &here, &islands);
         takeover.mats(&there, &here, &islands, &banks);
         takeover.memory(&there, &here, &islands);
+        takeover.histories(&there, &here, &islands);
         takeover.voices(&there, &here, new.frame);
         takeover.holds(&there, &here);
         takeover
@@ -194,6 +195,30 @@ impl Takeover {
             if let Some(&(from, their)) = by_name.get(&name) {
                 self.items
                     .push((from, to, ItemTakeover::Memory(their, own)));
+            }
+        }
+    }
+
+    /// How points slid that meet in all pairs, where as many meet under one name in islands that are not the same.
+    fn histories(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
+        let found =
+            |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (At, usize)> {
+                let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+                let runs = others.flat_map(|(&(at, _, island_plan), _)| {
+                    let network = &island_plan.network;
+                    network.runs().iter().filter_map(move |run| {
+                        let pairs = run.pairwise()?.pairs;
+                        let counts = [pairs.n_first, run.len];
+                        Some(((network.link_name(run.first), counts), (at, run.first)))
+                    })
+                });
+                runs.collect()
+            };
+        let before = found(there, &islands[0]);
+        for (name, (to, own)) in found(here, &islands[1]) {
+            if let Some(&(from, their)) = before.get(&name) {
+                self.items
+                    .push((from, to, ItemTakeover::History(their, own)));
             }
         }
     }

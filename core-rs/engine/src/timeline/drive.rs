@@ -1,6 +1,7 @@
 //! Imposed positions and forces: ENX and ENF.
 
 use super::hand::{Hand, HandWay};
+use super::sound_in::SoundIn;
 use crate::gesture::placed::Placed;
 use crate::state::{Body, Target};
 
@@ -35,6 +36,15 @@ pub enum Source {
     /// Impulses given by [`Simulation::strike`](crate::simulation::Simulation::strike) while it plays; the number names
     /// the point. Without an impulse the force is 0.
     Strikes(u32),
+    /// An input of a sound card: its values times `scale`.
+    SoundIn {
+        /// The input.
+        sound: SoundIn,
+        /// Factor of its values.
+        scale: f64,
+        /// Steps in a frame of the score.
+        steps: u32,
+    },
 }
 
 impl Drive {
@@ -45,7 +55,23 @@ impl Drive {
             Source::Take(path) => path.at(n as f64 / rate).0,
             Source::Hand(hand) => hand.at(n),
             Source::Strikes(_) => 0.0,
+            Source::SoundIn {
+                sound,
+                scale,
+                steps,
+            } => {
+                // A position is that of the frame that was computed before; a force is asked for at the start alone, where
+                // nobody knows yet what will be played.
+                let frame = (n / u64::from(*steps)).checked_sub(1);
+                let frame = frame.filter(|_| self.kind == DriveKind::Position);
+                frame.map_or(0.0, |frame| scale * sound.at(frame))
+            }
         }
+    }
+
+    /// Whether an input of a sound card drives it.
+    pub(crate) fn is_heard(&self) -> bool {
+        matches!(self.source, Source::SoundIn { .. })
     }
 
     /// The hand, if the source is one.
@@ -60,6 +86,15 @@ impl Drive {
     pub(super) fn faster(&self, oversampling: u32) -> Self {
         let source = match &self.source {
             Source::Hand(hand) => Source::Hand(hand.faster(oversampling)),
+            Source::SoundIn {
+                sound,
+                scale,
+                steps,
+            } => Source::SoundIn {
+                sound: sound.clone(),
+                scale: *scale,
+                steps: steps * oversampling,
+            },
             other => other.clone(),
         };
         Self {
@@ -70,6 +105,9 @@ impl Drive {
 
     /// Add the force at frame `n`, or impose the position at frame n + 1.
     pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
+        if self.is_heard() {
+            return; // what is played into it is known to its island alone
+        }
         match self.kind {
             DriveKind::Force => body.push(self.mat, self.value(n, rate)),
             DriveKind::Position => {

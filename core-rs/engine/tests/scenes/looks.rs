@@ -126,7 +126,7 @@ fn running(plan: &Arc<Plan>, threads: usize) -> Simulation {
 fn sound(plan: &Arc<Plan>, threads: usize) -> Vec<u64> {
     let mut simulation = running(plan, threads);
     let look = simulation.looked_at();
-    simulation.watch_contacts();
+    simulation.watch();
     let mut tracks = vec![0.0; 2 * look.n_tracks()];
     let mut out = vec![0.0; N * simulation.n_out()];
     for block in out.chunks_mut(735 * simulation.n_out()) {
@@ -271,7 +271,7 @@ fn a_contact_tells_how_hard_it_pushed() {
     let look = simulation.looked_at();
     assert_eq!(look.contacts.len(), 2);
     assert_eq!(look.contacts[0].name, "hammer heard.hits");
-    simulation.watch_contacts();
+    simulation.watch();
     let mut told = Vec::new();
     for _ in 0..10 {
         simulation.skip(441).unwrap();

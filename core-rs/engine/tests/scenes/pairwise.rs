@@ -7,7 +7,7 @@ use super::scene::options;
 use ergon_engine::chance::Chance;
 use ergon_engine::maths::{cos, sin};
 use ergon_engine::network::{
-    Measure, Network, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term,
+    Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term,
 };
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{Energy, OnFault, Options, Simulation};
@@ -15,19 +15,19 @@ use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use proptest::prelude::*;
 
-const RATE: f64 = 44_100.0;
-const GAP: f64 = 0.01;
-const HERTZ: SpaceLaw = SpaceLaw::Contact {
+pub(crate) const RATE: f64 = 44_100.0;
+pub(crate) const GAP: f64 = 0.01;
+pub(crate) const HERTZ: SpaceLaw = SpaceLaw::Contact {
     exponent: 1.5,
     clamp: true,
 };
-const LINEAR: SpaceLaw = SpaceLaw::Contact {
+pub(crate) const LINEAR: SpaceLaw = SpaceLaw::Contact {
     exponent: 1.0,
     clamp: false,
 };
 
 /// Points at x0 with v0, axis by axis.
-fn points(
+pub(crate) fn points(
     network: &mut Network,
     name: &str,
     n_axes: usize,
@@ -50,7 +50,13 @@ fn points(
 }
 
 /// A group of points, some of which touch, thrown at random; with the chance that drew it.
-fn crowd(network: &mut Network, name: &str, n_axes: usize, n: usize, seed: u64) -> PointGroup {
+pub(crate) fn crowd(
+    network: &mut Network,
+    name: &str,
+    n_axes: usize,
+    n: usize,
+    seed: u64,
+) -> PointGroup {
     let mut chance = Chance::new(i128::from(seed), "crowd", name, 0, 0);
     let masses: Vec<f64> = (0..n).map(|_| chance.uniform(1e-3, 4e-3)).collect();
     let x0: Vec<f64> = (0..n * n_axes)
@@ -60,7 +66,7 @@ fn crowd(network: &mut Network, name: &str, n_axes: usize, n: usize, seed: u64) 
     points(network, name, n_axes, &masses, [&x0, &v0])
 }
 
-fn alone(group: PointGroup, i: usize) -> SpacePoint {
+pub(crate) fn alone(group: PointGroup, i: usize) -> SpacePoint {
     SpacePoint {
         first: group.first.first + i,
         ..group.first
@@ -74,14 +80,28 @@ fn meet(
     law: SpaceLaw,
     numbers: [f64; 3],
 ) {
-    let what = (Measure::Distance, law);
+    rub(network, groups, n_axes, (law, 0.0), numbers);
+}
+
+/// The same with friction.
+pub(crate) fn rub(
+    network: &mut Network,
+    groups: [PointGroup; 2],
+    n_axes: usize,
+    (law, friction): (SpaceLaw, f64),
+    numbers: [f64; 3],
+) {
+    let what = PairLaw {
+        friction,
+        ..PairLaw::smooth(Measure::Distance, law)
+    };
     let name = format!("meet{}", network.n_lia());
     network
         .pairwise(&name, groups, n_axes, what, numbers)
         .unwrap();
 }
 
-fn start(network: Network) -> Simulation {
+pub(crate) fn start(network: Network) -> Simulation {
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop)).unwrap()
 }
@@ -147,13 +167,17 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
-    fn the_ledger_closes_and_momentum_stays(seed in any::<u64>(), n_axes in 2_usize..=3) {
+    fn the_ledger_closes_and_momentum_stays(
+        seed in any::<u64>(),
+        n_axes in 2_usize..=3,
+        friction in prop_oneof![Just(0.0), 0.01..1.5_f64],
+    ) {
         let mut network = Network::new();
         network.part("sand", None);
         let n = 40;
         let own = crowd(&mut network, "m", n_axes, n, seed);
         let masses = network.mats().m.clone();
-        meet(&mut network, [own, own], n_axes, LINEAR, [500.0, 0.03, GAP]);
+        rub(&mut network, [own, own], n_axes, (LINEAR, friction), [500.0, 0.03, GAP]);
         let mut simulation = start(network);
         let sum = |simulation: &Simulation| -> Vec<f64> {
             let d = simulation.steps();
@@ -172,13 +196,18 @@ proptest! {
 
     /// A list that was made elsewhere gives the same sums in the same order.
     #[test]
-    fn lists_of_neighbours_change_no_byte(seed in any::<u64>(), n_axes in 2_usize..=3) {
+    fn lists_of_neighbours_change_no_byte(
+        seed in any::<u64>(),
+        n_axes in 2_usize..=3,
+        friction in prop_oneof![Just(0.0), 0.01..1.5_f64],
+    ) {
         let mut network = Network::new();
         network.part("sand", None);
         let sand = crowd(&mut network, "m", n_axes, 30, seed);
         let stones = crowd(&mut network, "s", n_axes, 6, seed ^ 3);
-        meet(&mut network, [sand, sand], n_axes, HERTZ, [400.0, 0.02, GAP]);
-        meet(&mut network, [stones, sand], n_axes, LINEAR, [300.0, 0.01, 1.5 * GAP]);
+        rub(&mut network, [sand, sand], n_axes, (HERTZ, friction), [400.0, 0.02, GAP]);
+        let law = (LINEAR, 0.5 * friction);
+        rub(&mut network, [stones, sand], n_axes, law, [300.0, 0.01, 1.5 * GAP]);
         let (len, weight) = (30, 1.0);
         network.listen("force", vec![Term::Force { first: 0, len, weight }]).unwrap();
         let term = Term::Position { first: 3, len: 1, weight };
@@ -219,7 +248,7 @@ fn a_ball_leaves_a_plane_as_fast_as_it_came() {
     let at = [0.1 + GAP * normal[0], 5.0, 0.3 + GAP * normal[2]];
     let speed = [-v * normal[0], 0.4, -v * normal[2]];
     let ball = points(&mut network, "m", 3, &[m], [&at, &speed]);
-    let what = (Measure::Plane(normal), LINEAR);
+    let what = PairLaw::smooth(Measure::Plane(normal), LINEAR);
     network
         .pairwise("touch", [wall, ball], 3, what, [k, 0.0, GAP])
         .unwrap();
@@ -247,7 +276,7 @@ fn a_ball_stays_within_a_sphere() {
     let drum = points(&mut network, "d", 3, &[0.0], [&[1.0, 1.0, 1.0], &still]);
     let at = [1.02, 1.0, 1.0];
     let ball = points(&mut network, "m", 3, &[1e-3], [&at, &[0.3, 2.0, -1.0]]);
-    let what = (Measure::Within, HERTZ);
+    let what = PairLaw::smooth(Measure::Within, HERTZ);
     network
         .pairwise("skin", [drum, ball], 3, what, [3e5, 0.0, 0.1])
         .unwrap();
@@ -280,7 +309,7 @@ fn what_cannot_meet_is_refused() {
         n: 5,
     };
     let mut refused = |groups, measure, law, numbers, said: &str| {
-        let error = network.pairwise("c", groups, 3, (measure, law), numbers);
+        let error = network.pairwise("c", groups, 3, PairLaw::smooth(measure, law), numbers);
         assert_eq!(error.unwrap_err().to_string(), format!("sand.c: {said}"));
     };
     let (near, numbers) = (Measure::Distance, [1.0, 0.0, GAP]);
@@ -310,7 +339,7 @@ fn what_cannot_meet_is_refused() {
         near,
         SpaceLaw::Spring,
         numbers,
-        "only contacts act between all pairs of points",
+        "only contacts and attractions act between all pairs of points",
     );
     refused(
         [own, own],
@@ -358,7 +387,7 @@ fn made_energy_is_told_of() {
             "skin",
             [drum, own],
             3,
-            (Measure::Within, law),
+            PairLaw::smooth(Measure::Within, law),
             [3e9, 0.0, 0.04],
         )
         .unwrap();

@@ -178,7 +178,7 @@ fn awake(simulation: &mut Simulation, n_frames: usize) -> Vec<u64> {
     let before = simulation.steps_at_rest();
     let mut sound = Vec::new();
     for from in (0..n_frames).step_by(64) {
-        simulation.watch_contacts();
+        simulation.watch();
         sound.extend(play(simulation, 64.min(n_frames - from), &[64]));
     }
     assert_eq!(simulation.steps_at_rest(), before);
@@ -349,8 +349,8 @@ fn a_look_sees_what_presses_at_rest() {
     let (mut own, mut other) = (Glance::new(&rested, &look), Glance::new(&rested, &look));
     assert!(play(&mut rested, 5_000, &[256]) == awake(&mut reference, 5_000));
     assert!(rested.steps_at_rest() > 0);
-    rested.watch_contacts();
-    reference.watch_contacts();
+    rested.watch();
+    reference.watch();
     for _ in 0..30 {
         play(&mut rested, 1_470, &[49]);
         play(&mut reference, 1_470, &[49]);

@@ -3,11 +3,13 @@
 mod api;
 mod capture;
 mod client;
+mod input;
 
+use std::ffi::c_ulong;
 use std::sync::Arc;
 use std::time::Duration;
 
-use self::api::{Api, PORT_IS_INPUT, PORT_IS_OUTPUT, PORT_IS_PHYSICAL};
+use self::api::{Api, PLAYBACK_LATENCY, PORT_IS_INPUT, PORT_IS_OUTPUT, PORT_IS_PHYSICAL};
 use self::client::{Active, Client, Port, Process};
 use super::AudioError;
 use super::ring::Drain;
@@ -16,6 +18,7 @@ use super::sink::{Opened, Sink, StartFailure};
 use super::spec::Spec;
 
 pub use self::capture::Capture;
+pub(super) use self::input::open as open_input;
 
 /// Frames that are sorted into the ports at a time.
 const SLICE: usize = 256;
@@ -29,7 +32,7 @@ pub(super) fn open(
     shared: &Arc<Shared>,
 ) -> Result<Opened, AudioError> {
     let client = Client::open(c"ergon", shared.clone())?;
-    let targets = targets(&client, spec.device.as_deref());
+    let targets = targets(&client, spec.device.as_deref(), PORT_IS_INPUT);
     let mut remarks = Vec::new();
     if let Some(wanted) = spec.block.filter(|wanted| *wanted != client.block()) {
         remarks.push(format!("the server keeps its own block size, not {wanted}"));
@@ -81,14 +84,14 @@ fn start(
     Ok(Box::new(playing))
 }
 
-/// What the ports are connected to, in their order.
-fn targets(client: &Client, device: Option<&str>) -> Vec<String> {
+/// The ports of a direction that ours are connected to, in their order.
+fn targets(client: &Client, device: Option<&str>, direction: c_ulong) -> Vec<String> {
     let unwanted = std::env::var_os("JACK_NO_AUTOCONNECT").is_some_and(|value| !value.is_empty());
     match device {
         Some("none") => Vec::new(),
-        Some(pattern) => client.find(pattern, PORT_IS_INPUT),
+        Some(pattern) => client.find(pattern, direction),
         None if unwanted => Vec::new(),
-        None => client.find("", PORT_IS_INPUT | PORT_IS_PHYSICAL),
+        None => client.find("", direction | PORT_IS_PHYSICAL),
     }
 }
 
@@ -136,7 +139,7 @@ struct Playback {
 impl Playback {
     fn plug_in(&self, device: Option<&str>) {
         let client = self.active.client();
-        let targets = targets(client, device);
+        let targets = targets(client, device, PORT_IS_INPUT);
         for (port, target) in self.ports.iter().zip(&targets) {
             client.connect(&client.port_name(*port), target);
         }
@@ -153,7 +156,10 @@ impl Sink for Playback {
         if !client.alive() {
             return false;
         }
-        let latency = self.ports.first().map_or(0, |port| client.latency(*port));
+        let latency = self
+            .ports
+            .first()
+            .map_or(0, |port| client.latency(*port, PLAYBACK_LATENCY));
         client.shared().set_timing(client.block(), latency);
         true
     }

@@ -1,16 +1,21 @@
 //! PulseAudio, and PipeWire where it stands in for it, by their protocol: a stream named `ergon`.
 
 #[cfg(unix)]
+mod record;
+#[cfg(unix)]
 mod stream;
 #[cfg(unix)]
 mod wire;
 
+#[cfg(unix)]
+pub(super) use record::open as open_input;
 #[cfg(unix)]
 pub(super) use stream::{open, survey};
 
 #[cfg(not(unix))]
 mod absent {
     use crate::audio::sink::Opened;
+    use crate::audio::source::OpenedInput;
     use crate::audio::{AudioError, Spec};
 
     const NOWHERE: AudioError = AudioError::Unavailable {
@@ -22,9 +27,13 @@ mod absent {
         Err(NOWHERE)
     }
 
+    pub(in crate::audio) fn open_input(_: &Spec, _: usize) -> Result<OpenedInput, AudioError> {
+        Err(NOWHERE)
+    }
+
     pub(in crate::audio) fn survey() -> Result<String, AudioError> {
         Err(NOWHERE)
     }
 }
 #[cfg(not(unix))]
-pub(super) use absent::{open, survey};
+pub(super) use absent::{open, open_input, survey};

@@ -159,6 +159,14 @@ impl Feed {
             .map_or(0, |()| taken)
     }
 
+    /// Give frames of which those without room are lost, and counted once anything was taken.
+    pub(super) fn offer(&mut self, frames: &[f32]) {
+        let lost = frames.len() / self.channels - self.push(frames);
+        if self.shared.played() > 0 {
+            self.shared.add_discarded(lost as u64);
+        }
+    }
+
     /// How many frames wait before the card begins, and begins again after an underrun.
     pub fn set_prefill(&self, frames: usize) {
         let frames = frames.min(self.capacity);
@@ -280,6 +288,13 @@ impl Drain {
             self.without(silent, closed && came == waiting, panicked);
         }
         self.shape.hushed(out);
+    }
+
+    /// Leave what waits unheard but for the last `keep` frames; what follows rises from silence.
+    pub(super) fn catch_up(&mut self, keep: usize) {
+        let waiting = self.waiting();
+        self.throw_away(waiting.saturating_sub(keep));
+        self.shape.begin_anew();
     }
 
     /// Hand out what waits, at most `out`, for a taker without a clock; returns the frames.

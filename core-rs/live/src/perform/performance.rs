@@ -12,13 +12,20 @@ use super::control::{Control, MarkDone, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    ChangeError, Command, Ear, Event, Garbage, HandKey, HandLimit, Keyboard, PlayError,
+    ChangeError, Command, Ear, Event, Garbage, HandKey, HandLimit, Heard, Keyboard, PlayError,
     PlaybackConfig, Stage, Status, Window, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
 use crate::realtime::{self, Granted};
 use crate::recording::RecorderHandle;
 use crate::safety;
+
+/// What happened to the sound, and how much of it the output and the input have told.
+#[derive(Default)]
+pub(super) struct SoundEvents {
+    all: Vec<audio::Event>,
+    told: [usize; 2],
+}
 
 /// A piece that is being played. Dropped, it stops.
 pub struct Performance {
@@ -36,6 +43,8 @@ pub struct Performance {
     pub(super) garbage: Consumer<Garbage>,
     pub(super) tickets: u64,
     pub(super) tap: Option<TapHandle>,
+    pub(super) heard: Heard,
+    pub(super) sound_events: SoundEvents,
     /// Frames of a tick.
     pub(super) tick_frames: usize,
     /// Channels that are heard.
@@ -113,6 +122,24 @@ impl Performance {
     /// The output that it plays on.
     pub fn output(&self) -> &Output {
         &self.output
+    }
+
+    /// What happened to the output and to the input so far.
+    pub fn sound_events(&mut self) -> &[audio::Event] {
+        let input = self.heard.input.as_ref().map(audio::Input::events);
+        let SoundEvents { all, told } = &mut self.sound_events;
+        let both = [self.output.events(), input.unwrap_or_default()];
+        for (told, events) in told.iter_mut().zip(both) {
+            let n = events.len();
+            all.extend(events.into_iter().skip(*told));
+            *told = n.max(*told);
+        }
+        all
+    }
+
+    /// The input that it hears, if it has one.
+    pub fn heard(&self) -> &Heard {
+        &self.heard
     }
 
     /// What the system granted the physics thread; `None` until it runs.
@@ -213,7 +240,7 @@ impl Performance {
             return Err(ChangeError::Channels(self.mixed_channels));
         }
         if let Some((simulation, _)) = change.simulation.as_mut().filter(|_| self.is_seen) {
-            simulation.watch_contacts();
+            simulation.watch();
         }
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;
@@ -285,6 +312,7 @@ impl Performance {
         let _ = self.output.wait(patience);
         let closed = self.output.close();
         self.tap = None;
+        self.heard = Heard::default();
         let recorded = self.recorder.take().map(RecorderHandle::stop);
         played?;
         closed?;

@@ -20,6 +20,7 @@ use super::control::SharedFlags;
 use super::frozen::Frozen;
 use super::guidance::GuidanceState;
 use super::hand::Mover;
+use super::hearing::Hearing;
 use super::scale::Scale;
 use super::status::{Event, EventKind, Status};
 use super::window::Strikes;
@@ -45,6 +46,7 @@ pub(super) struct Connections {
     pub(super) feed: Feed,
     pub(super) record: Option<RowSink>,
     pub(super) frozen: Option<Frozen>,
+    pub(super) hearing: Option<Hearing>,
     pub(super) shared: Arc<Shared>,
     pub(super) garbage: Producer<Garbage>,
 }
@@ -195,6 +197,7 @@ impl Player {
             return false;
         }
         let playing = self.connections.shared.played() > 0;
+        self.wait_for_input();
         let beat = self.clock.tick(self.connections.feed.filled(), playing);
         let began = Instant::now();
         self.count(beat.late, beat.lost);
@@ -230,6 +233,22 @@ impl Player {
             n == 0,
         );
         true
+    }
+
+    /// Where an input is heard and no key paces the ticks, the ring keeps its level and is not filled: what comes in is
+    /// heard sooner.
+    fn wait_for_input(&self) {
+        let Some(hearing) = &self.connections.hearing else {
+            return;
+        };
+        let asked = Instant::now();
+        while !self.clock.is_by_keys()
+            && hearing.is_enough(self.connections.feed.filled())
+            && asked.elapsed() < PATIENCE
+            && !self.connections.flags.stop.load(Ordering::Acquire)
+        {
+            self.clock.nap();
+        }
     }
 
     fn count(&mut self, late: Duration, lost: bool) {

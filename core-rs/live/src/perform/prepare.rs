@@ -6,12 +6,13 @@ use rtrb::RingBuffer;
 
 use super::control::SharedFlags;
 use super::keys::Slot;
-use super::performance::Performance;
+use super::performance::{Performance, SoundEvents};
 use super::player::change::SCHEDULED_MAX;
 use super::player::{self, Player};
 use super::status::{HANDS_MAX, Status};
 use super::{
     HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, SCALE_MIN, Stage, clock, frozen,
+    hearing,
 };
 use crate::audio::{self, AudioError};
 use crate::recording::Recorder;
@@ -32,7 +33,7 @@ impl Performance {
     ) -> Result<(Self, Player), PlayError> {
         let (rate, start) = (stage.simulation.rate(), stage.simulation.frame());
         if stage.is_seen {
-            stage.simulation.watch_contacts();
+            stage.simulation.watch();
         }
         let channels = stage.n_heard();
         if !(1..=audio::CHANNELS_MAX).contains(&channels) {
@@ -80,6 +81,13 @@ impl Performance {
             );
             return Err(AudioError::Broken(why).into());
         }
+        let (hearing, heard) = hearing::open(
+            &config.input,
+            &stage.simulation,
+            &info,
+            stage.tick_frames,
+            ahead,
+        )?;
         // Last of all: what cannot begin leaves no file.
         let (sink, recorder) = match &config.record {
             Some((path, header)) => {
@@ -112,6 +120,7 @@ impl Performance {
             feed,
             record: sink,
             frozen,
+            hearing,
             shared: output.shared().clone(),
             garbage: to_garbage,
         };
@@ -148,6 +157,8 @@ impl Performance {
             garbage,
             tickets: 0,
             tap: None,
+            heard,
+            sound_events: SoundEvents::default(),
             tick_frames,
             channels,
             mixed_channels,

@@ -8,7 +8,7 @@ use ergon_engine::law::Law;
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{OnFault, Options, Takeover};
-use ergon_engine::timeline::{HandWay, Timeline};
+use ergon_engine::timeline::{DriveKind, HandWay, SoundInSettings, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
@@ -84,10 +84,15 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
     Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()
 }
 
-fn stage() -> Stage {
+fn stage_mixer() -> Mixer {
     let mut mixer = Mixer::new(RATE, 1, 2);
     mixer.route(0, 0, 1.0, None).unwrap();
     mixer.route(0, 1, 0.5, Some(8.0)).unwrap();
+    mixer
+}
+
+fn stage() -> Stage {
+    let mixer = stage_mixer();
     let hand = Hand {
         standin: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
         reach: 1.0,
@@ -123,6 +128,7 @@ fn changes_are_done_at_their_frames() {
         audio: format!("file:{}", path.display()).parse().unwrap(),
         ahead: None,
         record: None,
+        input: InputConfig::default(),
     };
     let (every, n_ticks) = (EVERY as u64, 600_u64);
     let mut offline = simulation(&[], 0);
@@ -240,6 +246,7 @@ fn a_fold_sounds_to_its_end() {
         audio: format!("file:{}", path.display()).parse().unwrap(),
         ahead: None,
         record: None,
+        input: InputConfig::default(),
     };
     let n_frames = 100 * EVERY + 7;
     let filters: Vec<f64> = (0..2 * 3 * 150)
@@ -348,11 +355,112 @@ fn a_measured_key_bears_what_it_was_measured_for() {
     assert!(ticks(2e-3) < ticks(1e-3));
 }
 
+/// A swinging mass that an input pushes.
+fn pushed_by_sound() -> Simulation {
+    let network = Arc::new(network());
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    let settings = SoundInSettings {
+        channel: 0,
+        gain: 2e-3,
+        highpass: Some(20.0),
+        clamp: 1e-3,
+    };
+    let input = timeline.sound_in(settings, &[]).unwrap();
+    timeline
+        .drive_by_sound(2, DriveKind::Force, input, 1.0)
+        .unwrap();
+    let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
+    Simulation::planned(Arc::new(plan), OPTIONS).unwrap()
+}
+
+/// What an input gives, with gaps in it: what is heard is what the file of the input makes of the piece, no tick allocates.
+#[test]
+fn an_input_is_what_its_recording_says() {
+    let path = |what: &str| {
+        std::env::temp_dir().join(format!("ergon-input-{what}-{}.wav", std::process::id()))
+    };
+    let config = PlaybackConfig {
+        audio: format!("file:{}", path("out").display()).parse().unwrap(),
+        ahead: None,
+        record: None,
+        input: InputConfig::default(),
+    };
+    let n_ticks = 500;
+    let stage = Stage {
+        simulation: pushed_by_sound(),
+        n_frames: Some((n_ticks * EVERY) as u64),
+        hands: Vec::new(),
+        ..stage()
+    };
+    let (this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    assert!(this.heard().sentence.starts_with("no input"));
+    let (mut feed, drain) = audio::ring(1, 8 * EVERY);
+    feed.set_prefill(2 * EVERY);
+    let counts = feed.shared().clone();
+    let (tap, handle) = audio::tap(&path("in"), RATE as u32, 1).unwrap();
+    let intake = audio::Intake::new(drain, 2 * EVERY, RATE as u32);
+    player.connections.hearing = Some(hearing::Hearing::by_hand(intake, EVERY, tap));
+    player.begin();
+    reset_violation_count();
+    let mut noise = 1_u32;
+    for tick in 0..n_ticks {
+        let block: Vec<f32> = (0..EVERY)
+            .map(|_| {
+                noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                noise as f32 / u32::MAX as f32 - 0.5
+            })
+            .collect();
+        // The card is late now and then, and too early once.
+        if tick % 100 < 90 {
+            feed.push(&block);
+        }
+        assert_no_alloc(|| assert!(player.tick()));
+    }
+    while player.tick() {}
+    assert_eq!(violation_count(), 0);
+    assert!(counts.underruns() > 0);
+    player.connections.feed.close();
+    drop(player);
+    drop(handle);
+    this.close(Duration::from_secs(10)).unwrap();
+    let floats = |path: &std::path::Path, n: usize| -> Vec<f32> {
+        let bytes = std::fs::read(path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        let data = &bytes[bytes.len() - 4 * n..];
+        let samples = data.chunks_exact(4);
+        samples
+            .map(|x| f32::from_le_bytes(x.try_into().unwrap()))
+            .collect()
+    };
+    let n_frames = n_ticks * EVERY;
+    let (heard, sound) = (
+        floats(&path("in"), n_frames),
+        floats(&path("out"), 2 * n_frames),
+    );
+    assert!(heard.iter().any(|x| *x != 0.0));
+    let mut offline = pushed_by_sound();
+    let mut mixer = stage_mixer();
+    let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
+    let (mut outputs, mut mixed) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
+    for (block, out) in heard.chunks(EVERY).zip(outputs.chunks_mut(EVERY)) {
+        offline.sound_in(block, 1);
+        offline.process(out).unwrap();
+    }
+    mixer.process(&outputs, &mut mixed);
+    limiter.process(&mut mixed);
+    let late = 2 * limiter.latency();
+    assert!(sound.iter().any(|x| *x != 0.0));
+    for (at, (x, y)) in mixed[late..].iter().zip(&sound).enumerate() {
+        assert_eq!(*x as f32, *y, "sample {at}");
+    }
+}
+
 /// A guide that is taken up and let go: the key goes where it leads, and back.
 #[test]
 fn a_key_is_led_and_let_go() {
     let config = PlaybackConfig {
         audio: "null:fast".parse().unwrap(),
+        input: InputConfig::default(),
         ahead: None,
         record: None,
     };
@@ -434,6 +542,7 @@ fn what_is_computed_finer_is_told_once() {
     };
     let config = PlaybackConfig {
         audio: "null:fast".parse().unwrap(),
+        input: InputConfig::default(),
         ahead: None,
         record: None,
     };
@@ -467,6 +576,7 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     let latency = stage.limiter.latency() as u64;
     let config = PlaybackConfig {
         audio: "null:fast".parse().unwrap(),
+        input: InputConfig::default(),
         ahead: None,
         record: None,
     };
@@ -522,6 +632,7 @@ fn a_tick_does_not_allocate() {
     };
     let config = PlaybackConfig {
         audio: "null:fast".parse().unwrap(),
+        input: InputConfig::default(),
         ahead: None,
         record: Some((path.clone(), header)),
     };

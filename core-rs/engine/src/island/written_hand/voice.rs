@@ -10,6 +10,7 @@ use super::framed::{FramedGesture, Leg};
 use super::free::leap::Leap;
 use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
+use super::sparks::Sparks;
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
 use crate::gesture::report::Report;
@@ -49,6 +50,7 @@ pub(crate) struct Voice {
     targets: Vec<Target>,
     room: Room,
     flight: Flight,
+    pub(crate) sparks: Sparks,
     /// The gesture that runs.
     now: Option<Running>,
     /// The key is held on its path in this frame: the ergon is known once all other forces are.
@@ -217,6 +219,7 @@ impl Voice {
             targets: Vec::new(),
             room,
             flight: Flight::default(),
+            sparks: Sparks::default(),
             now: None,
             held: None,
             is_led: false,

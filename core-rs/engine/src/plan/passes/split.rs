@@ -50,6 +50,8 @@ pub(in crate::plan) fn split(
     for drive in &timeline.drives {
         for &(at, mat) in home(drive.mat as u32) {
             let drive = drive.clone();
+            // What will be played is not known: nothing is tried out on it, and nothing left out.
+            own[at].timeline.is_open |= drive.is_heard();
             own[at].timeline.drives.push(Drive { mat, ..drive });
         }
     }

@@ -1,6 +1,7 @@
 //! All that is seen of a simulation at one frame, in room that is made beforehand.
 
 use super::Look;
+use crate::island::Record;
 use crate::simulation::Simulation;
 
 /// The strongest push of a contact between two glances.
@@ -25,6 +26,9 @@ pub struct Glance {
     pub pushes: Vec<Push>,
     /// Whether each link that may break is broken   (n_breakable)
     pub broken: Vec<bool>,
+    /// What written hands struck since the last glance, as it is seen: the first `n_sparks` of them
+    sparks: Vec<Record>,
+    n_sparks: usize,
 }
 
 impl Glance {
@@ -36,7 +40,14 @@ impl Glance {
             asked: vec![f64::NAN; simulation.plan.n_keys],
             pushes: vec![Push::default(); look.contacts.len()],
             broken: vec![false; look.breakable.len()],
+            sparks: vec![Record::default(); simulation.sparks_max(look)],
+            n_sparks: 0,
         }
+    }
+
+    /// What written hands struck since the last glance, as [`Simulation::take_sparks`] tells it.
+    pub fn sparks(&self) -> &[Record] {
+        &self.sparks[..self.n_sparks]
     }
 }
 
@@ -53,5 +64,12 @@ impl Simulation {
         });
         let broken = &mut into.broken;
         self.look_at_breaks(look, |link, is| broken[link] = is);
+        into.n_sparks = 0;
+        self.take_sparks(look, |spark| {
+            if let Some(room) = into.sparks.get_mut(into.n_sparks) {
+                *room = spark;
+                into.n_sparks += 1;
+            }
+        });
     }
 }

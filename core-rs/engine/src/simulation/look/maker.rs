@@ -56,6 +56,7 @@ pub(super) struct Maker<'a> {
     bodies: Vec<FoundBody>,
     contacts: Vec<Contact>,
     touched: Vec<(usize, Vec<u32>)>,
+    played: Vec<(usize, Option<Vec<u32>>)>,
     breakable: Vec<usize>,
     /// Which of them joins two MATs; of several the first, the second …
     by_ends: HashMap<Ends, u32>,
@@ -93,6 +94,7 @@ impl<'a> Maker<'a> {
             bodies: Vec::new(),
             contacts: contacts.collect(),
             touched: Vec::new(),
+            played: Vec::new(),
         }
     }
 
@@ -185,6 +187,10 @@ impl<'a> Maker<'a> {
             }
         }
         self.touched.push((at, contacts));
+        if !island.timeline.gestures.is_empty() {
+            let mats = island.to_whole.mats.clone();
+            self.played.push((at, mats));
+        }
         let breaking: Vec<(u32, u32)> = may_break(network, |mat| whole(&island.to_whole.mats, mat))
             .filter_map(|(own, ends)| Some((own as u32, *self.by_ends.get(&ends)?)))
             .collect();
@@ -336,6 +342,7 @@ impl<'a> Maker<'a> {
             plan,
             n_modes,
             touched: self.touched,
+            played: self.played,
             breakable: self.breakable,
             breaking: self.breaking,
             points,

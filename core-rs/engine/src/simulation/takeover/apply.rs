@@ -21,6 +21,7 @@ impl Simulation {
         }
         self.derivatives
             .take_over(&old.derivatives, &takeover.outputs);
+        self.sounds_in.take_over(&old.sounds_in);
         for &(from, to) in &takeover.units {
             match (self.playing(to), old.playing(from)) {
                 (RunningUnit::Island(own), RunningUnit::Island(old)) => own.continue_from(old),

@@ -40,6 +40,7 @@ pub(super) const SERVER_ERROR: c_uint = 0x20;
 pub(super) const PORT_IS_INPUT: c_ulong = 1;
 pub(super) const PORT_IS_OUTPUT: c_ulong = 2;
 pub(super) const PORT_IS_PHYSICAL: c_ulong = 4;
+pub(super) const CAPTURE_LATENCY: c_uint = 0;
 pub(super) const PLAYBACK_LATENCY: c_uint = 1;
 pub(super) const AUDIO: &std::ffi::CStr = c"32 bit float mono audio";
 

@@ -172,12 +172,12 @@ impl Client {
         unsafe { text((self.api.port_name)(port.0)) }
     }
 
-    /// Frames from a port of ours to the loudspeaker, as the server tells.
-    pub(super) fn latency(&self, port: Port) -> u32 {
+    /// Frames from a port of ours to the loudspeaker, or to one of ours from the microphone, as the server tells.
+    pub(super) fn latency(&self, port: Port, way: c_uint) -> u32 {
         let mut range = LatencyRange::default();
         // SAFETY: the port is one of this open client; the range lives through the call.
         unsafe {
-            (self.api.port_get_latency_range)(port.0, api::PLAYBACK_LATENCY, &raw mut range);
+            (self.api.port_get_latency_range)(port.0, way, &raw mut range);
         }
         range.max
     }

@@ -15,11 +15,11 @@ use crate::realtime;
 /// What the protocol's channel maps can hold.
 const CHANNELS_MAX: usize = 32;
 /// Below this PulseAudio loses frames now and then; it was exact from here on.
-const BLOCK: u32 = 1024;
+pub(super) const BLOCK: u32 = 1024;
 const LOOK: Duration = Duration::from_millis(50);
 const LATENCY_EVERY: Duration = Duration::from_secs(1);
 
-fn missing(why: String) -> AudioError {
+pub(super) fn missing(why: String) -> AudioError {
     AudioError::Unavailable {
         backend: "pulse",
         why,
@@ -65,7 +65,7 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
     })
 }
 
-fn words(text: &CStr) -> String {
+pub(super) fn words(text: &CStr) -> String {
     text.to_string_lossy().into_owned()
 }
 

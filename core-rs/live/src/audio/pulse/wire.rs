@@ -21,8 +21,14 @@ pub(super) struct Wire {
     piece: Box<[u8]>,
 }
 
-/// The payload of a message, behind its header.
-pub(super) struct Message(Vec<u8>);
+/// A message: the stream that its samples are of (none: a command), and what stands behind its header.
+pub(super) struct Message {
+    channel: u32,
+    bytes: Vec<u8>,
+}
+
+/// The channel of commands.
+const COMMAND: u32 = u32::MAX;
 
 impl Wire {
     /// Connect to the server that the environment names; starts none. The error is a sentence.
@@ -138,7 +144,10 @@ impl Wire {
         if self.came.len() < end {
             return Ok(None);
         }
-        let message = Message(self.came[protocol::DESCRIPTOR_SIZE..end].to_vec());
+        let message = Message {
+            channel: header.channel,
+            bytes: self.came[protocol::DESCRIPTOR_SIZE..end].to_vec(),
+        };
         self.came.drain(..end);
         Ok(Some(message))
     }
@@ -152,12 +161,25 @@ impl Drop for Wire {
 }
 
 impl Message {
+    /// The stream whose samples these are; `None`: a command.
+    pub(super) fn channel(&self) -> Option<u32> {
+        (self.channel != COMMAND).then_some(self.channel)
+    }
+
+    /// What stands behind the header.
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
     fn command(&self, version: u16) -> Option<(u32, Command)> {
-        Command::read_tag_prefixed(&mut Cursor::new(&self.0), version).ok()
+        if self.channel != COMMAND {
+            return None;
+        }
+        Command::read_tag_prefixed(&mut Cursor::new(&self.bytes), version).ok()
     }
 
     fn reply<R: CommandReply>(&self, version: u16) -> Result<R, String> {
-        let mut cursor = Cursor::new(&self.0);
+        let mut cursor = Cursor::new(&self.bytes);
         Command::read_tag_prefixed(&mut cursor, version)
             .and_then(|_| protocol::TagStructReader::new(&mut cursor, version).read())
             .map_err(|error| {

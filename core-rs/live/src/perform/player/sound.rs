@@ -19,6 +19,10 @@ impl Player {
         if n > 0 {
             let outputs = &mut self.outputs[..n * n_out];
             let mixed = &mut self.mixed[..n * channels];
+            if let Some(hearing) = &mut self.connections.hearing {
+                let is_playing = self.connections.shared.played() > 0;
+                hearing.tick(&mut stage.simulation, self.frame, n, is_playing);
+            }
             // Faults are muted, part by part: nothing is returned.
             let _ = if n_out == 0 {
                 stage.simulation.skip(n as u64)

@@ -113,6 +113,106 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
     shown.end();
 }
 
+/// What a written gesture strikes is told as it is seen, also where pages have missed pictures: no impulse is lost.
+#[test]
+fn pages_are_told_what_a_gesture_strikes() {
+    let scene = gesture();
+    let simulation = planned(&scene, 0);
+    let look = simulation.looked_at();
+    let mut truth = {
+        let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
+        let options = Options {
+            record: true,
+            ..OPTIONS
+        };
+        Simulation::planned(Arc::new(plan), options).unwrap()
+    };
+    let mut shown = Shown::fast(&simulation, &scene.1);
+    let mut cursor = shown.server.hub().join();
+    let mut bytes = Vec::new();
+    let ticks = 900;
+    for tick in 0..ticks {
+        shown.tick(1);
+        // For a while nobody fetches a picture.
+        if !(200..350).contains(&tick) {
+            shown.relay.turn();
+            bytes.extend(messages(&shown.server, &mut cursor).concat());
+        }
+    }
+    assert!(shown.relay.skipped() > 3);
+    truth.skip(ticks * EVERY as u64).unwrap();
+    let struck = truth.take_ergons();
+    let told = ergons(&bytes, &look);
+    assert!(told.len() > 8 && struck.len() > 100 * told.len());
+    assert!(told.iter().all(|ergon| ergon.1 == 1));
+    for up in [true, false] {
+        let told = told.iter().map(|ergon| ergon.2);
+        let told: f64 = told.filter(|impulse| (*impulse > 0.0) == up).sum();
+        let struck = struck.iter().map(|ergon| ergon.impulse);
+        let struck: f64 = struck.filter(|impulse| (*impulse > 0.0) == up).sum();
+        assert!((told / struck - 1.0).abs() < 1e-5, "{told} of {struck}");
+    }
+    shown.end();
+}
+
+/// A page that comes after a thread tore is told so with the first key state that it gets, and a window that opens then tells it too.
+#[test]
+fn pages_that_come_late_are_told_what_broke() {
+    let scene = torn();
+    let simulation = planned(&scene, 0);
+    let mut shown = Shown::fast(&simulation, &scene.1);
+    let mut first = shown.server.hub().join();
+    let second = (RATE as u64).div_ceil(EVERY as u64);
+    let ticks = |shown: &mut Shown, n: u64| {
+        for _ in 0..n {
+            shown.tick(1);
+            shown.relay.turn();
+        }
+    };
+    ticks(&mut shown, second / 2);
+    let broken = |bytes: &[u8]| -> Vec<(f64, f64, u32)> {
+        let all = chunks(bytes)
+            .into_iter()
+            .filter(|one| one.0 == kind::BROKEN);
+        all.flat_map(|(_, t, payload)| {
+            let each = payload.chunks(8).map(move |own| {
+                let (dt, link) = own.split_at(4);
+                let dt = f32::from_le_bytes(dt.try_into().unwrap());
+                (
+                    t,
+                    t + f64::from(dt),
+                    u32::from_le_bytes(link.try_into().unwrap()),
+                )
+            });
+            each.collect::<Vec<_>>()
+        })
+        .collect()
+    };
+    // It tears at 8 mm and 0.4 m/s, that is before 30 ms.
+    let early = broken(&messages(&shown.server, &mut first).concat());
+    assert_eq!(early.len(), 1, "{early:?}");
+    assert!((0.02..0.05).contains(&early[0].1), "{early:?}");
+    ticks(&mut shown, 2 * second);
+    let mut late = shown.server.hub().join();
+    let told = broken(&messages(&shown.server, &mut late).concat());
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(
+        told[0].0 > 2.0 && (told[0].1 - early[0].1).abs() < 1e-6,
+        "{told:?}"
+    );
+    assert_eq!(told[0].2, early[0].2);
+    // Another window on what plays, as a session opens one.
+    let (window, scene) = window_on(&simulation, &scene.1, "late");
+    assert!(shown.this.open(window));
+    shown.coming.send((scene, shown.this.ear())).unwrap();
+    ticks(&mut shown, second / 2);
+    let mut last = shown.server.hub().join();
+    let told = broken(&messages(&shown.server, &mut last).concat());
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert_eq!((told[0].0, told[0].2), (told[0].1, early[0].2));
+    shown.end();
+}
+
 /// What a page that misses nothing is told is where the engine has its masses, once in each video frame.
 #[test]
 fn pages_are_told_what_the_engine_has() {

@@ -1,5 +1,6 @@
 //! From what is asked of a key to the ergon that does it.
 
+use super::super::sparks::Sparks;
 use super::{Ask, Scene, TrackedFrame, Voice, VoiceScript};
 use crate::gesture::report::Report;
 use crate::gesture::script::{Ergons, Touch};
@@ -16,6 +17,8 @@ struct Blow {
     force: f64,
     /// Mass [kg] and velocity [m/s] of a particle; an event's follow from the force.
     particle: Option<(f64, f64)>,
+    /// Whether it is one of many that lead along a path.
+    is_stream: bool,
 }
 
 impl Voice {
@@ -81,6 +84,7 @@ impl Voice {
             source,
             force,
             particle: None,
+            is_stream: matches!(ask, Ask::Pass(_)),
         };
         if manner.ergons == Ergons::Particle {
             let flight = &mut self.flight;
@@ -92,6 +96,7 @@ impl Voice {
             scene.body,
             &mut scene.reports[index],
             scene.stream,
+            &mut self.sparks,
         );
         if !strikes_itself {
             scene.body.push(script.struck, force);
@@ -123,9 +128,11 @@ impl Voice {
                 source: held.source,
                 force,
                 particle: None,
+                is_stream: true,
             };
             let report = &mut scene.reports[held.gesture];
-            blow.tell(scene.scheme, scene.body, report, scene.stream);
+            let sparks = &mut self.sparks;
+            blow.tell(scene.scheme, scene.body, report, scene.stream, sparks);
         }
     }
 
@@ -156,23 +163,35 @@ impl Voice {
 }
 
 impl Blow {
-    /// Into the report and the stream, before the force is added to the sum.
-    fn tell(&self, scheme: &Scheme, body: &Body, report: &mut Report, stream: &mut Stream) {
+    /// Into the report, the stream and what is seen, before the force is added to the sum.
+    fn tell(
+        &self,
+        scheme: &Scheme,
+        body: &Body,
+        report: &mut Report,
+        stream: &mut Stream,
+        sparks: &mut Sparks,
+    ) {
         let t = 1.0 / scheme.rate;
         let (mass, impulse) = (t * t / scheme.w[self.mat], self.force * t);
         report.n_ergons += 1;
         report.strongest = report.strongest.max(impulse.abs() / mass);
         report.force_max = report.force_max.max(self.force.abs());
-        if !stream.is_kept() {
-            return;
+        let record = |velocity| {
+            let time = self.frame as f64 * t;
+            let mut record = Record::event(time, self.mat, self.source, mass, velocity, impulse);
+            if let Some((mass, speed)) = self.particle {
+                (record.mass, record.speed) = (mass, speed);
+            }
+            record
+        };
+        if stream.is_kept() {
+            // Without the ergon, whose force is not in the sum yet.
+            let velocity = kernel::centred(scheme, body, self.mat);
+            stream.push(self.frame, record(velocity));
         }
-        // Without the ergon, whose force is not in the sum yet.
-        let velocity = kernel::centred(scheme, body, self.mat);
-        let time = self.frame as f64 * t;
-        let mut record = Record::event(time, self.mat, self.source, mass, velocity, impulse);
-        if let Some((mass, speed)) = self.particle {
-            (record.mass, record.speed) = (mass, speed);
+        if sparks.are_watched() {
+            sparks.add(&record(0.0), self.is_stream);
         }
-        stream.push(self.frame, record);
     }
 }

@@ -1,5 +1,9 @@
 //! A scene, a window on it, and a performance whose ticks and pages go on by hand.
 
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Gesture, Manner};
+use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::network::{SpaceLaw, SpacePoint, SpacePoints};
 use ergon_engine::simulation::Look;
 
 use super::*;
@@ -42,6 +46,71 @@ pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
             .unwrap();
     }
     (network, timeline)
+}
+
+/// A key that goes up 4 mm and back for 0.74 s, and a bell that it pulls.
+pub(super) fn gesture() -> (Arc<Network>, Timeline) {
+    let mut network = Network::new();
+    let tie = |k, z| Tie::Physical { k, z };
+    network.part("bell", None);
+    network
+        .cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0)
+        .unwrap();
+    network.part("key", None);
+    let struck = network
+        .cel("m", 0.08, tie(20.0, 0.4), 0.0, 0.0, 0.0)
+        .unwrap();
+    network.spring("s", struck, 0, 5.0, 0.0, 0.0).unwrap();
+    let term = Term::Position {
+        first: 0,
+        len: 2,
+        weight: 1.0,
+    };
+    network.listen("out", vec![term]).unwrap();
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    let key = timeline.key("key", struck);
+    let t: Vec<f64> = (0..13).map(|i| 0.02 + 0.06 * f64::from(i)).collect();
+    let x: Vec<f64> = (0..13).map(|i| 4e-3 * f64::from(i % 2)).collect();
+    let written = Written {
+        t: &t,
+        x: &x,
+        approaches: &[Approach::Path(Curve::Smooth); 13],
+        sources: &[],
+    };
+    let gesture = Gesture::written(key, &written, Manner::OPEN).unwrap();
+    timeline.gesture(gesture).unwrap();
+    (Arc::new(network), timeline)
+}
+
+/// A ball of 1 kg that tears off a thread of 1 kN/m at 0.4 m/s.
+pub(super) fn torn() -> (Arc<Network>, Timeline) {
+    let mut network = Network::new();
+    network.part("w", None);
+    let mut point = |name, m: f64, x: f64, v: f64| {
+        let points = SpacePoints {
+            n_axes: 2,
+            masses: &[m],
+            x0: &[x, 0.0],
+            v0: &[v, 0.0],
+            z: 0.0,
+        };
+        SpacePoint::strided(network.points(name, false, points).unwrap(), 1)
+    };
+    let ends = (point("nail", 0.0, 0.0, 0.0), point("ball", 1.0, 0.1, 0.4));
+    let law = SpaceLaw::Yielding {
+        yields: f64::INFINITY,
+        breaks: 8e-3,
+    };
+    network
+        .space_links("thread", ends, 1, 2, law, [1e3, 0.0, 0.1])
+        .unwrap();
+    let term = Term::Position {
+        first: ends.1.first,
+        len: 1,
+        weight: 1.0,
+    };
+    network.listen("out", vec![term]).unwrap();
+    (Arc::new(network), Timeline::new(Rate::new(RATE).unwrap()))
 }
 
 pub(super) fn planned(scene: &(Arc<Network>, Timeline), from: u64) -> Simulation {
@@ -100,6 +169,7 @@ pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
 pub(super) fn config(audio: &str) -> PlaybackConfig {
     PlaybackConfig {
         audio: audio.parse().unwrap(),
+        input: InputConfig::default(),
         ahead: None,
         record: None,
     }

@@ -1,0 +1,110 @@
+//! The ergons of a voice as they are seen: those of a stream, one a frame, are gathered, for nobody sees 44,100 a second.
+
+use crate::island::record::Record;
+
+/// Ergons that are told one by one between two looks, before others are gathered.
+const SINGLE: usize = 14;
+/// How many sparks a voice has between two looks at most: the last two gather what finds no other room, one for each sign.
+pub(crate) const ROOM: usize = SINGLE + 2;
+/// An ergon of a stream joins the last one of its sign where that came so little before it [s].
+const TOGETHER: f64 = 1e-3;
+
+/// Ergons of one sign that are seen as one.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spark {
+    first: Record,
+    /// Instant of the last [s].
+    last: f64,
+    /// Their impulses together [N·s].
+    impulse: f64,
+    /// Sums of impulse · time since the first [N·s²], and of impulse · (speed − that of the first) [N·m].
+    moments: [f64; 2],
+    is_stream: bool,
+}
+
+impl Spark {
+    fn of(ergon: &Record, is_stream: bool) -> Self {
+        Self {
+            first: *ergon,
+            last: ergon.time,
+            impulse: ergon.impulse,
+            moments: [0.0; 2],
+            is_stream,
+        }
+    }
+
+    fn is_like(&self, ergon: &Record) -> bool {
+        (self.impulse > 0.0) == (ergon.impulse > 0.0)
+    }
+
+    /// Whether an ergon of a stream goes on with it.
+    fn goes_on(&self, ergon: &Record) -> bool {
+        self.is_stream && self.is_like(ergon) && ergon.time - self.last <= TOGETHER
+    }
+
+    fn add(&mut self, ergon: &Record) {
+        let first = &self.first;
+        self.moments[0] += ergon.impulse * (ergon.time - first.time);
+        self.moments[1] += ergon.impulse * (ergon.speed - first.speed);
+        self.impulse += ergon.impulse;
+        self.last = ergon.time;
+    }
+
+    /// One ergon with the impulse of all; its instant and speed are theirs in the mean, by their impulses.
+    fn seen(&self) -> Record {
+        let [time, speed] = self.moments.map(|moment| moment / self.impulse);
+        Record {
+            time: self.first.time + time,
+            speed: self.first.speed + speed,
+            impulse: self.impulse,
+            ..self.first
+        }
+    }
+}
+
+/// The sparks of a voice since somebody last looked.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sparks {
+    /// (ROOM); none: nobody looks.
+    room: Option<Box<[Spark; ROOM]>>,
+    n: usize,
+}
+
+impl Sparks {
+    /// Whether somebody looks.
+    pub(crate) fn are_watched(&self) -> bool {
+        self.room.is_some()
+    }
+
+    /// Note ergons from here on.
+    pub(crate) fn watch(&mut self) {
+        self.room = Some(Box::new([Spark::default(); ROOM]));
+        self.n = 0;
+    }
+
+    /// Note an ergon: one of a stream, or a strike for itself.
+    pub(crate) fn add(&mut self, ergon: &Record, is_stream: bool) {
+        let Some(room) = &mut self.room else { return };
+        if ergon.impulse == 0.0 || !ergon.impulse.is_finite() {
+            return;
+        }
+        let mut all = room[..self.n].iter_mut().enumerate().rev();
+        let joined = all.find(|(at, spark)| {
+            (is_stream && spark.goes_on(ergon)) || (*at >= SINGLE && spark.is_like(ergon))
+        });
+        match joined {
+            Some((_, spark)) => spark.add(ergon),
+            None => {
+                room[self.n] = Spark::of(ergon, is_stream);
+                self.n += 1;
+            }
+        }
+    }
+
+    /// Tell of each of them, and begin anew.
+    pub(crate) fn take(&mut self, tell: impl FnMut(Record)) {
+        let n = std::mem::take(&mut self.n);
+        let room = self.room.iter().flat_map(|room| &room[..n]);
+        room.map(Spark::seen).for_each(tell);
+    }
+}

@@ -1,0 +1,188 @@
+//! Inputs of a sound card that move or push MATs: what is done to their samples, and the same from a file.
+
+use std::fmt;
+use std::sync::Arc;
+
+use sha2::{Digest, Sha256};
+
+use super::{DriveKind, Source, StrikeError, Timeline};
+use crate::section::{BUTTERWORTH_2, Section};
+
+/// Most inputs of a piece.
+const INPUTS_MAX: usize = 64;
+
+/// What is done to the samples of an input before they act.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SoundInSettings {
+    /// Channel of the sound card, from 0.
+    pub channel: usize,
+    /// What full scale (1.0) is [m or N].
+    pub gain: f64,
+    /// Cutoff of a Butterworth high-pass of order 2 [Hz]; `None`: without.
+    pub highpass: Option<f64>,
+    /// Largest magnitude that acts [m or N].
+    pub clamp: f64,
+}
+
+/// The stages that every sample of an input passes: high-pass, gain, clamp.
+#[derive(Clone, Debug)]
+pub struct Conditioner {
+    settings: SoundInSettings,
+    section: Option<Section>,
+    /// The last value that came out [m or N].
+    last: f64,
+}
+
+impl Conditioner {
+    /// Stages at rest, at `rate` [Hz]; the cutoff lies below half of it.
+    pub fn new(settings: SoundInSettings, rate: f64) -> Self {
+        let section = |cutoff| Section::new(cutoff, rate, BUTTERWORTH_2);
+        Self {
+            section: settings.highpass.map(section),
+            settings,
+            last: 0.0,
+        }
+    }
+
+    /// The value of the next sample [m or N]; what is not finite counts as silence.
+    pub fn next(&mut self, sample: f64) -> f64 {
+        let heard = if sample.is_finite() { sample } else { 0.0 };
+        let passed = match &mut self.section {
+            Some(section) => section.next(heard).high,
+            None => heard,
+        };
+        let clamp = self.settings.clamp;
+        self.last = (passed * self.settings.gain).clamp(-clamp, clamp);
+        self.last
+    }
+
+    /// The channel that it hears.
+    pub(crate) fn channel(&self) -> usize {
+        self.settings.channel
+    }
+
+    /// The last value that came out [m or N].
+    pub(crate) fn last(&self) -> f64 {
+        self.last
+    }
+
+    /// Go on where another one stands, if it hears the same channel.
+    pub(crate) fn take_over(&mut self, other: &Self) {
+        if self.settings.channel != other.settings.channel {
+            return;
+        }
+        if let (Some(own), Some(other)) = (&mut self.section, &other.section) {
+            own.take_over(other);
+        }
+        self.last = other.last;
+    }
+}
+
+/// An input, and what it gives where nobody plays into it.
+#[derive(Clone)]
+pub struct SoundIn {
+    /// Index among the inputs of the timeline.
+    pub(crate) index: usize,
+    pub(crate) settings: SoundInSettings,
+    /// Values at the frames of the score from frame 0 on [m or N], (n_frames,); 0 after them.
+    values: Arc<[f64]>,
+    /// SHA-256 of the values.
+    digest: [u8; 32],
+}
+
+impl SoundIn {
+    /// The value at a frame of the score, from a file [m or N].
+    pub(crate) fn at(&self, frame: u64) -> f64 {
+        let index = usize::try_from(frame).unwrap_or(usize::MAX);
+        self.values.get(index).copied().unwrap_or(0.0)
+    }
+}
+
+impl fmt::Debug for SoundIn {
+    /// With the digest instead of the values, for timelines are hashed as they are shown.
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        to.debug_struct("SoundIn")
+            .field("index", &self.index)
+            .field("settings", &self.settings)
+            .field("digest", &self.digest)
+            .finish()
+    }
+}
+
+impl Timeline {
+    /// Declare an input; returns its index.
+    ///
+    /// `samples`: what is heard from frame 0 on where nobody plays into it, at the rate of the timeline, full scale 1,
+    /// (n_frames,). They pass the stages that live ones pass.
+    ///
+    /// # Errors
+    /// [`StrikeError`] where a setting is not finite or out of range, or there are more than 64 inputs.
+    pub fn sound_in(
+        &mut self,
+        settings: SoundInSettings,
+        samples: &[f64],
+    ) -> Result<usize, StrikeError> {
+        let rate = self.rate.hertz();
+        let index = self.sounds_in.len();
+        let wrong = |what, why, value| Err(StrikeError::Value(what, why, value));
+        if index == INPUTS_MAX {
+            return wrong("the number of inputs", " of 64 at most", index as f64 + 1.0);
+        }
+        if !settings.gain.is_finite() {
+            return wrong("the gain of an input", "", settings.gain);
+        }
+        if !(settings.clamp > 0.0 && settings.clamp.is_finite()) {
+            return wrong("the clamp of an input", " above 0", settings.clamp);
+        }
+        if let Some(cutoff) = settings.highpass
+            && !(cutoff > 0.0 && cutoff < 0.5 * rate)
+        {
+            let why = " of hertz between 0 and half the rate";
+            return wrong("the high-pass of an input", why, cutoff);
+        }
+        let mut conditioner = Conditioner::new(settings, rate);
+        let values: Arc<[f64]> = samples.iter().map(|&x| conditioner.next(x)).collect();
+        let mut sha = Sha256::new();
+        for value in &*values {
+            sha.update(value.to_le_bytes());
+        }
+        self.sounds_in.push(SoundIn {
+            index,
+            settings,
+            values,
+            digest: sha.finalize().into(),
+        });
+        Ok(index)
+    }
+
+    /// Let an input push a MAT, or impose its position, by its values times `scale`.
+    ///
+    /// Frame n is computed with value n: a force acts in it, a position is reached at its end.
+    ///
+    /// # Errors
+    /// [`StrikeError`] where there is no such input, or the position of the MAT is imposed already.
+    pub fn drive_by_sound(
+        &mut self,
+        mat: usize,
+        kind: DriveKind,
+        index: usize,
+        scale: f64,
+    ) -> Result<(), StrikeError> {
+        let Some(sound) = self.sounds_in.get(index).cloned() else {
+            let why = " of an input that is declared";
+            return Err(StrikeError::Value("the index", why, index as f64));
+        };
+        let source = Source::SoundIn {
+            sound,
+            scale: super::finite("scale", scale).map(|()| scale)?,
+            steps: 1,
+        };
+        // Not its part's own: what will be played, no written gesture knows.
+        self.drive(mat, kind, source, false)
+    }
+
+    /// What is done to the samples of each input, in order of declaration.
+    pub(crate) fn sound_settings(&self) -> impl Iterator<Item = SoundInSettings> {
+        self.sounds_in.iter().map(|sound| sound.settings)
+    }
+}

@@ -1,0 +1,270 @@
+//! Inputs of a sound card: what is played is what a file of it makes of the piece, and both are the formulas'.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::timeline::{DriveKind, SoundInSettings, Timeline};
+use ergon_engine::units::Rate;
+
+use super::scene::options;
+
+const RATE: f64 = 44_100.0;
+const N: usize = 3_000;
+
+const PUSH: SoundInSettings = SoundInSettings {
+    channel: 1,
+    gain: 2e-3,
+    highpass: Some(200.0),
+    clamp: 0.8e-3,
+};
+const PLACE: SoundInSettings = SoundInSettings {
+    channel: 0,
+    gain: 1e-4,
+    highpass: None,
+    clamp: 1.0,
+};
+
+fn plain() -> Options {
+    Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    }
+}
+
+/// A free mass, a point whose position is imposed, and a chain that hangs on it and is heard.
+fn network() -> Network {
+    let mut network = Network::new();
+    network.part("free", None);
+    let free = network.mas("m", 5e-3, 0.0, 0.0).unwrap();
+    network.part("chain", None);
+    let hand = network.mas("hand", 1.0, 0.0, 0.0).unwrap();
+    network.impose(hand);
+    let tie = Tie::Physical { k: 4e3, z: 2e-3 };
+    let first = network.cel("a", 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
+    let second = network.cel("b", 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
+    network.spring("h", hand, first, 2e3, 1e-2, 0.0).unwrap();
+    network.spring("l", first, second, 2e4, 1e-2, 0.0).unwrap();
+    for (name, mat) in [("free", free), ("hand", hand), ("end", second)] {
+        let heard = Term::Position {
+            first: mat,
+            len: 1,
+            weight: 1.0,
+        };
+        network.listen(name, vec![heard]).unwrap();
+    }
+    network
+}
+
+/// Two channels that are loud enough for the clamp   (N, 2)
+fn noise() -> Vec<f32> {
+    let mut x = 7_u32;
+    let mut next = || {
+        x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (f64::from(x) / f64::from(u32::MAX) * 2.0 - 1.0) as f32
+    };
+    (0..2 * N).map(|_| next()).collect()
+}
+
+fn channel(frames: &[f32], channel: usize) -> Vec<f64> {
+    let samples = frames.chunks(2).map(|frame| f64::from(frame[channel]));
+    samples.collect()
+}
+
+/// The network under what was recorded, or may be played.
+fn timeline(recorded: Option<&[f32]>) -> (Arc<Network>, Timeline) {
+    let network = Arc::new(network());
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    let samples = |at| recorded.map_or(Vec::new(), |frames| channel(frames, at));
+    for (settings, mat, kind) in [
+        (PUSH, 0, DriveKind::Force),
+        (PLACE, 1, DriveKind::Position),
+        (PUSH, 3, DriveKind::Force),
+    ] {
+        let index = timeline
+            .sound_in(settings, &samples(settings.channel))
+            .unwrap();
+        timeline.drive_by_sound(mat, kind, index, 1.0).unwrap();
+    }
+    (network, timeline)
+}
+
+fn simulation(recorded: Option<&[f32]>) -> Simulation {
+    let (network, timeline) = timeline(recorded);
+    Simulation::new(network, &timeline, plain()).unwrap()
+}
+
+/// Play frames in blocks of so many   (n_frames, 3)
+fn played(simulation: &mut Simulation, frames: &[f32], block: usize) -> Vec<f64> {
+    let mut sound = Vec::new();
+    for frames in frames.chunks(2 * block) {
+        let mut out = vec![0.0; frames.len() / 2 * 3];
+        simulation.sound_in(frames, 2);
+        simulation.process(&mut out).unwrap();
+        sound.extend(out);
+    }
+    sound
+}
+
+fn computed(simulation: &mut Simulation) -> Vec<f64> {
+    let mut sound = vec![0.0; 3 * N];
+    simulation.process(&mut sound).unwrap();
+    sound
+}
+
+fn heard(sound: &[f64], output: usize) -> Vec<f64> {
+    sound.iter().skip(output).step_by(3).copied().collect()
+}
+
+#[test]
+fn what_is_played_is_what_a_recording_of_it_makes() {
+    let noise = noise();
+    let file = computed(&mut simulation(Some(&noise)));
+    assert!(file.iter().any(|x| *x != 0.0));
+    for block in [44, 64, 1000] {
+        assert!(
+            played(&mut simulation(None), &noise, block) == file,
+            "{block}"
+        );
+    }
+    // What a file says is not heard where somebody plays.
+    let silence = vec![0.5; 2 * N];
+    assert!(played(&mut simulation(Some(&silence)), &noise, 64) == file);
+    // A plan is another way to compute, and the same for both.
+    let planned = |recorded| {
+        let (network, timeline) = timeline(recorded);
+        let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
+        Simulation::planned(Arc::new(plan), plain()).unwrap()
+    };
+    let file = computed(&mut planned(Some(&noise)));
+    assert!(played(&mut planned(None), &noise, 64) == file);
+}
+
+/// x[n+1] = 2x[n] − x[n−1] + F[n]/(M·rate²) with the force of an analogue Butterworth by the bilinear transform.
+#[test]
+fn a_force_is_filtered_scaled_and_clamped() {
+    let noise = noise();
+    let sound = heard(&computed(&mut simulation(Some(&noise))), 0);
+    let k = libm::tan(PI * 200.0 / RATE);
+    let norm = 1.0 / (1.0 + std::f64::consts::SQRT_2 * k + k * k);
+    let (a1, a2) = (
+        2.0 * (k * k - 1.0) * norm,
+        (1.0 - std::f64::consts::SQRT_2 * k + k * k) * norm,
+    );
+    let (mut x1, mut x2, mut y1, mut y2) = (0.0, 0.0, 0.0, 0.0);
+    let (mut now, mut before) = (0.0, 0.0);
+    let mut n_clamped = 0;
+    for (n, (x, got)) in channel(&noise, 1).into_iter().zip(sound).enumerate() {
+        let y = norm * (x - 2.0 * x1 + x2) - a1 * y1 - a2 * y2;
+        (x1, x2, y1, y2) = (x, x1, y, y1);
+        assert!(
+            (got - now).abs() < 1e-9 * now.abs().max(1e-9),
+            "{n}: {got} {now}"
+        );
+        n_clamped += usize::from((2e-3 * y).abs() > 0.8e-3);
+        let force = (2e-3 * y).clamp(-0.8e-3, 0.8e-3);
+        let next = 2.0 * now - before + force / (5e-3 * RATE * RATE);
+        (now, before) = (next, now);
+    }
+    assert!(n_clamped > N / 10);
+}
+
+#[test]
+fn a_position_is_reached_at_the_end_of_its_frame() {
+    let noise = noise();
+    let sound = heard(&computed(&mut simulation(Some(&noise))), 1);
+    assert_eq!(sound[0], 0.0);
+    for (n, (x, got)) in channel(&noise, 0).iter().zip(&sound[1..]).enumerate() {
+        assert_eq!(*got, 1e-4 * x, "{n}");
+    }
+}
+
+#[test]
+fn a_version_goes_on_where_the_input_of_another_stands() {
+    let noise = noise();
+    let whole = played(&mut simulation(None), &noise, 64);
+    let mut old = simulation(None);
+    let (first, second) = noise.split_at(2 * 64 * 20);
+    let mut sound = played(&mut old, first, 64);
+    let (network, timeline) = timeline(None);
+    let plan = Plan::plain(network, &timeline, false).unwrap();
+    let mut new = Simulation::planned_from(Arc::new(plan), plain(), 64 * 20).unwrap();
+    let mut takeover = Takeover::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut takeover));
+    sound.extend(played(&mut new, second, 64));
+    assert!(sound == whole);
+}
+
+/// Where a mesh is stepped finer a position goes evenly and a force holds: the run is near that of whole frames.
+#[test]
+fn finer_steps_hear_the_same_input() {
+    let mut noise = noise();
+    // Low enough for whole frames to follow.
+    let mut low = [0.0_f32; 2];
+    for frame in noise.chunks_mut(2) {
+        for (x, low) in frame.iter_mut().zip(&mut low) {
+            *low += 0.02 * (*x - *low);
+            *x = *low;
+        }
+    }
+    let (network, timeline) = timeline(Some(&noise));
+    let of = |method| {
+        let budget = Budget::Method(method);
+        let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
+        let mut simulation = Simulation::planned(Arc::new(plan), plain()).unwrap();
+        heard(&computed(&mut simulation), 2)
+    };
+    let (coarse, fine) = (of(Method::Ca), of(Method::Bm4));
+    let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
+    let error: Vec<f64> = coarse.iter().zip(&fine).map(|(x, y)| x - y).collect();
+    assert!(
+        rms(&fine) > 0.0 && rms(&error) < 0.02 * rms(&fine),
+        "{} of {}",
+        rms(&error),
+        rms(&fine)
+    );
+}
+
+#[test]
+fn what_no_input_can_have_is_refused() {
+    let (_, mut timeline) = timeline(None);
+    for wrong in [
+        SoundInSettings {
+            gain: f64::NAN,
+            ..PUSH
+        },
+        SoundInSettings { clamp: 0.0, ..PUSH },
+        SoundInSettings {
+            clamp: f64::INFINITY,
+            ..PUSH
+        },
+        SoundInSettings {
+            highpass: Some(0.0),
+            ..PUSH
+        },
+        SoundInSettings {
+            highpass: Some(0.5 * RATE),
+            ..PUSH
+        },
+    ] {
+        assert!(timeline.sound_in(wrong, &[]).is_err(), "{wrong:?}");
+    }
+    let index = timeline.sound_in(PUSH, &[f64::NAN, 1.0]).unwrap();
+    assert!(
+        timeline
+            .drive_by_sound(0, DriveKind::Force, index + 1, 1.0)
+            .is_err()
+    );
+    assert!(
+        timeline
+            .drive_by_sound(0, DriveKind::Force, index, f64::NAN)
+            .is_err()
+    );
+    assert!(
+        timeline
+            .drive_by_sound(1, DriveKind::Position, index, 1.0)
+            .is_err()
+    );
+}

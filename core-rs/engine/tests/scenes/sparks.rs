@@ -1,0 +1,264 @@
+//! Ergons of written gestures as they are seen, beside those that struck; and watching them changes no sample.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::plan::{Budget, Plan};
+use ergon_engine::simulation::{Glance, Look, OnFault, Options, Record, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+use super::scene::Scene;
+
+const RATE: f64 = 44_100.0;
+/// Mass of the key [kg].
+const KEY: f64 = 0.08;
+/// Frames from one look to the next.
+const LOOK: usize = 735;
+/// Ergons of a stream that are so near each other are seen as one [s].
+const TOGETHER: f64 = 1e-3;
+
+const RECORDED: Options = Options {
+    ledger: false,
+    record: true,
+    on_fault: OnFault::Stop,
+    threads: 1,
+    unchecked: false,
+};
+
+/// A key that is heard, and one gesture on it: up 4 mm and back.
+fn played(way: Approach, manner: Manner) -> Simulation {
+    let mut network = Network::new();
+    network.part("bell", None);
+    let tie = |k, z| Tie::Physical { k, z };
+    network
+        .cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0)
+        .unwrap();
+    network.part("key", None);
+    let struck = network
+        .cel("m", KEY, tie(20.0, 0.4), 0.0, 0.0, 0.0)
+        .unwrap();
+    network.spring("s", struck, 0, 5.0, 0.0, 0.0).unwrap();
+    let term = Term::Position {
+        first: 0,
+        len: 2,
+        weight: 1.0,
+    };
+    network.listen("both", vec![term]).unwrap();
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    let key = timeline.key("key", struck);
+    let written = Written {
+        t: &[0.01, 0.05, 0.13],
+        x: &[0.0, 4e-3, 0.0],
+        approaches: &[way; 3],
+        sources: &[3, 4, 5],
+    };
+    let gesture = Gesture::written(key, &written, manner).unwrap();
+    timeline.gesture(gesture).unwrap();
+    simulation(network, &timeline)
+}
+
+fn simulation(network: Network, timeline: &Timeline) -> Simulation {
+    let plan = Plan::new(Arc::new(network), timeline, &Budget::default(), None).unwrap();
+    Simulation::planned(Arc::new(plan), RECORDED).unwrap()
+}
+
+/// Of each look the ergons that struck, and what is seen of them.
+fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Record>, Vec<Record>)> {
+    let look = simulation.looked_at();
+    simulation.watch();
+    let mut glance = Glance::new(simulation, &look);
+    let mut one = |simulation: &mut Simulation, look: &Look| {
+        simulation.skip(frames as u64).unwrap();
+        simulation.glance(look, &mut glance);
+        (simulation.take_ergons(), glance.sparks().to_vec())
+    };
+    (0..n).map(|_| one(simulation, &look)).collect()
+}
+
+/// The ergons of a stream by their signs and by the gaps between them: impulse, mean instant and speed of each run. Of an
+/// ergon p that is 1e-4 times as heavy as what stands still the speed is p (1 + 1e-4)/(2e-4 M).
+fn gathered(struck: &[Record]) -> Vec<[f64; 3]> {
+    let mut all = Vec::new();
+    for sign in [1.0, -1.0] {
+        let same: Vec<&Record> = (struck.iter())
+            .filter(|ergon| ergon.impulse * sign > 0.0)
+            .collect();
+        for run in same.chunk_by(|a, b| b.time - a.time <= TOGETHER) {
+            let impulse: f64 = run.iter().map(|ergon| ergon.impulse).sum();
+            let mean = |of: fn(&Record) -> f64| {
+                let all = run.iter().map(|ergon| ergon.impulse / impulse * of(ergon));
+                all.sum::<f64>()
+            };
+            let speed = |ergon: &Record| ergon.impulse * 1.0001 / (2e-4 * KEY);
+            all.push([impulse, mean(|ergon| ergon.time), mean(speed)]);
+        }
+    }
+    all.sort_by(|a, b| a[1].total_cmp(&b[1]));
+    all
+}
+
+fn near(a: f64, b: f64, by: f64) {
+    assert!((a - b).abs() <= by, "{a} is not {b}");
+}
+
+#[test]
+fn a_stream_is_seen_as_one_ergon_of_each_sign_a_look() {
+    let smooth = Approach::Path(Curve::Smooth);
+    for touch in [Touch::Open, Touch::Tracked] {
+        let manner = Manner {
+            touch,
+            ..Manner::OPEN
+        };
+        let mut simulation = played(smooth, manner);
+        let mut n = 0;
+        for (struck, mut seen) in looks(&mut simulation, 12, LOOK) {
+            seen.sort_by(|a, b| a.time.total_cmp(&b.time));
+            let expected = gathered(&struck);
+            assert_eq!(seen.len(), expected.len());
+            assert!(seen.len() <= 4, "{seen:?}");
+            for (seen, [impulse, time, speed]) in seen.iter().zip(&expected) {
+                near(seen.impulse, *impulse, 1e-12 * impulse.abs());
+                near(seen.time, *time, 1e-12);
+                near(seen.speed, *speed, 1e-9 * speed.abs());
+                assert_eq!(seen.mat, 1);
+                assert!([3, 4, 5].contains(&seen.source));
+            }
+            n += seen.len();
+        }
+        // It pushes up, down, and up again; twice as long on the way down.
+        assert!((8..20).contains(&n), "{n}");
+    }
+}
+
+#[test]
+fn particles_are_seen_with_the_speed_that_they_have() {
+    let manner = Manner {
+        ergons: Ergons::Particle,
+        ..Manner::OPEN
+    };
+    let mut simulation = played(Approach::Path(Curve::Smooth), manner);
+    let all: Vec<_> = looks(&mut simulation, 12, LOOK);
+    assert!(all.iter().any(|(_, seen)| seen.len() > 1));
+    for (struck, seen) in all {
+        assert_eq!(seen.len(), gathered(&struck).len());
+        for spark in &seen {
+            near(spark.speed, 1_000.0 * spark.impulse.signum(), 1e-6);
+        }
+    }
+}
+
+#[test]
+fn throws_and_grains_are_seen_one_by_one() {
+    let grains = Manner {
+        grain: Some(3e-3),
+        ..Manner::OPEN
+    };
+    let smooth = Approach::Path(Curve::Smooth);
+    for (way, manner) in [(Approach::Throw, Manner::OPEN), (smooth, grains)] {
+        let mut n = 0;
+        for (struck, seen) in looks(&mut played(way, manner), 12, LOOK) {
+            let told = |all: &[Record]| -> Vec<(u64, u64)> {
+                let each = all.iter();
+                each.map(|ergon| (ergon.time.to_bits(), ergon.impulse.to_bits()))
+                    .collect()
+            };
+            assert_eq!(told(&seen), told(&struck));
+            n += seen.len();
+        }
+        if way == Approach::Throw {
+            assert_eq!(n, 2);
+        } else {
+            assert!((35..45).contains(&n), "{n}");
+        }
+    }
+}
+
+#[test]
+fn more_than_can_be_told_is_gathered_by_sign() {
+    let manner = Manner {
+        grain: Some(1e-4),
+        ..Manner::OPEN
+    };
+    let mut simulation = played(Approach::Path(Curve::Smooth), manner);
+    let (struck, seen) = looks(&mut simulation, 1, 8_000).remove(0);
+    assert!(struck.len() > 500);
+    assert_eq!(seen.len(), 16);
+    for (seen, struck) in seen.iter().zip(&struck).take(14) {
+        assert_eq!((seen.time, seen.impulse), (struck.time, struck.impulse));
+    }
+    for up in [true, false] {
+        let sum = |all: &[Record]| -> f64 {
+            let own = all.iter().filter(|ergon| (ergon.impulse > 0.0) == up);
+            own.map(|ergon| ergon.impulse).sum()
+        };
+        near(sum(&seen), sum(&struck), 1e-12 * sum(&struck).abs());
+    }
+    assert!(seen.iter().all(|ergon| (0.01..0.13).contains(&ergon.time)));
+}
+
+/// Of every MAT and sign, the impulse of all ergons.
+fn impulses<'a>(all: impl Iterator<Item = &'a Record>) -> HashMap<(u32, bool), f64> {
+    let mut sums = HashMap::new();
+    for ergon in all.filter(|ergon| ergon.impulse != 0.0) {
+        *sums.entry((ergon.mat, ergon.impulse > 0.0)).or_default() += ergon.impulse;
+    }
+    sums
+}
+
+#[test]
+fn no_impulse_of_a_gesture_is_lost_whatever_the_scene() {
+    let mut n = 0;
+    for seed in 0..24 {
+        let scene = Scene::random(seed);
+        let frames = scene.n_frames();
+        let mut own = scene.simulation(RECORDED);
+        let written: Vec<u32> = {
+            let written = own.written(&scene.timeline);
+            written.iter().map(|ergon| ergon.mat).collect()
+        };
+        let all = looks(&mut own, 7, frames / 7);
+        // What a strike or an ergon of the score meets is no key here.
+        let gestures = all.iter().flat_map(|look| &look.0);
+        let struck = impulses(gestures.filter(|ergon| !written.contains(&ergon.mat)));
+        let seen = impulses(all.iter().flat_map(|look| &look.1));
+        assert_eq!(seen.len(), struck.len(), "{seed}");
+        for (at, impulse) in struck {
+            near(seen[&at], impulse, 1e-9 * impulse.abs());
+        }
+        n += all.iter().map(|look| look.1.len()).sum::<usize>();
+        let (sparks, ergons) = all.iter().fold((0, 0), |(sparks, ergons), look| {
+            (sparks + look.1.len(), ergons + look.0.len())
+        });
+        assert!(sparks <= ergons, "{seed}");
+    }
+    assert!(n > 100, "{n}");
+}
+
+#[test]
+fn watching_what_hands_strike_changes_no_sample() {
+    for seed in 0..12 {
+        let scene = Scene::random(seed);
+        let sound = |is_watched: bool| -> Vec<u64> {
+            let mut own = scene.simulation(RECORDED);
+            let look = own.looked_at();
+            let mut glance = Glance::new(&own, &look);
+            if is_watched {
+                own.watch();
+            }
+            let mut out = vec![0.0; scene.n_frames() * own.n_out()];
+            for block in out.chunks_mut(500 * own.n_out()) {
+                own.process(block).unwrap();
+                if is_watched {
+                    own.glance(&look, &mut glance);
+                }
+            }
+            out.iter().map(|x| x.to_bits()).collect()
+        };
+        assert!(sound(true) == sound(false), "{seed}");
+    }
+}

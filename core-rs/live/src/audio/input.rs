@@ -1,0 +1,355 @@
+//! An input that is heard: from a card to the physics by the ring that outputs use, the other way round.
+//!
+//! The card's callback pushes, the physics takes; neither waits. What is missing is silence, and is counted.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::output::Event;
+use super::ring::{CHANNELS_MAX, Drain, Feed};
+use super::shared::Shared;
+use super::source::{OpenedInput, Source};
+use super::spec::{Backend, Spec};
+use super::{AudioError, jack, pulse, rate, ring};
+
+/// How often the supervisor looks.
+const LOOK: Duration = Duration::from_millis(50);
+/// How long a server that died is left alone between two looks for it.
+const RETRY: Duration = Duration::from_secs(1);
+/// More than so many times what the ring is to hold is thrown away: the input would be heard ever later.
+const MOST: usize = 4;
+
+/// What an input says of itself.
+#[derive(Clone, Debug)]
+pub struct InputInfo {
+    /// `jack` or `pulse`.
+    pub backend: String,
+    /// What it hears.
+    pub device: String,
+    /// Rate of the card [Hz].
+    pub rate: u32,
+    /// Channels of a frame.
+    pub channels: usize,
+    /// Frames that the card gives at a time.
+    pub block: u32,
+    /// From the microphone to the physics [s]: what the server tells, what waits in the ring, and the conversion.
+    pub latency_s: f64,
+    /// All this in words.
+    pub sentence: String,
+}
+
+/// An input, heard until it is closed or dropped.
+pub struct Input {
+    state: Arc<InputState>,
+    supervisor: Option<JoinHandle<()>>,
+}
+
+struct InputState {
+    spec: Spec,
+    channels: usize,
+    shared: Arc<Shared>,
+    began: Instant,
+    stop: AtomicBool,
+    report: Mutex<(InputInfo, Vec<Event>)>,
+}
+
+/// The end of an input on the physics thread: it neither allocates nor waits.
+pub struct Intake {
+    drain: Drain,
+    /// Frames that wait before it begins, and begins again.
+    target: usize,
+    /// What waits before the first frame is old, and nobody misses it.
+    has_begun: bool,
+}
+
+impl Intake {
+    /// The end of a ring that holds `target` frames before it begins, at `rate` [Hz].
+    #[must_use]
+    pub fn new(mut drain: Drain, target: usize, rate: u32) -> Self {
+        drain.set_rate(rate);
+        drain.set_outermost(false);
+        let target = target.max(1);
+        Self {
+            drain,
+            target,
+            has_begun: false,
+        }
+    }
+
+    /// Fill interleaved frames. What is missing is silence, reached and left by ramps of 2 ms, and counted.
+    pub fn hear(&mut self, out: &mut [f32]) {
+        if !std::mem::replace(&mut self.has_begun, true) {
+            self.drain.catch_up(0);
+            self.drain.set_outermost(true);
+        }
+        let frames = out.len() / self.drain.channels();
+        let wanted = self.target + frames;
+        if self.drain.waiting() > MOST * wanted {
+            self.drain.catch_up(wanted);
+        }
+        self.drain.fill(out);
+    }
+
+    /// Channels of a frame.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.drain.channels()
+    }
+}
+
+/// Hear `channels` of what `spec` names, at `rate` [Hz], for a physics that takes `wanted` frames at once.
+///
+/// # Errors
+/// A sentence on why the input cannot be had; nothing was started then.
+pub fn listen(
+    spec: &Spec,
+    rate: u32,
+    channels: usize,
+    wanted: usize,
+) -> Result<(Input, Intake), AudioError> {
+    if !(1..=CHANNELS_MAX).contains(&channels) {
+        let why = format!("an input has 1 to {CHANNELS_MAX}");
+        return Err(AudioError::Channels { channels, why });
+    }
+    let shared = Arc::new(Shared::default());
+    let opened = connect(spec, channels, &shared)?;
+    let block = opened.block as usize;
+    let mut target = block + wanted;
+    let capacity = (2 * MOST * (target + block)).max(opened.rate as usize / 4);
+    let (feed, inner) = ring::joined(channels, capacity, shared.clone());
+    feed.set_prefill(target);
+    let mut info = InputInfo {
+        backend: opened.backend.into(),
+        device: opened.device.clone(),
+        rate: opened.rate,
+        channels,
+        block: opened.block,
+        latency_s: 0.0,
+        sentence: String::new(),
+    };
+    let (converter, drain) = if opened.rate == rate {
+        (None, inner)
+    } else {
+        let between = rate::between(inner, opened.rate, rate, opened.block.max(wanted as u32));
+        let (converter, outer) = between.map_err(|(_, error)| error)?;
+        target = converter.latency;
+        (Some(converter), outer)
+    };
+    info.latency_s = target as f64 / f64::from(rate);
+    let source = (opened.start)(feed).map_err(|(_, error)| error)?;
+    info.latency_s += f64::from(source.latency()) / f64::from(info.rate);
+    info.sentence = sentence(&info, rate);
+    let state = Arc::new(InputState {
+        spec: spec.clone(),
+        channels,
+        shared,
+        began: Instant::now(),
+        stop: AtomicBool::new(false),
+        report: Mutex::new((info, Vec::new())),
+    });
+    state.shared.set_alive(true);
+    let here = state.clone();
+    let supervisor = std::thread::Builder::new()
+        .name("ergon input".into())
+        .spawn(move || here.supervise(source, converter))
+        .map_err(AudioError::Thread)?;
+    let input = Input {
+        state,
+        supervisor: Some(supervisor),
+    };
+    Ok((input, Intake::new(drain, target, rate)))
+}
+
+fn connect(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<OpenedInput, AudioError> {
+    match &spec.backend {
+        Backend::Jack => jack::open_input(spec, channels, shared),
+        Backend::Pulse => pulse::open_input(spec, channels),
+        _ => Err(AudioError::Unavailable {
+            backend: "input",
+            why: format!("{spec} has no inputs: they are heard by jack or pulse"),
+        }),
+    }
+}
+
+fn sentence(info: &InputInfo, rate: u32) -> String {
+    let channels = match info.channels {
+        1 => "1 channel".into(),
+        n => format!("{n} channels"),
+    };
+    let mut text = format!(
+        "{} ({}): {channels} in at {} Hz, {} frames at a time, {:.1} ms to the instrument",
+        info.backend,
+        info.device,
+        info.rate,
+        info.block,
+        1000.0 * info.latency_s
+    );
+    if info.rate != rate {
+        text += &format!("; converted to {rate} Hz");
+    }
+    text
+}
+
+impl Input {
+    /// What it is.
+    #[must_use]
+    pub fn info(&self) -> InputInfo {
+        self.state.report().0.clone()
+    }
+
+    /// What happened since it was opened.
+    #[must_use]
+    pub fn events(&self) -> Vec<Event> {
+        self.state.report().1.clone()
+    }
+
+    /// Counts: `underruns` and `missing` of silence put in, `discarded` of frames that came too many.
+    #[must_use]
+    pub fn shared(&self) -> &Arc<Shared> {
+        &self.state.shared
+    }
+}
+
+impl Drop for Input {
+    fn drop(&mut self) {
+        self.state.stop.store(true, Ordering::Release);
+        if let Some(supervisor) = self.supervisor.take() {
+            supervisor.thread().unpark();
+            let _ = supervisor.join();
+        }
+    }
+}
+
+impl InputState {
+    fn report(&self) -> MutexGuard<'_, (InputInfo, Vec<Event>)> {
+        self.report.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tell(&self, sentence: String) {
+        let event = Event {
+            at: self.began.elapsed().as_secs_f64(),
+            frame: self.shared.played(),
+            sentence,
+        };
+        self.report().1.push(event);
+    }
+
+    /// Keep it heard until it is stopped.
+    fn supervise(&self, source: Box<dyn Source>, converter: Option<rate::Converter>) {
+        let mut source = Some(source);
+        let mut feed = None;
+        let mut next = Instant::now();
+        while !self.stop.load(Ordering::Acquire) {
+            std::thread::park_timeout(LOOK);
+            match &mut source {
+                Some(own) => {
+                    if own.alive() {
+                        continue;
+                    }
+                    self.shared.set_alive(false);
+                    self.tell(format!(
+                        "the input {} is lost; it is silent until it is found again",
+                        self.spec
+                    ));
+                    feed = source.take().and_then(Source::stop);
+                    next = Instant::now() + RETRY;
+                }
+                None if Instant::now() < next => {}
+                None => {
+                    next = Instant::now() + RETRY;
+                    let Some(own) = feed.take() else { break };
+                    match self.again(own) {
+                        Ok(back) => {
+                            source = Some(back);
+                            self.shared.set_alive(true);
+                            self.tell(format!("the input {} is back", self.spec));
+                        }
+                        Err(own) => feed = own.map(|own| *own),
+                    }
+                }
+            }
+        }
+        drop(source.map(Source::stop));
+        drop(converter.map(rate::Converter::stop));
+    }
+
+    /// The input again, at the rate that it had; else the feed.
+    fn again(&self, feed: Feed) -> Result<Box<dyn Source>, Option<Box<Feed>>> {
+        let rate = self.report().0.rate;
+        match connect(&self.spec, self.channels, &self.shared) {
+            Ok(opened) if opened.rate == rate => (opened.start)(feed).map_err(|(feed, _)| feed),
+            _ => Err(Some(Box::new(feed))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heard(intake: &mut Intake, frames: usize) -> Vec<f32> {
+        let mut out = vec![f32::NAN; frames * intake.channels()];
+        intake.hear(&mut out);
+        out
+    }
+
+    #[test]
+    fn what_comes_in_time_is_what_is_heard() {
+        let (mut feed, drain) = ring::ring(1, 4096);
+        feed.set_prefill(300);
+        let mut intake = Intake::new(drain, 300, 48_000);
+        assert_eq!(
+            heard(&mut intake, 64),
+            [0.0; 64],
+            "silence before the first"
+        );
+        let sound: Vec<f32> = (0..2560).map(|n| n as f32).collect();
+        let mut all = Vec::new();
+        for block in sound.chunks(256) {
+            assert_eq!(feed.push(block), 256);
+            (0..4).for_each(|_| all.extend(heard(&mut intake, 64)));
+        }
+        let first = all.iter().position(|&x| x != 0.0).expect("sound") - 1;
+        // It rises within 2 ms, then every sample is as it came.
+        assert_eq!(all[first + 96..], sound[96..all.len() - first]);
+        assert_eq!(feed.shared().underruns(), 0);
+    }
+
+    #[test]
+    fn what_is_missing_is_silence_and_counted() {
+        let (mut feed, drain) = ring::ring(2, 4096);
+        feed.set_prefill(1);
+        let mut intake = Intake::new(drain, 1, 48_000);
+        heard(&mut intake, 1);
+        feed.push(&[1.0; 400]);
+        heard(&mut intake, 100);
+        assert_eq!(heard(&mut intake, 100), [1.0; 200]);
+        let fall = heard(&mut intake, 200);
+        assert!(
+            fall.windows(4)
+                .all(|w| (w[0] - w[2]).abs() <= 1.0 / 96.0 + 1e-6)
+        );
+        assert_eq!(fall[398..], [0.0, 0.0]);
+        assert_eq!(feed.shared().underruns(), 1);
+        assert_eq!(feed.shared().missing(), 200);
+    }
+
+    #[test]
+    fn what_comes_too_fast_is_caught_up_with() {
+        let (mut feed, drain) = ring::ring(1, 4096);
+        feed.set_prefill(100);
+        let mut intake = Intake::new(drain, 100, 48_000);
+        let sound: Vec<f32> = (0..2000).map(|n| n as f32).collect();
+        feed.push(&sound);
+        assert_eq!(heard(&mut intake, 50), [0.0; 50]);
+        assert_eq!(feed.filled(), 0, "what came before it begins is old");
+        assert_eq!(feed.shared().discarded(), 0);
+        feed.push(&sound);
+        heard(&mut intake, 50);
+        assert_eq!(feed.shared().discarded(), 2000 - 150);
+        assert_eq!(feed.filled(), 100);
+        assert_eq!(heard(&mut intake, 100)[99], 1999.0);
+    }
+}

@@ -1,0 +1,192 @@
+//! A recording stream: the server sends bytes, a thread of ours hands them to the ring.
+
+use std::ffi::{CStr, CString};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use pulseaudio::protocol::{self, Command, Prop, SourceInfo};
+
+use super::stream::{BLOCK, missing, words};
+use super::wire::Wire;
+use crate::audio::ring::Feed;
+use crate::audio::sink::PRIORITY;
+use crate::audio::source::{InputFailure, OpenedInput, Source};
+use crate::audio::{AudioError, Spec};
+use crate::realtime;
+
+const LOOK: Duration = Duration::from_millis(50);
+
+/// A stream of the source that is named, or of the default one; starts no server.
+pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<OpenedInput, AudioError> {
+    let mut wire = Wire::connect(c"ergon").map_err(missing)?;
+    let source = find(&mut wire, spec.device.as_deref())?;
+    let block = spec.block.unwrap_or(BLOCK);
+    let there = usize::from(source.sample_spec.channels);
+    let mut device = words(source.description.as_deref().unwrap_or(&source.name));
+    if there < channels {
+        device += &format!(", of which {there} are heard");
+    }
+    Ok(OpenedInput {
+        backend: "pulse",
+        device,
+        rate: source.sample_spec.sample_rate,
+        block,
+        start: Box::new(move |feed| start(wire, &source, feed, block)),
+    })
+}
+
+fn find(wire: &mut Wire, device: Option<&str>) -> Result<SourceInfo, AudioError> {
+    let name = match device {
+        Some(device) => CString::new(device).unwrap_or_default(),
+        None => {
+            let server: protocol::ServerInfo =
+                wire.ask(&Command::GetServerInfo).map_err(missing)?;
+            server
+                .default_source_name
+                .ok_or_else(|| missing("the PulseAudio server has no source".into()))?
+        }
+    };
+    let asked = protocol::GetSourceInfo {
+        index: None,
+        name: Some(name.clone()),
+    };
+    wire.ask(&Command::GetSourceInfo(asked))
+        .map_err(|error| missing(format!("no source {} ({error})", words(&name))))
+}
+
+fn start(
+    mut wire: Wire,
+    source: &SourceInfo,
+    feed: Feed,
+    block: u32,
+) -> Result<Box<dyn Source>, InputFailure> {
+    let (channel, latency) = match begin(&mut wire, source, c"ergon", block) {
+        Ok(begun) => begun,
+        Err(why) => return Err((Some(Box::new(feed)), missing(why))),
+    };
+    let stop = Arc::new(AtomicBool::new(false));
+    let told = stop.clone();
+    let mut stream = RecordingStream {
+        wire,
+        channel,
+        there: usize::from(source.sample_spec.channels).max(1),
+        samples: Vec::new(),
+    };
+    let thread = std::thread::Builder::new()
+        .name("ergon pulse in".into())
+        .spawn(move || {
+            let mut feed = feed;
+            realtime::scheduled_at(PRIORITY);
+            // A server that went away is told by the supervisor, which sees that the thread has ended.
+            let _ = stream.run(&mut feed, &told);
+            feed
+        })
+        .map_err(|error| (None, AudioError::Thread(error)))?;
+    Ok(Box::new(Recording {
+        stop,
+        thread,
+        latency,
+    }))
+}
+
+/// A stream of all channels of a source: its number, and how late it is [frames].
+fn begin(
+    wire: &mut Wire,
+    source: &SourceInfo,
+    name: &CStr,
+    block: u32,
+) -> Result<(u32, u32), String> {
+    let mut props = protocol::Props::new();
+    props.set(Prop::MediaName, name);
+    let (rate, channels) = (source.sample_spec.sample_rate, source.sample_spec.channels);
+    let params = protocol::RecordStreamParams {
+        sample_spec: protocol::SampleSpec {
+            format: protocol::SampleFormat::Float32Le,
+            channels,
+            sample_rate: rate,
+        },
+        channel_map: source.channel_map,
+        source_index: Some(source.index),
+        buffer_attr: protocol::stream::BufferAttr {
+            fragment_size: block * 4 * u32::from(channels),
+            ..Default::default()
+        },
+        props,
+        flags: protocol::stream::StreamFlags {
+            adjust_latency: true,
+            ..Default::default()
+        },
+        ..Default::default()
+    };
+    let stream: protocol::CreateRecordStreamReply =
+        wire.ask(&Command::CreateRecordStream(params))?;
+    let latency = u128::from(stream.stream_latency) * u128::from(rate) / 1_000_000;
+    Ok((stream.channel, u32::try_from(latency).unwrap_or(u32::MAX)))
+}
+
+struct RecordingStream {
+    wire: Wire,
+    channel: u32,
+    /// Channels of the source.
+    there: usize,
+    samples: Vec<f32>,
+}
+
+impl RecordingStream {
+    fn run(&mut self, feed: &mut Feed, stop: &AtomicBool) -> Result<(), String> {
+        while !stop.load(Ordering::Acquire) {
+            let Some(message) = self.wire.message(LOOK)? else {
+                continue;
+            };
+            if message.channel() == Some(self.channel) {
+                self.take(message.bytes(), feed);
+                continue;
+            }
+            match self.wire.read(&message) {
+                Some((_, Command::Overflow(_))) => feed.shared().add_xruns(1),
+                Some((_, Command::RecordStreamKilled(_))) => {
+                    return Err("the server ended the stream".into());
+                }
+                _ => {}
+            }
+        }
+        let _ = self.wire.send(&Command::DeleteRecordStream(self.channel));
+        Ok(())
+    }
+
+    /// Hand on the first channels of whole frames, and silence where there are fewer.
+    fn take(&mut self, bytes: &[u8], feed: &mut Feed) {
+        let channels = feed.channels();
+        self.samples.clear();
+        for frame in bytes.chunks_exact(4 * self.there) {
+            let (samples, _) = frame.as_chunks();
+            let samples = samples.iter().map(|&bytes| f32::from_le_bytes(bytes));
+            let padded = samples.chain(std::iter::repeat(0.0));
+            self.samples.extend(padded.take(channels));
+        }
+        feed.offer(&self.samples);
+    }
+}
+
+struct Recording {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Feed>,
+    latency: u32,
+}
+
+impl Source for Recording {
+    fn alive(&mut self) -> bool {
+        !self.thread.is_finished()
+    }
+
+    fn latency(&self) -> u32 {
+        self.latency
+    }
+
+    fn stop(self: Box<Self>) -> Option<Feed> {
+        self.stop.store(true, Ordering::Release);
+        self.thread.join().ok()
+    }
+}

@@ -1,0 +1,150 @@
+//! Inputs of a sound card in a performance: opened beforehand, taken tick by tick, and kept in a file if that is wanted.
+
+use std::path::PathBuf;
+
+use ergon_engine::simulation::Simulation;
+
+use super::PlayError;
+use crate::audio::{self, AudioError, Backend, Info, Input, Intake, Spec, Tap, TapHandle};
+
+/// Where a performance hears, if its piece has inputs.
+#[derive(Clone, Debug, Default)]
+pub struct InputConfig {
+    /// From where; `None`: nowhere, what the piece itself has for its inputs is heard.
+    pub from: Option<Spec>,
+    /// A new WAVE file of what is heard.
+    pub record: Option<PathBuf>,
+}
+
+/// What a performance knows of its input.
+#[derive(Default)]
+pub struct Heard {
+    /// The input, if there is one.
+    pub input: Option<Input>,
+    /// It, or why there is none, as a sentence; empty where the piece has no inputs.
+    pub sentence: String,
+    /// The file of what is heard.
+    pub recorded: Option<TapHandle>,
+}
+
+/// The input on the physics thread.
+pub(super) struct Hearing {
+    intake: Intake,
+    /// A tick of it   (tick_frames, n_channels)
+    samples: Vec<f32>,
+    tap: Option<Tap>,
+    /// Frames of sound that are enough ahead: what comes in is to be heard soon.
+    enough: usize,
+}
+
+/// Open the input of a piece that has inputs, for an output whose ring holds `ahead` frames.
+///
+/// An input that is only looked for (`auto`) may be missing; one that is named may not.
+pub(super) fn open(
+    config: &InputConfig,
+    simulation: &Simulation,
+    output: &Info,
+    tick_frames: usize,
+    ahead: usize,
+) -> Result<(Option<Hearing>, Heard), PlayError> {
+    let channels = simulation.n_channels_in();
+    let mut heard = Heard::default();
+    if channels == 0 {
+        return Ok((None, heard));
+    }
+    let silent = "the files of the score's inputs are heard instead, and silence where it has none";
+    let Some(spec) = &config.from else {
+        heard.sentence = format!("no input: {silent}");
+        return Ok((None, heard));
+    };
+    let is_asked = spec.backend != Backend::Auto;
+    if is_asked && !output.paced {
+        let why = format!(
+            "{spec} is heard by the clock, and {} takes frames as fast as they come: \
+            hear it with --audio jack, pulse, null or clock:PATH",
+            output.device
+        );
+        return Err(AudioError::Broken(why).into());
+    }
+    let rate = simulation.rate() as u32;
+    let wanted = (output.block as usize).max(tick_frames);
+    let spec = match (is_asked, output.backend.as_str()) {
+        (true, _) => Ok(spec.clone()),
+        (false, "jack") => Ok(Spec::plain(Backend::Jack)),
+        (false, "pulse") => Ok(Spec::plain(Backend::Pulse)),
+        (false, other) => Err(format!("{other} has none")),
+    };
+    let opened = spec.and_then(|spec| {
+        audio::listen(&spec, rate, channels, wanted).map_err(|error| error.to_string())
+    });
+    let (input, intake) = match opened {
+        Ok(opened) => opened,
+        Err(why) if is_asked => return Err(AudioError::Broken(why).into()),
+        Err(why) => {
+            heard.sentence = format!("no input ({why}): {silent}");
+            return Ok((None, heard));
+        }
+    };
+    let info = input.info();
+    let through = info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
+    heard.sentence = format!(
+        "{}, {:.1} ms to the loudspeaker",
+        info.sentence,
+        1000.0 * through
+    );
+    heard.input = Some(input);
+    let mut tap = None;
+    if let Some(path) = &config.record {
+        let (own, handle) = audio::tap(path, rate, channels)?;
+        (tap, heard.recorded) = (Some(own), Some(handle));
+    }
+    let samples = vec![0.0; tick_frames * channels];
+    let hearing = Hearing {
+        intake,
+        samples,
+        tap,
+        enough: ahead,
+    };
+    Ok((Some(hearing), heard))
+}
+
+impl Hearing {
+    /// Whether `filled` frames of sound are enough ahead.
+    pub(super) fn is_enough(&self, filled: usize) -> bool {
+        filled >= self.enough
+    }
+
+    /// Hand what was heard to the frames of a tick, which begins at `frame`; silence until the card `is_playing`, for the
+    /// frames before are computed in one go.
+    pub(super) fn tick(
+        &mut self,
+        simulation: &mut Simulation,
+        frame: u64,
+        n: usize,
+        is_playing: bool,
+    ) {
+        let channels = self.intake.channels();
+        let samples = &mut self.samples[..n * channels];
+        if is_playing {
+            self.intake.hear(samples);
+        } else {
+            samples.fill(0.0);
+        }
+        simulation.sound_in(samples, channels);
+        if let Some(tap) = &mut self.tap {
+            tap.push(frame, samples, false);
+        }
+    }
+
+    /// An input that is fed by hand.
+    #[cfg(test)]
+    pub(super) fn by_hand(intake: Intake, tick_frames: usize, tap: Tap) -> Self {
+        let samples = vec![0.0; tick_frames * intake.channels()];
+        Self {
+            intake,
+            samples,
+            tap: Some(tap),
+            enough: usize::MAX,
+        }
+    }
+}

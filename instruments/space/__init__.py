@@ -1,0 +1,62 @@
+"""Modules of an instrument in space: points with two or three coordinates, and nets of them.
+
+Links of such an instrument measure the distance of two points, and act along the line between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.space import nets
+from ergon.instruments.space.points import Chance, add_grains, add_point
+
+AXES = ("x", "y", "z")
+
+NETS = {
+    "CHAIN": nets.chain,
+    "CLOTH": nets.cloth,
+    "DISC": nets.disc,
+    "BLOCK": nets.block,
+    "BALL": nets.ball,
+    "MESH": nets.mesh,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """How many axes an instrument has, and the gravity [m/s²] against the last of them."""
+
+    axes: int
+    gravity: float
+
+
+def count(kind: str, fields: Mapping[str, Any]) -> int:
+    """How many points a module has."""
+    if kind in nets.COUNTS:
+        return nets.COUNTS[kind](fields)
+    if kind == "SURFACE":
+        return int(fields["of"].count)
+    return int(fields.get("masses") or fields.get("count") or 1)
+
+
+def add(
+    network: _core.Network,
+    kind: str,
+    name: str,
+    fields: Mapping[str, Any],
+    chance: Chance,
+    who: str,
+) -> int:
+    """Add the points of a module, and the springs of a generator; the index of the first MAT.
+
+    `chance` gives the random numbers of a member by its index; `who` is what the module is called
+    where it is refused. Raises EngineError.
+    """
+    if kind == "GRAINS":
+        return add_grains(network, name, fields, chance, who)
+    if kind in NETS:
+        return nets.add(network, name, NETS[kind](fields), fields)
+    return add_point(network, name, fields)

@@ -1,0 +1,103 @@
+"""What the fields of a module in space are refused for.
+
+Each check reports, and leaves fields of which a module can be built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ergon.instruments.space import AXES, count
+from ergon.instruments.space.fields import (
+    COUNTS,
+    DIRECTION,
+    MAX_POINTS,
+    MAX_SPRINGS,
+    MIDDLE,
+    PLACE,
+    VELOCITY,
+)
+from ergon.notation.tables.fields import Values
+
+_Fields = dict[str, Any]
+
+
+def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
+    """Lists have an item for each axis, and the fields of a kind go together; reports."""
+    for field in values.record.fields:
+        value = fields[field.name]
+        wanted = axes - 1 if field.shape == MIDDLE else axes
+        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE, COUNTS)
+        if is_vector and value is not None and len(value) != wanted:
+            called = " and ".join(filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1])))
+            message = f"{values.context.of(field.name)}: the number of items is {len(value)}, but "
+            values.error("E106", f"{message}must be {wanted}: {called}", field.name)
+            fields[field.name] = (1,) * wanted if field.shape == COUNTS else (0.0,) * wanted
+    if kind in _CHECKS:
+        _CHECKS[kind](fields, values)
+    if "sides" in fields or "span" in fields:
+        _size(kind, fields, values)
+
+
+def _size(kind: str, fields: _Fields, values: Values) -> None:
+    """A net has no more points and springs than a computer stands."""
+    n, axes = count(kind, fields), fields["axes"]
+    each = ((2 * fields.get("span", 1) + 1) ** axes - 1) // 2
+    for number, most, what in ((n, MAX_POINTS, "points"), (n * each, MAX_SPRINGS, "springs")):
+        if number > most:
+            message = f"{values.context.of('')}: a {kind} has at most {most:,} {what}, not "
+            values.error("E105", f"{message}{number:,}")
+            fields.update(sides=(1,) * axes, points=2)
+            return
+
+
+def _wall(fields: _Fields, values: Values) -> None:
+    """Only a plane has a gap below 0; its normal has a direction, and it has no inside."""
+    if fields["normal"] is None:
+        if (fields["gap"] or 0.0) < 0.0:
+            values.error("E105", f"{values.context.of('gap')}: it must not be negative", "gap")
+            fields["gap"] = 0.0
+    elif _has_direction(fields, values) and fields["side"] == "inside":
+        message = f"{values.context.of('side')}: a plane has no inside; turn its normal round"
+        values.error("E111", message, "side")
+
+
+def _grains(fields: _Fields, values: Values) -> None:
+    """Places are those of a lattice, or random."""
+    if fields["apart"] is not None and values.written("scatter"):
+        message = f"{values.context.of('scatter')}: `apart` is written too; random places have no "
+        values.error("E111", f"{message}lattice beside which they lie", "scatter")
+
+
+def _disc(fields: _Fields, values: Values) -> None:
+    """A disc faces somewhere, if there is an axis for that."""
+    if fields["normal"] is None or not _has_direction(fields, values) or fields["axes"] > 2:
+        return
+    message = f"{values.context.of('normal')}: with two axes a disc lies in their plane; remove it"
+    values.error("E111", message, "normal")
+    fields["normal"] = None
+
+
+def _has_direction(fields: _Fields, values: Values) -> bool:
+    if any(fields["normal"]):
+        return True
+    message = f"{values.context.of('normal')}: a normal of length 0 has no direction"
+    values.error("E105", message, "normal")
+    fields["normal"] = None
+    return False
+
+
+def _mesh(fields: _Fields, values: Values) -> None:
+    """A file has three axes."""
+    if fields["axes"] != 3:
+        message = f"{values.context.of('')}: the points of a file have three coordinates; write "
+        values.error("E111", f"{message}space: 3 in the instrument")
+
+
+_CHECKS: dict[str, Callable[[_Fields, Values], None]] = {
+    "BUT": _wall,
+    "GRAINS": _grains,
+    "DISC": _disc,
+    "MESH": _mesh,
+}

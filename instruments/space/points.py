@@ -1,0 +1,173 @@
+"""Points in space: one by one, as grains in a box, and as a surface over the masses of a body."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from ergon import _core
+
+Vector = tuple[float, ...]
+Chance = Callable[[int], _core.Chance]
+
+# Random places that are tried for one grain before a box is full: the densest crowds that are found
+# so fill 0.38 of space, and take some hundred tries a grain at 0.9 of that (Widom 1966).
+TRIES = 2_000
+
+
+def along(first: int, count: int, axes: int) -> list[int]:
+    """The MATs of a point, axis by axis, where `count` points were added at once."""
+    return [first + axis * count for axis in range(axes)]
+
+
+def between(start: Vector, stop: Vector, share: float) -> Vector:
+    """The place that lies by a share on the way from one to another."""
+    return tuple(a + (b - a) * share for a, b in zip(start, stop, strict=True))
+
+
+def unit(direction: Vector | None) -> Vector | None:
+    """A direction as a vector of length 1 with three components; None where there is none."""
+    if direction is None:
+        return None
+    length = math.hypot(*direction)
+    return (*(one / length for one in direction), 0.0)[:3]
+
+
+def add_point(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
+    """Add a single point; the index of its first MAT. Raises EngineError."""
+    axes = fields["axes"]
+    return network.points(
+        name,
+        axes=axes,
+        M=[fields.get("M", 0.0)],
+        X0=fields["X0"],
+        V0=fields.get("V0") or (0.0,) * axes,
+        Z=fields.get("drag", 0.0),
+        numbered=False,
+    )
+
+
+def add_points(
+    network: _core.Network,
+    name: str,
+    fields: Mapping[str, Any],
+    places: Sequence[Vector],
+    held: Sequence[bool],
+) -> int:
+    """Add points that share a mass; the index of the first MAT. Raises EngineError."""
+    axes, n = fields["axes"], len(places)
+    v0 = fields.get("V0") or (0.0,) * axes
+    each = fields["M"] / max(1, n - sum(held))
+    return network.points(
+        name,
+        axes=axes,
+        M=[0.0 if is_held else each for is_held in held],
+        X0=[place[axis] for axis in range(axes) for place in places],
+        V0=[v0[axis] for axis in range(axes) for _ in places],
+        Z=fields["drag"],
+    )
+
+
+def add_surface(
+    network: _core.Network, name: str, fields: Mapping[str, Any], masses: range
+) -> list[int]:
+    """Add fixed points below the masses of a body; the first MAT along each axis.
+
+    The last axis is that of the masses. Raises EngineError.
+    """
+    at, across, n = fields["at"], fields["across"], len(masses)
+    places = [network.position_of(mat) for mat in masses]
+    x0 = [at[0] + across * place.x for place in places]
+    if len(at) > 1:
+        x0 += [at[1] + across * place.y for place in places]
+    first = network.points(name, axes=len(at), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0))
+    return [*range(first, first + len(x0), n), masses.start]
+
+
+# --- grains -------------------------------------------------------------------------------------
+
+
+def add_grains(
+    network: _core.Network, name: str, fields: Mapping[str, Any], chance: Chance, who: str
+) -> int:
+    """Add free points in a box; the index of the first MAT. Raises EngineError."""
+    start, stop, n = fields["from"], fields["to"], fields["count"]
+    if fields["apart"] is None:
+        places = _lattice(start, stop, n, fields["scatter"], chance)
+    else:
+        places = _packing(start, stop, n, fields["apart"], chance)
+        if len(places) < n:
+            message = f"{who}: {len(places):,} of {n:,} points found a random place at least "
+            message += (
+                f"{fields['apart']:g} m from all others; make the box larger, or `apart` smaller"
+            )
+            error = _core.EngineError(message)
+            error.module, error.refusals = who, []
+            raise error
+    return add_points(network, name, fields, places, [False] * n)
+
+
+def _lattice(start: Vector, stop: Vector, n: int, scatter: float, chance: Chance) -> list[Vector]:
+    """Places of a square lattice that is as wide as the box allows, filled axis by axis."""
+    spacing, counts = _widest([abs(b - a) for a, b in zip(start, stop, strict=True)], n)
+    spread = 0.5 * spacing * scatter
+    places = []
+    for i in range(n):
+        place, rest, own = [], i, chance(i) if spread else None
+        for a, b, count in zip(start, stop, counts, strict=True):
+            rest, at = divmod(rest, count)
+            beside = own.uniform(-spread, spread) if own is not None else 0.0
+            place.append(a + math.copysign(at * spacing, b - a) + beside)
+        places.append(tuple(place))
+    return places
+
+
+def _widest(sides: Sequence[float], n: int) -> tuple[float, list[int]]:
+    """The widest spacing [m] at which a lattice in a box has n places, and how many each way."""
+
+    def counts(spacing: float) -> list[int]:
+        return [int(side / spacing) + 1 for side in sides]
+
+    low, high = 0.0, max(sides)
+    if n == 1 or high == 0.0:
+        return high, [n] + [1] * (len(sides) - 1)
+    low = high / n
+    for _ in range(60):  # to the last digit
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if math.prod(counts(middle)) >= n else (low, middle)
+    return low, counts(low)
+
+
+def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) -> list[Vector]:
+    """Random places, each at least `apart` [m] from those before it; fewer where no more fit.
+
+    Random sequential addition (Widom, Journal of Chemical Physics 44, 1966).
+    """
+    sides = [sorted(ends) for ends in zip(start, stop, strict=True)]
+    cells: dict[tuple[int, ...], list[Vector]] = {}
+
+    def is_free(place: Vector, cell: tuple[int, ...]) -> bool:
+        return all(math.dist(place, other) >= apart for other in _near(cells, cell))
+
+    places: list[Vector] = []
+    for i in range(n):
+        own = chance(i)
+        for _ in range(TRIES):
+            place = tuple(own.uniform(low, high) for low, high in sides)
+            # Cells as wide as the distance: what is nearer lies in one of those around.
+            cell = tuple(math.floor(x / apart) for x in place)
+            if is_free(place, cell):
+                break
+        else:
+            return places
+        places.append(place)
+        cells.setdefault(cell, []).append(place)
+    return places
+
+
+def _near(cells: Mapping[tuple[int, ...], list[Vector]], cell: tuple[int, ...]) -> Iterator[Vector]:
+    """The places in a cell and in those around it."""
+    for step in itertools.product((-1, 0, 1), repeat=len(cell)):
+        yield from cells.get(tuple(i + j for i, j in zip(cell, step, strict=True)), ())

@@ -1,0 +1,258 @@
+"""A sound card excites an instrument: what is heard, what is recorded, and what is rendered.
+
+The servers run without a sound card; what comes in is what another client plays.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from captured import compare
+from numpy.typing import NDArray
+from patience import PATIENCE, until
+from servers import Jack, Pulse, jack_name
+
+from ergon import _core
+from ergon.api.errors import OptionError
+from ergon.api.play import PlayOptions, begin, prepare
+from ergon.api.render import RenderOptions, render
+from ergon.common.report import Report
+
+RATE = 48_000
+SCORE = """\
+ergon: 1
+rates: {audio: 48kHz}
+takes: {mic: {input: 1, gain: 2mN, highpass: 20Hz, clamp: 1mN, file: rehearsal.wav}}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: 220Hz, t60: 0.5s}}
+      n: {CEL: {M: 1g, f: 587Hz, t60: 0.3s}}
+      l: {REF: {between: [m, n], K: 40N/m, Z: 0.01Ns/m}}
+      breath: {ENF: {to: m, from: mic}}
+    out: {SOX: m}
+mix: {route: [{from: bell, to: 1, gain: 80dB}]}
+render: {tail: 3s}
+"""
+
+
+@pytest.fixture(scope="module")
+def name() -> Iterator[str]:
+    with jack_name() as name:
+        yield name
+
+
+@pytest.fixture(autouse=True)
+def alone(name: str, own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No test hears a server that is not its own; the score stands in a folder of its own."""
+    monkeypatch.setenv("JACK_DEFAULT_SERVER", name)
+    monkeypatch.setenv("PULSE_SERVER", f"unix:{own_folder}/pulse.sock")
+    monkeypatch.delenv("JACK_NO_AUTOCONNECT", raising=False)
+    Path("s.yaml").write_text(SCORE)
+    soundfile.write("rehearsal.wav", noise(RATE // 2), RATE, subtype="FLOAT")
+
+
+def noise(n_frames: int, seed: int = 1) -> NDArray[np.float32]:
+    """Frames no two of which are alike."""
+    return np.random.default_rng(seed).random(n_frames, dtype=np.float32) - 0.5
+
+
+def playing(frames: Callable[[], object], **options: str | None) -> _core.SoundInput:
+    """Play the score to its end while `frames` are played into it; what was heard.
+
+    What it sounds like from its first ticks on is in `sound.wav`, and the frame in `first`.
+    """
+    ready = prepare("s.yaml", PlayOptions(**options), Report())  # type: ignore[arg-type]
+    performance = begin(ready.stage, ready.config, Report())
+    performance.record_audio(Path("sound.wav"))
+    # A tenth of a second later the input is heard too.
+    until(lambda: performance.status().played > RATE // 10, "sound")
+    frames()
+    until(lambda: performance.wait(0.1), "the end of the piece")
+    heard, written = performance.heard(), performance.audio_recorded()
+    assert written is not None
+    assert written.first is not None
+    Path("first").write_text(str(written.first))
+    performance.close(PATIENCE)
+    return heard
+
+
+def rendered(input_file: str) -> NDArray[np.float32]:
+    done = render("s.yaml", RenderOptions(input=input_file, bits="float"))
+    return done.frames[:, 0].astype(np.float32)
+
+
+def samples(path: str) -> NDArray[np.float32]:
+    return soundfile.read(path, dtype="float32")[0]
+
+
+# --- without a card ---
+
+
+def test_without_a_card_its_file_is_heard_and_a_line_says_so():
+    heard = playing(lambda: None, audio="null:fast", record_input="in.wav")
+    assert not heard.live
+    assert "no input (null has none): the files of the score's inputs are heard" in heard.sentence
+    assert heard.recorded is None
+    assert not Path("in.wav").exists()
+    sounds_as("rehearsal.wav")
+
+
+@pytest.mark.parametrize(
+    ("where", "audio", "words"),
+    [
+        ("jack", "null", "JACK"),
+        ("pulse", "null", "PulseAudio"),
+        ("jack", "null:fast", "as fast as they come"),
+        ("file:x.wav", "null", "heard by jack or pulse"),
+        ("alsa", "null", "no such"),
+    ],
+)
+def test_an_input_that_is_asked_for_has_to_be_there(where: str, audio: str, words: str):
+    from ergon.api.errors import DeviceError
+
+    ready = prepare("s.yaml", PlayOptions(audio=audio, audio_in=where), Report())
+    with pytest.raises(DeviceError, match=words):
+        begin(ready.stage, ready.config, Report())
+
+
+def test_none_hears_nothing():
+    heard = playing(lambda: None, audio="null:fast", audio_in="none")
+    assert heard.sentence.startswith("no input: the files")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"record_input": "s.yaml"}, ".wav"),
+        ({"record_input": "rehearsal.wav"}, "exists"),
+        ({"record_input": "new.wav", "from_": "1|2"}, "begins with the piece"),
+    ],
+)
+def test_what_an_input_is_written_to_is_a_new_file(options: dict[str, str], words: str):
+    with pytest.raises(OptionError, match=words):
+        prepare("s.yaml", PlayOptions(audio="null:fast", **options), Report())  # type: ignore[arg-type]
+
+
+def test_what_inputs_hear_is_a_wav_file_of_a_score_with_inputs():
+    with pytest.raises(OptionError, match=r"no such \.wav"):
+        rendered("nowhere.wav")
+    text = SCORE.replace("from: mic", "from: 1N")
+    Path("s.yaml").write_text(text.replace("takes:", "marks: {}  #"))
+    with pytest.raises(OptionError, match="this one has none"):
+        rendered("rehearsal.wav")
+
+
+# --- servers ---
+
+
+@pytest.fixture
+def jack(name: str) -> Iterator[Jack]:
+    server = Jack(name, rate=RATE)
+    with server.run():
+        yield server
+
+
+@contextlib.contextmanager
+def source(where: str, n_channels: int = 1, rate: int = RATE) -> Iterator[Callable[[], None]]:
+    """A client that plays a second of noise, when it is called, on all of its channels."""
+    out = _core.AudioOut(where, rate, n_channels)
+
+    def play() -> None:
+        sound = np.repeat(noise(rate, 5)[:, None], n_channels, axis=1)
+        out.play(np.concatenate([np.zeros((rate // 4, n_channels), np.float32), sound]))
+        assert out.finish(PATIENCE)
+
+    try:
+        yield play
+    finally:
+        out.close()
+
+
+def sounds_as(input_file: str) -> None:
+    """What was played is what the score makes of a file, sample for sample."""
+    sound, first = samples("sound.wav"), int(Path("first").read_text())
+    again = rendered(input_file)[first:]
+    assert np.abs(sound).max() > 1e-4
+    assert len(sound) > RATE
+    assert np.array_equal(again[: len(sound)], sound[: len(again)])
+
+
+def agrees(heard: _core.SoundInput) -> None:
+    """What was heard is what was played into it, and the render of it what sounded."""
+    assert heard.live
+    assert heard.error is None
+    took = samples("in.wav")
+    assert heard.recorded == len(took)
+    sounds_as("in.wav")
+    if not (heard.gaps or heard.discarded):
+        result = compare(took[:, None], noise(RATE, 5)[:, None])
+        assert result.exact, result
+
+
+def test_jack_excites_a_bell_and_its_recording_gives_the_same_samples(jack: Jack):
+    with source("jack:none") as play:
+        heard = playing(play, audio="null", audio_in="jack:^ergon:out_1", record_input="in.wav")
+    assert "client ergon_in, from ergon:out_1" in heard.sentence
+    assert f"1 channel in at {RATE} Hz, {jack.block} frames" in heard.sentence
+    assert "to the instrument" in heard.sentence
+    assert "to the loudspeaker" in heard.sentence
+    agrees(heard)
+
+
+def test_auto_hears_the_server_that_it_plays_on(jack: Jack):
+    ready = prepare("s.yaml", PlayOptions(audio="auto"), Report())
+    performance = begin(ready.stage, ready.config, Report())
+    heard = performance.heard()
+    performance.stop()
+    performance.close(PATIENCE)
+    assert "system:capture_1 and on" in heard.sentence
+
+
+def test_jack_at_another_rate_is_converted(jack: Jack):
+    Path("s.yaml").write_text(SCORE.replace("48kHz", "44100Hz"))
+    with source("jack:none") as play:
+        heard = playing(play, audio="null", audio_in="jack:^ergon:out_1", record_input="in.wav")
+    assert "converted to 44100 Hz" in heard.sentence
+    took = samples("in.wav")
+    assert 0.4 < np.abs(took).max() < 1.0
+    sounds_as("in.wav")
+
+
+def test_a_jack_server_that_dies_is_heard_again(name: str):
+    Path("s.yaml").write_text(SCORE.replace("tail: 3s", "tail: 300s"))
+    server = Jack(name, rate=RATE)
+    with server.run() as process:
+        options = PlayOptions(audio="null", audio_in="jack:none")
+        ready = prepare("s.yaml", options, Report())
+        performance = begin(ready.stage, ready.config, Report())
+        until(lambda: performance.status().played > RATE // 10, "sound")
+        process.kill()
+        until(lambda: performance.sound_events(), "the loss")
+        until(lambda: performance.status().input_gaps > 0, "a gap")
+    with server.run():
+        until(lambda: len(performance.sound_events()) == 2, "the return")
+        lost, back = (event.sentence for event in performance.sound_events())
+    assert lost == "the input jack:none is lost; it is silent until it is found again"
+    assert back == "the input jack:none is back"
+    performance.stop()
+    performance.close(PATIENCE)
+
+
+def test_pulse_excites_a_bell_from_the_monitor_of_a_sink(own_folder: Path):
+    server = Pulse(own_folder, rate=RATE, channels=2)
+    with server.run(), source("pulse:dome", 2) as play:
+        heard = playing(play, audio="null", audio_in="pulse:dome.monitor", record_input="in.wav")
+        assert heard.sentence.startswith("pulse (Monitor of Null Output): 1 channel in at 48000 Hz")
+        agrees(heard)
+        ready = prepare("s.yaml", PlayOptions(audio="null", audio_in="pulse:nowhere"), Report())
+        with pytest.raises(_core.EngineError, match="no source nowhere"):
+            _core.Performance(
+                ready.stage.simulation,
+                ready.stage.mixer(),
+                audio="null",
+                audio_in="pulse:nowhere",
+            )
