@@ -12,9 +12,8 @@ from .console import Console
 from .outcome import Refused, check_stdout
 
 if TYPE_CHECKING:
-    from ergon.models.grammar import Dialect
+    from ergon.api.model import Language
     from ergon.models.laws import Laws
-    from ergon.models.pmpd_words import Object
 
 
 @click.command("import")
@@ -22,8 +21,9 @@ if TYPE_CHECKING:
 @options.target("The score to write, or - for stdout. Default: MODEL.yaml in the current folder.")
 @click.option(
     "--dialect",
-    type=click.Choice(["v1", "v2", "pmpd", "pmpd~"]),
-    help="The language: v1 is MIMS, v2 mi-gen. Without it the one that reads the model.",
+    type=click.Choice(["v1", "v2", "pmpd", "pmpd~", "sam", "miphysics"]),
+    help="The language: v1 is MIMS, v2 mi-gen, sam Synth-A-Modeler. Without it the one that reads "
+    "the model.",
 )
 @click.option(
     "--laws",
@@ -46,7 +46,7 @@ def import_command(
     console: Console,
     model: str,
     output: str | None,
-    dialect: Dialect | Object | None,
+    dialect: Language | None,
     laws: Laws,
     values: tuple[str, ...],
     inputs: tuple[str, ...],
@@ -54,9 +54,10 @@ def import_command(
 ) -> None:
     """Make a score of a model of another program.
 
-    MODEL is a `.mdl` file of MIMS or mi-gen, a Faust program made from one, which has it as a
-    comment, or a list of messages to an object pmpd or pmpd~ of Pure Data. Under `units: ca` the
-    score sounds the same sample for sample. What no score says is refused, with its line.
+    MODEL is a `.mdl` file of MIMS, mi-gen or Synth-A-Modeler, a Faust program made from one of
+    MIMS, which has it as a comment, a list of messages to an object pmpd or pmpd~ of Pure Data, or
+    an XML file of miPhysics. Under `units: ca` the score sounds the same sample for sample. What no
+    score says is refused, with its line.
     """
     from ergon.api.model import ModelOptions, import_model
     from ergon.exchange.safe import check_target, write_text

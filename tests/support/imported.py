@@ -16,8 +16,8 @@ def rendered(text: str, seconds: float) -> np.ndarray:
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((round(seconds * mims.RATE), simulation.n_out))
     simulation.process(sound)
-    names = re.findall(r"^      (out\w+):", text.split("    out:\n")[1], flags=re.MULTILINE)
-    routes = re.findall(r"- {from: model\.(\w+), to: (\d+)(?:, gain: x(.+))?}", text)
+    names = re.findall(r"^      (\w+): {SO", text.split("    out:\n")[1], flags=re.MULTILINE)
+    routes = re.findall(r"- {from: model\.(\w+), to: (\d+)(?:, gain: x([^,}]+))?", text)
     assert [name for name, *_ in routes] == names
     channels = np.zeros((len(sound), max(int(channel) for _, channel, _ in routes)))
     for (_, channel, gain), column in zip(routes, sound.T, strict=True):

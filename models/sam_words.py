@@ -1,0 +1,57 @@
+"""The words of Synth-A-Modeler: what stands in the parentheses of each, and what no score says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+RATE = 44_100  # [Hz]: the library of the language fixes it
+
+# Values in parentheses. Behind them stands a name; behind that of a link what it joins.
+MASSES: Mapping[str, tuple[str, ...]] = {
+    "mass": ("m", "x0", "v0"),
+    "ground": ("x0",),
+    "port": (),
+    "resonators": ("f", "T60", "m"),  # any number of times
+}
+LINKS: Mapping[str, tuple[str, ...]] = {"link": ("k", "R", "o"), "touch": ("k", "R", "o")}
+OUTPUTS = ("audioout", "display")  # `word,name,expression;`
+CODE = "faustcode"
+
+_REFUSED = {
+    "a pluck remembers on which side it is, and no law of a score keeps a state yet": "pluck",
+    "its pulse goes on by itself, and no law of a score keeps a state yet": """
+        pulseTouch pulseTouchGeneral pulseTouchTable""",
+    "waveguides are not built yet; write a STRING": """
+        waveguide termination junction junctionlink junctionlinkUnderneath junctiontouch
+        junctiontouchUnderneath junctionpluck junctionpluckUnderneath""",
+    "the compiler takes this word, and the library of the language has no law for it": """
+        linkCA BUT massCA detent stiffeninglink softeninglink pulsetouch""",
+    "names of groups have gone from the language, so that it changes nothing; leave it out": """
+        controladjust""",
+}
+REFUSED: Mapping[str, str] = {
+    word: why for why, words in _REFUSED.items() for word in words.split()
+}
+WORDS = (*MASSES, *LINKS, *OUTPUTS, CODE, *REFUSED)
+
+_BEGINS = re.compile(
+    rf"\s*(?:(?:{'|'.join(WORDS)})\s*\(|(?:{'|'.join(OUTPUTS)}|controladjust)\s*,|{CODE}\s*:)"
+)
+
+
+def is_model(text: str) -> bool:
+    """Whether the first line that is no comment is one of Synth-A-Modeler's."""
+    for line in text.splitlines():
+        if line.strip() and not line.lstrip().startswith("#"):
+            return _BEGINS.match(line) is not None
+    return False
+
+
+def written(word: str) -> str:
+    """A statement as a person writes it: `link(k, R, o), name, a, b;`."""
+    if word in OUTPUTS:
+        return f"{word}, name, expression;"
+    values = ", ".join(MASSES.get(word) or LINKS.get(word, ()))
+    more = ", ..." if word == "resonators" else ""
+    return f"{word}({values}{more}), name{', a, b' if word in LINKS else ''};"

@@ -1,0 +1,303 @@
+"""Models of miPhysics as scores, beside an interpreter of its equations."""
+
+import random
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracle import miphysics
+from planned_sound import ready
+
+from ergon import _core
+from ergon.api.model import ModelOptions, import_model
+from ergon.cli import app
+from ergon.models.errors import ModelError
+from ergon.models.miphysics_reading import LINKS, MASSES, is_model, parse
+from ergon.models.miphysics_score import written
+from ergon.scores.reading.load import load
+
+RATE = 44_100
+FRAMES = 2_000
+
+
+def place(x: float, y: float, z: float) -> str:
+    return f'initPos.x="{x}" initPos.y="{y}" initPos.z="{z}"'
+
+
+def speed(x: float, y: float, z: float) -> str:
+    return f'initVel.x="{x}" initVel.y="{y}" initVel.z="{z}"'
+
+
+def ground(name: str, *at: float, kind: str = "Ground3D") -> tuple[str, str]:
+    return kind, f'name="{name}" {place(*at)}'
+
+
+def mass(
+    name: str, m: float, at: tuple[float, float, float], v: tuple[float, float, float] = (0, 0, 0)
+) -> tuple[str, str]:
+    return "Mass3D", f'name="{name}" mass="{m}" {place(*at)} {speed(*v)}'
+
+
+def line(name: str, m: float, z: float, v: float, kind: str = "Mass1D", more: str = "") -> tuple:
+    return kind, f'name="{name}" mass="{m}" {place(0, 0, z)} {speed(0, 0, v)} {more}'
+
+
+def link(kind: str, a: str, b: str, k: float, z: float, rest: float, more: str = "") -> tuple:
+    values = f'stiffness="{k}" damping="{z}" drest="{rest}"'
+    return kind, f'name="l" m1="{a}" m2="{b}" {values} {more}'
+
+
+def model(*parts: tuple, gravity: float = 0.0, friction: float = 0.0, up: str = "0 0 1") -> str:
+    x, y, z = up.split()
+    rows = ['<?xml version="1.0" encoding="UTF-8"?>', "<Model.xml>", "  <global>"]
+    rows += [f'    <gravity gravity="{gravity}"/>', f'    <friction friction="{friction}"/>']
+    rows += [f'    <vector pos.x="{x}" pos.y="{y}" pos.z="{z}"/>', "  </global>"]
+    for section, kinds, one in (("MAT", MASSES, "mass"), ("Link", LINKS, "interaction")):
+        rows.append(f"  <{section}>")
+        for kind in kinds:
+            rows.append(f"    <{kind}>")
+            own = [row for word, row in parts if word == kind]
+            rows += [f"      <{one}_{at} {row}/>" for at, row in enumerate(own)]
+            rows.append(f"    </{kind}>")
+        rows.append(f"  </{section}>")
+    return "\n".join([*rows, "</Model.xml>"])
+
+
+TIED = (ground("g", 0, 0, 0), mass("m", 2.0, (0, 0, 70)))
+IN_LINE = {
+    "a spring": model(*TIED, link("Spring3D", "g", "m", 0.01, 0.0, 60)),
+    "a damped spring": model(*TIED, link("SpringDamper3D", "g", "m", 0.01, 0.005, 60)),
+    "a damper": model(
+        ground("g", 0, 0, 0), mass("m", 2.0, (0, 0, 70), (0, 0, 9e3)),
+        link("Damper3D", "m", "g", 0.0, 0.01, 0)),
+    "free fall with friction": model(mass("m", 2.0, (1, 2, 3), (8e2, -4e3, 3e3)), gravity=1e-3,
+                                     friction=2e-3),
+    "friction and a spring": model(*TIED, link("SpringDamper3D", "g", "m", 0.01, 0.005, 60),
+                                   gravity=1e-3, friction=2e-3),
+    "a rope": model(*TIED, link("Rope3D", "g", "m", 0.02, 0.01, 65), gravity=-0.0),
+    "a bubble": model(*TIED, link("Bubble3D", "m", "g", 0.02, 0.01, 65)),
+    "a contact": model(mass("m", 2.0, (0, 0, 30), (0, 0, -4e3)), mass("p", 1.0, (0, 0, 0)),
+                       link("Contact3D", "m", "p", 0.02, 0.01, 20)),
+    "a plane": model(
+        mass("m", 2.0, (0, 0, 30)), gravity=1e-3) .replace("<PlaneContact3D>", '<PlaneContact3D>\n'
+        '<interaction_0 name="f" m1="m" m2="" stiffness="0.1" damping="0.005" drest="5.0" '
+        'orientation="2" position="-10.0"/>'),
+    "planes across": model(
+        mass("m", 1.0, (3, 0, 3), (-4e3, 3e3, 0)), mass("p", 2.0, (8, 0, 3), (-4e3, 0, 0)),
+        *(("PlaneContact3D", f'name="f" m1="{m}" m2="" stiffness="0.1" damping="0.0" drest="1.5" '
+           f'orientation="{at}" position="-10.0"') for m in "mp" for at in range(2))),
+}  # fmt: skip
+ACROSS = {
+    "a pendulum": model(
+        ground("g", 0, 0, 0), mass("m", 20.0, (60, 0, 0), (0, 3e3, 0)),
+        mass("p", 5.0, (90, 10, 0)), link("SpringDamper3D", "g", "m", 0.02, 0.01, 60),
+        link("Rope3D", "m", "p", 0.02, 0.03, 25), gravity=1e-4, friction=1e-4),
+    "a tetrahedron": model(
+        *(mass(f"m{i}", 1.0 + i, at, (2e3 * i, 0, 0)) for i, at in
+          enumerate([(0.0, 0.0, 0.0), (25.0, 0.0, 0.0), (0.0, 25.0, 0.0), (0.0, 0.0, 25.0)])),
+        *(link("SpringDamper3D", f"m{i}", f"m{j}", 0.05, 0.02, 24.0)
+          for i in range(4) for j in range(i))),
+    "spheres that glance off": model(
+        mass("m", 2.0, (0, 4, 30), (0, 0, -6e3)), mass("p", 1.0, (0, 0, 0)),
+        link("Contact3D", "m", "p", 0.02, 0.05, 20)),
+}  # fmt: skip
+AXIS = {
+    "a string of one axis": model(
+        ground("g", 0, 0, 0, kind="Ground1D"), ground("h", 0, 0, 0.001, kind="Ground1D"),
+        *(line(f"m{i}", 2.0, 0.0, 300.0 * (i == 2)) for i in range(6)),
+        *(link("SpringDamper1D", f"m{i}", f"m{i + 1}", 0.1, 0.003, 0.0) for i in range(5)),
+        link("SpringDamper1D", "g", "m0", 0.1, 0.003, 0.0),
+        link("SpringDamper1D", "m5", "h", 0.1, 0.003, 0.002)),
+    "friction, gravity, grounds": model(
+        ground("g", 0, 0, 0.5, kind="Ground1D"), ground("h", 0, 0, 0, kind="Ground1D"),
+        line("m", 3.0, 0.2, 20.0), line("p", 1.0, 0.1, 0.0),
+        link("SpringDamper1D", "m", "g", 0.02, 0.001, 0.1),
+        link("SpringDamper1D", "g", "h", 0.02, 0.001, 0.1),
+        link("SpringDamper1D", "p", "m", 0.03, 0.0, -0.1), gravity=1e-5, friction=1e-3),
+    "cells": model(
+        line("o", 2.0, 0.5, 300.0, "Osc1D", 'stiffness="0.01" damping="0.002"'),
+        line("q", 2.0, 0.0, 0.0, "Osc1D", 'stiffness="0.03" damping="0.0"'),
+        link("SpringDamper1D", "o", "q", 0.01, 0.001, 0.3), friction=1e-4),
+}  # fmt: skip
+
+
+def motion(text: str, rate: int = RATE) -> dict[str, np.ndarray]:
+    """Places of all masses of a score, (n, 3) in space and (n, 1) on one axis."""
+    network = parse(text)
+    score = written(network, "a model", rate)
+    names = {one.name: one.kind for one in network.masses if not one.kind.startswith("Ground")}
+    outs: dict[str, list[str]] = {"space": [], "axis": []}
+    for name, kind in names.items():
+        is_space = kind.endswith("3D")
+        axes = ("x", "y", "z") if is_space else ("",)
+        heard = [f"{name}.{axis}".rstrip(".") for axis in axes]
+        outs["space" if is_space else "axis"] += heard
+    head, *parts = re.split(r"^    out: .*\n", score.split("mix:")[0], flags=re.MULTILINE)
+    for where, rest in zip([key for key in outs if outs[key]], parts, strict=True):
+        listed = "".join(f"      {where}{i}: {{SOX: {p}}}\n" for i, p in enumerate(outs[where]))
+        head += f"    out:\n{listed}{rest}"
+    stage = ready(head + "accuracy: {method: ca}\n")
+    plan = _core.Plan(stage.network, stage.timeline, method="ca")
+    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
+    sound = np.empty((FRAMES, simulation.n_out))
+    simulation.process(sound)
+    found, at = {}, 0
+    for name, kind in sorted(names.items(), key=lambda one: one[1].endswith("1D")):
+        n = 3 if kind.endswith("3D") else 1
+        found[name] = sound[:, at : at + n] * (1e3 if n == 3 else 1.0)
+        at += n
+    return found
+
+
+def off(text: str, rate: int = RATE, *, along: bool = False) -> float:
+    """The largest error over the largest way that anything goes."""
+    found, exact = motion(text, rate), miphysics.played(text, FRAMES, rate, along=along)
+    exact = {name: exact[name] if one.shape[1] == 3 else exact[name][:, 2:]
+             for name, one in found.items()}  # fmt: skip
+    way = max(float(np.ptp(one, axis=0).max()) for one in exact.values())
+    assert way > 1e-4
+    return max(float(np.abs(found[name] - exact[name]).max()) for name in found) / way
+
+
+@pytest.mark.parametrize("name", IN_LINE)
+def test_a_model_whose_links_keep_their_direction(name: str) -> None:
+    assert off(IN_LINE[name]) < 1e-9
+
+
+@pytest.mark.parametrize("name", ACROSS)
+def test_a_model_whose_links_turn(name: str) -> None:
+    # The same equations, but for dampers, which feel the step along the line.
+    assert off(ACROSS[name], along=True) < 1e-9
+    assert 1e-9 < off(ACROSS[name]) < 0.02
+
+
+@pytest.mark.parametrize("name", AXIS)
+def test_a_model_of_one_axis(name: str) -> None:
+    assert off(AXIS[name]) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["friction and a spring", "cells"])
+def test_a_model_at_another_rate(name: str) -> None:
+    assert off({**IN_LINE, **AXIS}[name], 8_000) < 1e-9
+
+
+def test_every_kind_is_played() -> None:
+    text = "\n".join([*IN_LINE.values(), *ACROSS.values(), *AXIS.values()])
+    for kind in (*MASSES, *LINKS):
+        assert re.search(rf"<{kind}>\s*<(mass|interaction)_0", text), kind
+
+
+# --- the file -----------------------------------------------------------------------------------
+
+BOTH = model(*TIED, link("Rope3D", "g", "m", 0.02, 0.01, 65), line("o", 2.0, 0.5, 1.0),
+             ground("w", 0, 0, 0, kind="Ground1D"), link("SpringDamper1D", "o", "w", 0.1, 0.0, 0.4),
+             gravity=1e-3)  # fmt: skip
+
+
+@pytest.mark.usefixtures("own_folder")
+def test_a_file_becomes_a_score_that_is_rendered(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("m.xml").write_text(BOTH)
+    assert app.run(["import", "m.xml", "-o", "s.yaml"]) == 0
+    assert "6 statements of miphysics" in "".join(capsys.readouterr())
+    score = Path("s.yaml").read_text()
+    for said in (
+        "    space: 3  # a unit of the model is a millimetre",
+        "    gravity: 1944.81m/s2  # 0.001 a sample²",
+        "      l: {BUT: {between: [g, m], K: 0.02*stiff, Z: 0.01*viscous, gap: 65mm, "
+        "side: inside}}",
+        "      l_2: {REF: {between: [w, o], K: 0.1, Z: 0, rest: 0.4m}}",
+        "    out: {heard: {SOX: m.z}}",
+        "  channels: 2",
+    ):
+        assert f"\n{said}\n" in score, said
+    assert app.run(["render", "s.yaml", "-o", "s.wav", "--force"]) == 0
+    made = import_model("m.xml", ModelOptions(dialect="miphysics", values={"rate": "1050"}))
+    assert "rates: {audio: 1050Hz}" in made.text
+    assert load("s.yaml", text=made.text).piece is not None
+
+
+REFUSED = {
+    "no XML": ("<MAT>", "the XML is not well formed"),
+    "a document type": ("<!DOCTYPE a [<!ENTITY b 'c'>]><a><MAT>&b;</MAT></a>", "a document type"),
+    "too deep": (BOTH.replace("<Spring3D>", "<Spring3D><x name='x' m1='g' m2='m' stiffness='1' "
+                 "drest='1'>" + "<y>" * 9), "deeper than 8"),
+    "no masses": (model(), "it has no masses"),
+    "an unknown section": (BOTH.replace("<Link>", "<Lnik>").replace("</Link>", "</Lnik>"),
+                           "'Lnik' is no part of a model.*'Link'"),
+    "an unknown global": (BOTH.replace("<friction", "<fricton"), "'fricton'.*'friction'"),
+    "an unknown mass": (BOTH.replace("Mass3D", "Mass3d"), "'Mass3d' is no kind.*'Mass3D'"),
+    "an unknown link": (BOTH.replace("Rope3D", "Rope"), "'Rope' is no kind of links"),
+    "a kind that is not built": (BOTH.replace("Mass3D", "Osc3D"), "Osc3D: a point in space"),
+    "no name": (BOTH.replace('name="m"', 'name=""'), "has no name"),
+    "a name twice": (BOTH.replace('name="w"', 'name="m"'), "'m' is the name of line"),
+    "no such mass": (BOTH.replace('m2="m"', 'm2="mm"'), "no mass is called 'mm'"),
+    "itself": (BOTH.replace('m1="g"', 'm1="m"'), "joins 'm' to itself"),
+    "one axis and three": (BOTH.replace('m2="m"', 'm2="o"'), "'o' has one axis"),
+    "a missing number": (BOTH.replace('drest="65"', ""), "drest is missing"),
+    "no number": (BOTH.replace('drest="65"', 'drest="6_5"'), "'6_5', which is no number"),
+    "no finite number": (BOTH.replace('drest="65"', 'drest="1e999"'), "which is no number"),
+    "energy": (BOTH.replace('damping="0.01"', 'damping="-1"'), "damping is -1"),
+    "a distance below 0": (BOTH.replace('drest="65"', 'drest="-6"'), "drest is -6"),
+    "no weight": (BOTH.replace('mass="2.0"', 'mass="0.0"'), "mass is 0"),
+    "gravity aside": (BOTH.replace('pos.x="0"', 'pos.x="1"'), "along another axis than z"),
+    "too much gravity": (BOTH.replace('gravity="0.001"', 'gravity="0.1"'), "set a lower rate"),
+    "far away": (BOTH.replace('initPos.z="70"', 'initPos.z="7e6"'), "a place is 7e\\+06"),
+    "another orientation": (
+        model(*TIED, ("PlaneContact3D", 'name="f" m1="m" m2="" stiffness="1" damping="0" drest="0" '
+                      'orientation="3" position="0"')), "orientation is 3"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_no_score_says_is_refused(name: str) -> None:
+    text, says = REFUSED[name]
+    with pytest.raises(ModelError, match=says):
+        written(parse(text), "", RATE)
+
+
+@pytest.mark.usefixtures("own_folder")
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--set", "rate=1e3"], "rate is a whole number"),
+        (["--set", "rate=7"], "rate is a whole number"),
+        (["--set", "K=7"], "no parameter 'K'; it has rate"),
+        (["--input", "in1=w.wav"], "w.wav"),
+        (["--laws", "2019"], "are those of mi-gen"),
+    ],
+)
+def test_what_is_asked_otherwise_is_refused(
+    options: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("m.xml").write_text(BOTH)
+    assert app.run(["import", "m.xml", "-o", "s.yaml", *options]) != 0
+    assert says in capsys.readouterr().err
+    assert not Path("s.yaml").exists()
+
+
+def test_a_model_is_known_by_its_masses() -> None:
+    assert is_model(BOTH)
+    assert not is_model("<html></html>")
+    assert not is_model("@m mass 1 <MAT>")
+
+
+def test_spoiled_files_are_refused_or_read() -> None:
+    draw, read = random.Random(1), 0
+    texts = [*IN_LINE.values(), *ACROSS.values(), *AXIS.values(), BOTH]
+    pieces = [one for text in texts for one in re.findall(r"[\w.]+|\W", text)]
+    pieces += ["1e308", "nan", "-0.0", "-1", "1e-320", "<", ">", "&", "]]>", "\x01", "9" * 99]
+    for _ in range(300):
+        found = re.findall(r"[\w.]+|\W", draw.choice(texts))
+        for _ in range(draw.randint(1, 2)):
+            at = draw.randrange(len(found))
+            found[at] = draw.choice(pieces)
+        text = "".join(found)
+        try:
+            score = written(parse(text), "", RATE)
+        except ModelError:
+            continue
+        loaded = load("s.yaml", text=score)
+        assert loaded.piece is not None, (text, loaded.diagnostics)
+        read += 1
+    assert read > 20
