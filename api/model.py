@@ -16,6 +16,7 @@ from ergon.models.miphysics_reading import parse as miphysics_network
 from ergon.models.miphysics_score import RATES
 from ergon.models.miphysics_score import written as miphysics_written
 from ergon.models.model import Model
+from ergon.models.page import RATE, Input
 from ergon.models.pmpd_obeying import network
 from ergon.models.pmpd_reading import is_list
 from ergon.models.pmpd_reading import parse as pmpd_messages
@@ -26,7 +27,7 @@ from ergon.models.sam_reading import parse as sam_sheet
 from ergon.models.sam_reading import ports as sam_ports
 from ergon.models.sam_score import written as sam_written
 from ergon.models.sam_words import is_model as is_sam
-from ergon.models.score import RATE, Input, written
+from ergon.models.score import written
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 

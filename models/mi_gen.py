@@ -10,7 +10,7 @@ from math import inf, nextafter
 from ergon.models.laws import LINKS
 from ergon.models.naming import Names
 from ergon.models.network import Body, Heard, Link, Point, Stepped, refusal
-from ergon.models.score import RATE
+from ergon.models.page import RATE
 from ergon.notation.text.values import Place
 
 MOST = 20_000  # points

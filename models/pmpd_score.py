@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ergon.common.terminal import printable
 from ergon.models.errors import ModelError
 from ergon.models.mi_gen import nudged
 from ergon.models.naming import Names
+from ergon.models.page import RATE, Input, Line, Out, Page, gain, number
 from ergon.models.pmpd_bang import first_bang
 from ergon.models.pmpd_network import Asked, Link, Mass, Network, Port
 from ergon.models.pmpd_strings import Row, rows
 from ergon.models.pmpd_tables import springs
-from ergon.models.score import RATE, Input
 
 _FAR = 1e6  # bounds of a length beyond which pmpd's own default lies
 _FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
@@ -30,17 +28,17 @@ class _Writing:
     inputs: Mapping[str, Input]
     names: Names = field(default_factory=Names)
     masses: list[str] = field(default_factory=list)
-    modules: list[tuple[str, str, str]] = field(default_factory=list)  # name, text, comment
+    modules: list[Line] = field(default_factory=list)
     kicks: dict[int, float] = field(default_factory=dict)  # forces in the first sample
     moved: dict[int, Port] = field(default_factory=dict)  # masses that an inlet puts somewhere
-    outs: list[tuple[str, str, int, float]] = field(default_factory=list)
+    outs: list[Out] = field(default_factory=list)
     ground: str = ""
     joined: set[int] = field(default_factory=set)  # links within strings, by their places
 
     def add(self, wanted: str, text: str, comment: str = "") -> str:
         """A module; its name."""
         name = self.names.new(wanted)
-        self.modules.append((name, text, comment))
+        self.modules.append(Line(name, f"{{{text}}}", comment))
         return name
 
 
@@ -63,7 +61,7 @@ def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
             _link(own, nth, link)
     _feeds(own)
     _heard(own)
-    return "\n".join(_lines(own, title)) + "\n"
+    return _page(own, title).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -96,8 +94,8 @@ def _string(own: _Writing, row: Row, one: Mass, word: str) -> None:
     n = row.count
     _within(one)
     M = nudged(n * one.M, lambda whole: whole / n, one.M)
-    fields = [f"masses: {n}", "ends: free", f"M: {_number(M)}", f"K: {_number(row.link.K)}"]
-    fields += [f"Z: {_number(row.link.D)}", *_start(one)]
+    fields = [f"masses: {n}", "ends: free", f"M: {number(M)}", f"K: {number(row.link.K)}"]
+    fields += [f"Z: {number(row.link.D)}", *_start(one)]
     name = own.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
     own.masses += [f"{name}.{member}" for member in range(n)]
     own.joined |= row.links
@@ -120,7 +118,7 @@ def _mass(own: _Writing, at: int, one: Mass, word: str) -> str:
         return _moved(own, own.moved[at], one, word)
     if not one.is_mobile:
         return own.add(word, f"SOL: {{{''.join(_start(one))}}}")
-    return own.add(word, f"MAS: {{{', '.join([f'M: {_number(one.M)}', *_start(one)])}}}")
+    return own.add(word, f"MAS: {{{', '.join([f'M: {number(one.M)}', *_start(one)])}}}")
 
 
 def _moved(own: _Writing, port: Port, one: Mass, word: str) -> str:
@@ -143,9 +141,9 @@ def _damper(own: _Writing, word: str, mass: str, D: float) -> None:
     own.ground = own.ground or own.add("ground", "SOL: {}", "what stands still")
     ends = f"between: [{own.ground}, {mass}]"
     if D >= 0.0:
-        own.add(word, f"FRO: {{{ends}, Z: {_number(D)}}}")
+        own.add(word, f"FRO: {{{ends}, Z: {number(D)}}}")
     else:
-        own.add(word, f'LNL: {{{ends}, damping: "z*v", z: {_number(D)}}}')
+        own.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number(D)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
@@ -178,10 +176,10 @@ def _link(own: _Writing, nth: int, link: Link) -> None:
         raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
     if _is_plain(own, link, D):
         kind = "REF" if D else "RES"
-        z = f", Z: {_number(D)}" if D else ""
-        own.add(word, f"{kind}: {{{ends}, K: {_number(link.K)}{z}{rest}}}")
+        z = f", Z: {number(D)}" if D else ""
+        own.add(word, f"{kind}: {{{ends}, K: {number(link.K)}{z}{rest}}}")
     elif _is_straight(own, link):
-        law = f'law: "k*d", damping: "z*v", k: {_number(link.K)}, z: {_number(D)}'
+        law = f'law: "k*d", damping: "z*v", k: {number(link.K)}, z: {number(D)}'
         own.add(word, f"LNL: {{{ends}, {law}{rest}}}")
     else:
         own.add(word, f"LNL: {{{ends}, {_law(link, D)}}}")
@@ -228,7 +226,7 @@ def _law(link: Link, D: float) -> str:
         said = [f'law: "{law}"', *([f'damping: "{damping}"'] if D else [])]
     if D:
         values["z"] = D
-    said += [f"{name}: {_number(value)}" for name, value in values.items()]
+    said += [f"{name}: {number(value)}" for name, value in values.items()]
     if is_audio and link.L:
         said.append(f"rest: {link.L!r}m")
     return ", ".join(said)
@@ -275,12 +273,12 @@ def _heard(own: _Writing) -> None:
             _out(own, group, is_speed, channel, 1.0 / len(group))
 
 
-def _out(own: _Writing, masses: Sequence[int], is_speed: bool, channel: int, gain: float) -> None:
+def _out(own: _Writing, masses: Sequence[int], is_speed: bool, channel: int, factor: float) -> None:
     name = f"out{len(own.outs) + 1}"
     heard = ", ".join(_ranges([own.masses[at] for at in masses]))
     heard = heard if len(masses) == 1 else f"[{heard}]"
-    kind, gain = ("SOV", gain / RATE) if is_speed else ("SOX", gain)
-    own.outs.append((name, f"{kind}: {heard}", channel, gain))
+    kind, factor = ("SOV", factor / RATE) if is_speed else ("SOX", factor)
+    own.outs.append(Out(name, f"{kind}: {heard}", channel, gain(factor)))
 
 
 def _ranges(names: Sequence[str]) -> Iterator[str]:
@@ -301,54 +299,37 @@ def _ranges(names: Sequence[str]) -> Iterator[str]:
 # --- text ---------------------------------------------------------------------------------------
 
 
-def _lines(own: _Writing, title: str) -> Iterator[str]:
-    kind = own.of.kind
-    yield f"# From {printable(title) or 'a list'}, messages to an object [{kind}] of Pure Data."
-    step = f"A bang is a sample of 1/{RATE} s" if kind == "pmpd" else f"One sample is 1/{RATE} s"
-    yield f"# {step}; the numbers are those of the discrete network."
-    if kind == "pmpd~":
-        yield "# The first sample is what the object begins with; its own first sample follows."
-    if any(what.startswith("SOV") for _, what, *_ in own.outs):
-        yield "# Speeds are those in the middle of a step, heard 7.5 samples late."
-    if kind == "pmpd" and not own.of.asked:
-        yield "# Nothing is asked for: the mean of all masses that move is heard."
-    yield "ergon: 1"
-    yield f"rates: {{audio: {RATE}Hz}}"
+def _page(own: _Writing, title: str) -> Page:
     ports = {f"in{port.number}" for port in own.of.ports if port.what.startswith("in")}
-    fed = [name for name in sorted(ports) if name in own.inputs]
-    if fed:
-        yield "takes:"
-        for name in fed:
-            yield f"  {name}: {{file: {json.dumps(own.inputs[name].file, ensure_ascii=False)}}}"
-    yield "instruments:"
-    yield "  model:"
-    yield "    units: ca"
-    yield f"    at: {RATE}Hz"
-    yield "    modules:"
-    for name, text, comment in own.modules:
-        yield f"      {name}: {{{text}}}{f'  # {comment}' if comment else ''}"
-    if own.outs:
-        yield "    out:"
-        yield from (f"      {name}: {{{what}}}" for name, what, *_ in own.outs)
-    kicks = {at: f for at, f in own.kicks.items() if own.of.masses[at].is_mobile}
-    if kicks:
-        yield "strikes:"
-        comment = "damping of what was put elsewhere" if kind == "pmpd" else "a force"
-        for at, force in kicks.items():
-            to = own.masses[at]
-            name = own.names.new(f"{_NO_LETTER.sub('_', to)}_kick")
-            what = f"{{to: model.{to}, at: 0s, impulse: {force / RATE!r}Ns}}"
-            yield f"  {name}: {what}  # {comment}, one sample"
-    if own.outs:
-        yield "mix:"
-        yield f"  channels: {max(channel for *_, channel, _ in own.outs)}"
-        yield "  route:"
-        for name, _, channel, gain in own.outs:
-            said = "" if gain == 1.0 else f", gain: x{gain!r}"
-            yield f"    - {{from: model.{name}, to: {channel}{said}}}"
-    yield "accuracy: {method: ca}"
-    yield "render: {bits: float, tail: 10s}"
+    return Page(
+        head=_head(own, title),
+        inputs={name: own.inputs[name] for name in sorted(ports) if name in own.inputs},
+        modules=own.modules,
+        outs=own.outs,
+        strikes=list(_kicks(own)),
+    )
 
 
-def _number(value: float) -> str:
-    return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+def _head(own: _Writing, title: str) -> Iterator[str]:
+    kind = own.of.kind
+    yield f"From {title or 'a list'}, messages to an object [{kind}] of Pure Data."
+    step = f"A bang is a sample of 1/{RATE} s" if kind == "pmpd" else f"One sample is 1/{RATE} s"
+    yield f"{step}; the numbers are those of the discrete network."
+    if kind == "pmpd~":
+        yield "The first sample is what the object begins with; its own first sample follows."
+    if any(out.what.startswith("SOV") for out in own.outs):
+        yield "Speeds are those in the middle of a step, heard 7.5 samples late."
+    if kind == "pmpd" and not own.of.asked:
+        yield "Nothing is asked for: the mean of all masses that move is heard."
+
+
+def _kicks(own: _Writing) -> Iterator[Line]:
+    """Forces in the first sample, as strikes."""
+    what = "damping of what was put elsewhere" if own.of.kind == "pmpd" else "a force"
+    for at, force in own.kicks.items():
+        if not own.of.masses[at].is_mobile:
+            continue
+        to = own.masses[at]
+        name = own.names.new(f"{_NO_LETTER.sub('_', to)}_kick")
+        text = f"{{to: model.{to}, at: 0s, impulse: {force / RATE!r}Ns}}"
+        yield Line(name, text, f"{what}, one sample")

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterable, Sequence
 
 from ergon.models.errors import ModelError
+from ergon.models.page import Line, Out, gain, number
 from ergon.models.sam_reading import Statement
 from ergon.models.sam_values import Sound
 from ergon.models.sam_words import LINKS
-from ergon.models.sam_writing import Module, Out, Writing, target
+from ergon.models.sam_writing import Writing, target
 from ergon.notation.text.errors import quote
 
 _MOST_CHANNELS = 1_024
@@ -62,20 +63,22 @@ def hear(own: Writing, one: Statement, sound: Sound, channel: int) -> None:
         out = own.targets[one.name]
         if len(heard) > 1:
             out = own.names.new(f"{out}_{nth}")
-        gain = abs(factor)
+        loudness = abs(factor)
         if name in own.links:
-            what = _force(own, own.targets[name])
+            what, own.hears_forces = _force(own, own.targets[name]), True
         elif factor > 0.0:
             what = f"SOX: {target(own, name)}"
         else:
-            what, gain = _force(own, _ear(own, name)), gain / _EAR
+            what, loudness = _force(own, _ear(own, name)), loudness / _EAR
         note = "; ".join(word for word in (comment, one.behind if nth == 1 else "") if word)
-        is_ear = name not in own.links and factor < 0.0
-        own.outs.append(Out(out, what, channel, gain, highpass, note, is_ear))
+        options = gain(loudness)
+        if highpass is not None:
+            options += f", highpass: {number(highpass)}Hz"
+        own.outs.append(Out(out, what, channel, options, note))
 
 
 def _force(own: Writing, name: str) -> str:
-    kind = next(each.text for each in own.modules if each.name == name).partition(":")[0]
+    kind = next(each.kind for each in own.modules if each.name == name)
     return f"SOF: {{{kind}: {name}}}"
 
 
@@ -85,11 +88,11 @@ def _ear(own: Writing, mass: str) -> str:
         return own.ears[mass]
     if "" not in own.ears:
         own.ears[""] = own.names.new("still")
-        own.modules.append(Module(own.ears[""], "SOL: {}"))
+        own.modules.append(Line(own.ears[""], "{SOL: {}}"))
     ear = own.ears[mass] = own.names.new(f"{own.targets[mass]}_ear")
-    text = f"RES: {{between: [{own.ears['']}, {target(own, mass)}], K: {_EAR}}}"
+    text = f"{{RES: {{between: [{own.ears['']}, {target(own, mass)}], K: {_EAR}}}}}"
     comment = "too weak to be felt: it is heard, for a factor below 0"
-    own.modules.append(Module(ear, text, comment))
+    own.modules.append(Line(ear, text, comment))
     return ear
 
 

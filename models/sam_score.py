@@ -7,18 +7,17 @@ from collections.abc import Mapping
 
 from ergon.models.errors import ModelError
 from ergon.models.naming import Params, metres
+from ergon.models.page import Input, Line, number
 from ergon.models.sam_expressions import definitions
 from ergon.models.sam_heard import hear, heard_names, sides_of
-from ergon.models.sam_lines import lines
 from ergon.models.sam_network import SIXTY, Link, Mass, Resonance, Start, start
+from ergon.models.sam_page import page
 from ergon.models.sam_reading import Sheet, Statement
 from ergon.models.sam_values import LIBRARY, Values
 from ergon.models.sam_words import LINKS, MASSES, RATE
 from ergon.models.sam_writing import (
-    Module,
     Writing,
     let,
-    number,
     target,
     text_of,
     times,
@@ -26,7 +25,6 @@ from ergon.models.sam_writing import (
     value_of,
     within,
 )
-from ergon.models.score import Input
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 
@@ -77,7 +75,7 @@ def written(
             _link(own, one, sides.get(one.name, 1.0))
     for channel, (one, sound) in enumerate(zip(outputs, sounds, strict=True), 1):
         hear(own, one, sound, channel)
-    return "\n".join(lines(own, title, begin, len(outputs))) + "\n"
+    return page(own, title, begin, len(outputs)).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -155,7 +153,7 @@ def _port(own: Writing, one: Statement, _: Start) -> None:
     x0 = f", X0: {fed.first!r}m" if fed.first else ""
     own.add(f"MAS: {{M: {_HELD}{x0}}}", one, "a port; its mass says nothing: its path is imposed")
     path = own.names.new(f"{name}_path")
-    own.modules.append(Module(path, f"ENX: {{to: {name}, from: {one.name}, at: 0s}}"))
+    own.modules.append(Line(path, f"{{ENX: {{to: {name}, from: {one.name}, at: 0s}}}}"))
 
 
 def _resonators(own: Writing, one: Statement, begin: Start) -> None:

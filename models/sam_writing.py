@@ -8,39 +8,16 @@ from dataclasses import dataclass, field
 
 from ergon.models.errors import ModelError
 from ergon.models.naming import Names, Params, metres
+from ergon.models.page import Input, Line, Out, number
 from ergon.models.sam_expressions import is_plain, names, parse
 from ergon.models.sam_network import Link, Mass
 from ergon.models.sam_reading import Sheet, Statement
 from ergon.models.sam_values import Values, text_of_slider
 from ergon.models.sam_words import LINKS, MASSES
-from ergon.models.score import Input
 from ergon.notation.tables.expressions import Amount, evaluate
 from ergon.notation.text.errors import TextError
 
 _MOST_TEXT = 160  # characters of an expression; a score has 200
-
-
-@dataclass(slots=True)
-class Module:
-    """A module as it is written, with the comments before its line."""
-
-    name: str
-    text: str
-    comment: str = ""
-    before: tuple[str, ...] = ()
-
-
-@dataclass(slots=True)
-class Out:
-    """An output of the instrument and its route."""
-
-    name: str
-    what: str
-    channel: int
-    gain: float
-    highpass: float | None
-    comment: str
-    is_ear: bool = False  # a position that a spring hears
 
 
 @dataclass(slots=True)
@@ -52,25 +29,21 @@ class Writing:
     values: Values
     params: Params
     names: Names = field(default_factory=Names)
-    parameters: dict[str, tuple[str, str, tuple[str, ...]]] = field(default_factory=dict)
+    parameters: dict[str, Line] = field(default_factory=dict)
     amounts: dict[str, Amount] = field(default_factory=dict)  # of `let:`
-    modules: list[Module] = field(default_factory=list)
+    modules: list[Line] = field(default_factory=list)
     targets: dict[str, str] = field(default_factory=dict)
     masses: dict[str, Mass] = field(default_factory=dict)
     links: dict[str, Link] = field(default_factory=dict)
     ears: dict[str, str] = field(default_factory=dict)  # of masses; "" is what stands still
     outs: list[Out] = field(default_factory=list)
+    hears_forces: bool = False  # of links, not by springs that hear a position
     sixty: str = ""  # the parameter that makes a T60 of the model one of the score
 
     def add(self, text: str, one: Statement, comment: str = "") -> None:
         """The module of a statement, with the comments that its line has."""
         said = "; ".join(word for word in (comment, one.behind) if word)
-        self.modules.append(Module(self.targets[one.name], text, said, one.before))
-
-
-def number(value: float) -> str:
-    """A number without a needless `.0`."""
-    return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+        self.modules.append(Line(self.targets[one.name], f"{{{text}}}", said, one.before))
 
 
 def let(
@@ -78,7 +51,7 @@ def let(
 ) -> None:
     """A parameter under `let:`."""
     said = own.params.of[name]
-    own.parameters[said] = (f"{text}{unit}", comment, before)
+    own.parameters[said] = Line(said, f"{text}{unit}", comment, before)
     own.amounts[said] = evaluate(f"{text}{unit}", own.amounts)
 
 

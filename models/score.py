@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 
-from ergon.common.terminal import printable
 from ergon.models import places
 from ergon.models.errors import ModelError
 from ergon.models.grammar import MESHES, NAMES, STRINGS
 from ergon.models.laws import LINKS, Laws, Link, which
 from ergon.models.model import Model, Point, Statement
 from ergon.models.naming import Names, Params, metres
+from ergon.models.page import RATE, Input, Line, Out, Page, gain, number
 from ergon.models.refused import REFUSED
 from ergon.notation.text.errors import quote
 
-RATE = 44_100  # [Hz] at which the numbers of both dialects are what they are
 _FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
-_TAIL = "10s"
 _HELD = "1e9"  # mass of what is moved whatever pushes it: no link is too stiff for it
-
-
-@dataclass(frozen=True, slots=True)
-class Input:
-    """A file that feeds an input, and its first sample."""
-
-    file: str
-    first: float
 
 
 @dataclass(slots=True)
@@ -40,17 +29,16 @@ class _Writing:
     inputs: Mapping[str, Input]
     params: Params
     names: Names = field(default_factory=Names)
-    modules: list[tuple[str, str, str]] = field(default_factory=list)  # name, text, comment
+    modules: list[Line] = field(default_factory=list)
     targets: dict[str, str] = field(default_factory=dict)  # of masses
     macros: dict[str, places.Macro] = field(default_factory=dict)
     links: list[tuple[Statement, str]] = field(default_factory=list)  # with the module's name
-    # Name, what is heard, channel, factor.
-    outs: list[tuple[str, str, str, float]] = field(default_factory=list)
+    outs: list[Out] = field(default_factory=list)
     moved: dict[str, float] = field(default_factory=dict)  # of inputs: the first step
 
     def add(self, name: str, text: str, comment: str = "") -> None:
         """A module."""
-        self.modules.append((name, text, comment))
+        self.modules.append(Line(name, f"{{{text}}}", comment))
 
     def text(self, one: Statement, name: str, default: str = "0") -> str:
         """A value as an expression of the score."""
@@ -88,7 +76,7 @@ def written(
         if macro.is_joined:
             place = "" if macro.height == "0" else f"X0: {metres(macro.height)}"
             own.add(macro.edge, f"SOL: {{{place}}}", f"the fixed points of {macro.name}")
-    return "\n".join(_lines(own, title)) + "\n"
+    return _page(own, title).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -347,63 +335,36 @@ def _heard_ends(own: _Writing) -> dict[int, str]:
 
 
 def _output(own: _Writing, one: Statement) -> None:
-    channel = one.name.removeprefix("out")
+    channel = int(one.name.removeprefix("out"))
     if one.keyword == "posOutput":
         points = _points(own, one, one.points[0])
         for nth, (share, target) in enumerate(points, 1):
             name = one.name if len(points) == 1 else f"{one.name}_{nth}"
-            own.outs.append((name, f"SOX: {target}", channel, share))
+            own.outs.append(Out(name, f"SOX: {target}", channel, gain(share)))
         return
     mass = one.points[0].name
     of = [name for link, name in own.links if any(p.name == mass for p in link.points)]
-    kinds = {name: text.partition(":")[0] for name, text, _ in own.modules}
+    kinds = {each.name: each.kind for each in own.modules}
     for nth, name in enumerate(of, 1):
         out = one.name if len(of) == 1 else f"{one.name}_{nth}"
-        own.outs.append((out, f"SOF: {{{kinds[name]}: {name}}}", channel, 1.0))
+        own.outs.append(Out(out, f"SOF: {{{kinds[name]}: {name}}}", channel))
 
 
 # --- text ---------------------------------------------------------------------------------------
 
 
-def _lines(own: _Writing, title: str) -> Iterator[str]:
+def _page(own: _Writing, title: str) -> Page:
     model = own.model
     of = "2019" if own.laws == "2019" else "today"
-    name = printable(title) or "a model"
-    yield f"# From {name}, in the language of {NAMES[model.dialect]}, laws of {of}."
-    yield f"# One sample is 1/{RATE} s; the numbers are those of the discrete network."
-    yield "ergon: 1"
-    yield f"rates: {{audio: {RATE}Hz}}"
-    if model.params:
-        yield "let:"
-        for one in model.of("param"):
-            yield f"  {own.params.of[one.name]}: {_number(float(model.params[one.name].number))}"
-    fed = [one for one in model.of("input") if one.name in own.inputs]
-    if fed:
-        yield "takes:"
-        for one in fed:
-            file = json.dumps(own.inputs[one.name].file, ensure_ascii=False)
-            yield f"  {one.name}: {{file: {file}}}"
-    yield "instruments:"
-    yield "  model:"
-    yield "    units: ca"
-    yield f"    at: {RATE}Hz"
-    yield "    modules:"
-    for name, text, comment in own.modules:
-        yield f"      {name}: {{{text}}}{f'  # {comment}' if comment else ''}"
-    if not own.outs:
-        return
-    yield "    out:"
-    for name, what, *_ in own.outs:
-        yield f"      {name}: {{{what}}}"
-    yield "mix:"
-    yield f"  channels: {max(int(channel) for _, _, channel, _ in own.outs)}"
-    yield "  route:"
-    for name, _, channel, share in own.outs:
-        gain = "" if share == 1.0 else f", gain: x{share!r}"
-        yield f"    - {{from: model.{name}, to: {channel}{gain}}}"
-    yield "accuracy: {method: ca}"
-    yield f"render: {{bits: float, tail: {_TAIL}}}"
-
-
-def _number(value: float) -> str:
-    return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+    params = {one.name: float(model.params[one.name].number) for one in model.of("param")}
+    fed = [one.name for one in model.of("input") if one.name in own.inputs]
+    return Page(
+        head=[
+            f"From {title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of {of}.",
+            f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
+        ],
+        parameters=[Line(own.params.of[name], number(value)) for name, value in params.items()],
+        inputs={name: own.inputs[name] for name in fed},
+        modules=own.modules,
+        outs=own.outs,
+    )

@@ -1,0 +1,127 @@
+"""The text of a score of one instrument `model` under `units: ca`, which all dialects end in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ergon.common.terminal import printable
+
+RATE = 44_100  # [Hz] of a score that has the numbers of a model without a rate of its own
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A name and what stands behind it, with comments before the line and at its end."""
+
+    name: str
+    text: str
+    comment: str = ""
+    before: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """The word that a module begins with."""
+        return self.text.lstrip("{").partition(":")[0]
+
+    def written(self, indent: str) -> Iterator[str]:
+        """The line as it stands in a score, behind its comments."""
+        yield from (f"{indent}# {printable(line)}" for line in self.before)
+        yield f"{indent}{self.name}: {self.text}{behind(self.comment)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A file that feeds an input, and its first sample."""
+
+    file: str
+    first: float
+
+    def take(self, name: str) -> Line:
+        """The file as a take."""
+        return Line(name, f"{{file: {json.dumps(self.file, ensure_ascii=False)}}}")
+
+
+@dataclass(frozen=True, slots=True)
+class Out:
+    """An output of the instrument, and the channel on which it is heard.
+
+    `options` are those of its route, with the comma before each.
+    """
+
+    name: str
+    what: str
+    channel: int
+    options: str = ""
+    comment: str = ""
+
+
+@dataclass(slots=True)
+class Page:
+    """What a score says, in the order in which it says so."""
+
+    head: Iterable[str]
+    modules: Iterable[Line]
+    outs: Sequence[Out]
+    n_channels: int = 0  # at least, where one of them is silent
+    parameters: Iterable[Line] = ()
+    inputs: Mapping[str, Input] = field(default_factory=dict)  # by their names
+    tail: Iterable[str] = ()  # comments behind the modules
+    before_strikes: Iterable[str] = ()  # comments
+    strikes: Sequence[Line] = ()
+
+    def written(self) -> str:
+        """The text."""
+        return "\n".join(self._lines()) + "\n"
+
+    def _lines(self) -> Iterator[str]:
+        yield from (f"# {printable(line)}".rstrip() for line in self.head)
+        yield "ergon: 1"
+        yield f"rates: {{audio: {RATE}Hz}}"
+        yield from _block("let:", self.parameters)
+        yield from _block("takes:", (one.take(name) for name, one in self.inputs.items()))
+        yield "instruments:"
+        yield "  model:"
+        yield "    units: ca"
+        yield f"    at: {RATE}Hz"
+        yield from _block("    modules:", self.modules)
+        yield from (f"      # {printable(line)}" for line in self.tail)
+        yield from _block("    out:", (Line(out.name, f"{{{out.what}}}") for out in self.outs))
+        yield from (f"# {line}" for line in self.before_strikes if self.strikes)
+        yield from _block("strikes:", self.strikes)
+        n_channels = max([self.n_channels, *(out.channel for out in self.outs)])
+        if n_channels:
+            yield "mix:"
+            yield f"  channels: {n_channels}"
+        if self.outs:
+            yield "  route:"
+        for out in self.outs:
+            row = f"{{from: model.{out.name}, to: {out.channel}{out.options}}}"
+            yield f"    - {row}{behind(out.comment)}"
+        yield "accuracy: {method: ca}"
+        yield "render: {bits: float, tail: 10s}"
+
+
+def gain(factor: float) -> str:
+    """A factor as an option of a route; nothing where it is 1."""
+    return "" if factor == 1.0 else f", gain: x{number(factor)}"
+
+
+def number(value: float) -> str:
+    """A number without a needless `.0`."""
+    return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+
+
+def behind(comment: str) -> str:
+    """A comment at the end of a line; nothing where it is empty."""
+    return f"  # {printable(comment)}" if comment else ""
+
+
+def _block(title: str, lines: Iterable[Line]) -> Iterator[str]:
+    """A title and its lines; nothing where there are none."""
+    indent = " " * (len(title) - len(title.lstrip()) + 2)
+    for nth, line in enumerate(lines):
+        if nth == 0:
+            yield title
+        yield from line.written(indent)
