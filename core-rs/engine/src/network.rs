@@ -3,6 +3,7 @@
 //! Sizes: `n_mat` MATs, `n_lia` LIAs, `n_out` outputs. Arrays are contiguous, one entry a module;
 //! links are stored as runs of equal offset, so that a mesh is a handful of loops.
 
+mod bodies;
 mod bristle;
 mod builder;
 mod checks;

@@ -1,0 +1,231 @@
+//! Strings, plates, banks and bodies by their modes.
+
+use ergon_engine::generator::{
+    self, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
+};
+use pyo3::prelude::*;
+
+use super::Network;
+use crate::error::{from_engine, refused, word};
+use crate::words;
+use crate::work::computing;
+
+/// The decay of the lowest mode [s], or decays [s] at frequencies [Hz].
+#[derive(FromPyObject)]
+enum Decays {
+    Lowest(f64),
+    Points(Vec<(f64, f64)>),
+}
+
+/// What the links of a body are: tuned to a pitch and a decay, or K and Z of each.
+enum Links {
+    Tuned(f64, Option<Decays>),
+    Given([f64; 2]),
+}
+
+impl Links {
+    fn of(
+        name: &str,
+        f: Option<f64>,
+        t60: Option<Decays>,
+        k: Option<f64>,
+        z: Option<f64>,
+    ) -> PyResult<Self> {
+        match (f, t60, k, z) {
+            (Some(f), t60, None, None) => Ok(Self::Tuned(f, t60)),
+            (None, None, Some(k), z) => Ok(Self::Given([k, z.unwrap_or(0.0)])),
+            _ => Err(refused(
+                name,
+                "a body takes either f and t60 or K and Z of its links",
+            )),
+        }
+    }
+}
+
+/// How the members of a bank lie, by its word; `hole` is that of a galaxy.
+fn placed(place: &str, hole: f64) -> PyResult<MemberPlace> {
+    Ok(match word("place", place, words::PLACES)? {
+        MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole },
+        other => other,
+    })
+}
+
+#[pymethods]
+impl Network {
+    /// A row of MAS, tuned so that its lowest mode is f.
+    #[pyo3(signature = (name, *, masses, M, f=None, t60=None, K=None, Z=None, ends="fixed", stiffness=0.0, inharmonicity=None, hardening=0.0, stretching=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn string(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        masses: usize,
+        M: f64,
+        f: Option<f64>,
+        t60: Option<Decays>,
+        K: Option<f64>,
+        Z: Option<f64>,
+        ends: &str,
+        stiffness: f64,
+        inharmonicity: Option<f64>,
+        hardening: f64,
+        stretching: f64,
+    ) -> PyResult<usize> {
+        let ends = word("ends", ends, words::ENDS)?;
+        let topology = computing(py, || match inharmonicity {
+            None => generator::string(masses, ends, stiffness),
+            Some(b) => generator::stiff_string(masses, ends, b),
+        })?;
+        let topology = topology.map(|topology| topology.in_line(stretching > 0.0));
+        let links = Links::of(name, f, t60, K, Z)?;
+        self.mesh(py, name, topology, M, &links, [hardening, stretching])
+    }
+
+    /// A mesh, tuned so that its lowest non-rigid mode is f.
+    #[pyo3(signature = (name, *, shape="hex", radius=0, sides=None, M, f=None, t60=None, K=None, Z=None, rim="free", bending=None, hardening=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn plate(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        shape: &str,
+        radius: usize,
+        sides: Option<(usize, usize)>,
+        M: f64,
+        f: Option<f64>,
+        t60: Option<Decays>,
+        K: Option<f64>,
+        Z: Option<f64>,
+        rim: &str,
+        bending: Option<f64>,
+        hardening: f64,
+    ) -> PyResult<usize> {
+        let shape = match sides {
+            Some((across, up)) => Shape::Rectangle { across, up },
+            None => word("shape", shape, words::SHAPES)?,
+        };
+        let rim = word("rim", rim, words::RIMS)?;
+        let topology = computing(py, || match bending {
+            None if shape == Shape::Disc => generator::round_membrane(radius, rim),
+            None => generator::plate(shape, radius, rim),
+            Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
+        })?;
+        let links = Links::of(name, f, t60, K, Z)?;
+        self.mesh(py, name, topology, M, &links, [hardening, 0.0])
+    }
+
+    /// Many CELs with frequencies over a range.
+    #[pyo3(signature = (name, *, count, M, f, t60, spread="even", place="line", hole=0.3, seed=0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn bank(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        count: usize,
+        M: f64,
+        f: (f64, f64),
+        t60: (f64, f64),
+        spread: &str,
+        place: &str,
+        hole: f64,
+        seed: i128,
+    ) -> PyResult<usize> {
+        let spread = word("spread", spread, words::SPREADS)?;
+        let place = placed(place, hole)?;
+        computing(py, || {
+            self.0.bank(
+                name,
+                M,
+                &BankForm {
+                    count,
+                    f,
+                    t60,
+                    spread,
+                    place,
+                },
+                seed,
+            )
+        })?
+        .map_err(from_engine)
+    }
+
+    /// CELs with a frequency, a decay and a mass each.
+    #[pyo3(signature = (name, *, cells, place="line", hole=0.3))]
+    fn cells(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        cells: Vec<(f64, f64, f64)>,
+        place: &str,
+        hole: f64,
+    ) -> PyResult<usize> {
+        let place = placed(place, hole)?;
+        let masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
+        let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
+        let cells = generator::cells_at(&tunings, place)
+            .map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
+        computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
+    }
+
+    /// A body of which modes and their levels at places are known.
+    #[pyo3(signature = (name, *, M, modes, levels))]
+    #[allow(non_snake_case)]
+    fn modal(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        M: f64,
+        modes: Vec<(f64, f64)>,
+        levels: Vec<Vec<f64>>,
+    ) -> PyResult<usize> {
+        let places = levels.first().map_or(0, Vec::len);
+        if levels.len() != modes.len() || levels.iter().any(|row| row.len() != places) {
+            return Err(refused(name, "each mode has one level for each place"));
+        }
+        computing(py, || self.0.modal(name, M, &modes, &levels))?.map_err(from_engine)
+    }
+
+    /// The highest mode of a STRING or PLATE [Hz], by the index of its first MAT.
+    fn highest_mode(&self, py: Python<'_>, first: usize) -> PyResult<f64> {
+        self.there(first)?;
+        computing(py, || self.0.highest_mode(first))
+    }
+
+    /// How many MATs the module that begins at index `first` has.
+    fn count(&self, first: usize) -> usize {
+        self.0.count(first)
+    }
+
+    /// Index of the middle MAT of the module that begins at `first`.
+    fn centre(&self, first: usize) -> usize {
+        self.0.centre(first)
+    }
+}
+
+impl Network {
+    fn mesh(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        topology: Result<Topology, GeneratorError>,
+        mass: f64,
+        links: &Links,
+        laws: [f64; 2],
+    ) -> PyResult<usize> {
+        let topology =
+            topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
+        computing(py, || match links {
+            Links::Given(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
+            Links::Tuned(f, decays) => {
+                let decay = match decays {
+                    None => Decay::Lowest(None),
+                    Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
+                    Some(Decays::Points(points)) => Decay::Points(points),
+                };
+                self.0
+                    .stretched_mesh(name, &topology, mass, *f, decay, laws)
+            }
+        })?
+        .map_err(from_engine)
+    }
+}

@@ -1,0 +1,146 @@
+//! Links along one axis.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use ergon_engine::network::{Bristle, But, Dry};
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+
+use super::Network;
+use crate::error::{from_engine, word};
+use crate::law::{Law, entry, named_row};
+use crate::named::LawUse;
+use crate::words;
+
+#[pymethods]
+impl Network {
+    /// Spring and damper between two MATs.
+    #[pyo3(signature = (name, a, b, *, K=0.0, Z=0.0, rest=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn r#ref(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        K: f64,
+        Z: f64,
+        rest: f64,
+    ) -> PyResult<usize> {
+        self.0.spring(name, a, b, K, Z, rest).map_err(from_engine)
+    }
+
+    /// One-sided contact of the striker a on b.
+    #[pyo3(signature = (name, a, b, *, K=0.0, Z=0.0, gap=0.0, side="below", contact="plain", restitution=1.0, exponent=1.0, clamp=false, steps=2))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn but(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        K: f64,
+        Z: f64,
+        gap: f64,
+        side: &str,
+        contact: &str,
+        restitution: f64,
+        exponent: f64,
+        clamp: bool,
+        steps: u32,
+    ) -> PyResult<usize> {
+        let side = word("side", side, words::SIDES)?;
+        let contact = word("contact", contact, words::CONTACTS)?;
+        let but = But {
+            k: K,
+            z: Z,
+            gap,
+            side,
+            contact,
+            restitution,
+            steps,
+            exponent,
+            clamp,
+        };
+        self.0.but(name, a, b, but).map_err(from_engine)
+    }
+
+    /// A friction with memory.
+    #[pyo3(signature = (name, a, b, *, sigma0, Fc, sigma1=0.0, sigma2=0.0, Fs=None, vs=1e-3))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn bristle(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        sigma0: f64,
+        Fc: f64,
+        sigma1: f64,
+        sigma2: f64,
+        Fs: Option<f64>,
+        vs: f64,
+    ) -> PyResult<usize> {
+        let bristle = Bristle {
+            stiffness: sigma0,
+            damping: sigma1,
+            viscosity: sigma2,
+            level: Fc,
+            static_level: Fs.unwrap_or(Fc),
+            speed: vs,
+        };
+        self.0.bristle(name, a, b, bristle).map_err(from_engine)
+    }
+
+    /// Dry friction that holds rigidly.
+    #[pyo3(signature = (name, a, b, *, F, static_level=None, speed=1e-3))]
+    #[allow(non_snake_case)]
+    fn dry(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        F: f64,
+        static_level: Option<f64>,
+        speed: f64,
+    ) -> PyResult<usize> {
+        let dry = Dry {
+            level: F,
+            static_level: static_level.unwrap_or(F),
+            speed,
+        };
+        self.0.dry(name, a, b, dry).map_err(from_engine)
+    }
+
+    /// A non-linear link.
+    #[pyo3(signature = (name, a, b, law, *, rest=0.0))]
+    fn lnl(&mut self, name: &str, a: usize, b: usize, law: &Law, rest: f64) -> PyResult<usize> {
+        self.0
+            .lnl(name, a, b, Arc::new(law.0.clone()), rest)
+            .map_err(from_engine)
+    }
+
+    /// Every different law that can be native code.
+    fn laws(&self) -> Vec<LawUse> {
+        let laws = self.0.laws().into_iter();
+        laws.map(|law| LawUse {
+            rows: law.rows.iter().map(named_row).collect(),
+            alone: law.alone,
+            in_runs: law.in_runs,
+        })
+        .collect()
+    }
+
+    /// Let the law `laws()[index]` of each (index, address) be computed by native code there.
+    fn native(&mut self, entries: Vec<(usize, usize)>) -> PyResult<()> {
+        let laws = self.0.laws();
+        let mut found = HashMap::new();
+        for (index, address) in entries {
+            let law = laws.get(index).filter(|_| address != 0);
+            let law = law.ok_or_else(|| PyIndexError::new_err("no law has this index"))?;
+            // SAFETY: `ergon.instruments.native`, the only caller, passes what it compiled of these rows.
+            found.insert(law.rows.clone(), unsafe { entry(address) });
+        }
+        // SAFETY: as above; compiled code is kept until the process ends.
+        unsafe { self.0.set_native(&found) };
+        Ok(())
+    }
+}

@@ -1,0 +1,97 @@
+//! MATs, one by one and as points in space.
+
+use ergon_engine::network::{SpacePoints, Tie};
+use pyo3::prelude::*;
+
+use super::Network;
+use crate::error::{from_engine, refused};
+
+#[pymethods]
+impl Network {
+    #[pyo3(signature = (name, *, M, X0=0.0, V0=0.0))]
+    #[allow(non_snake_case)] // the field's names
+    fn mas(&mut self, name: &str, M: f64, X0: f64, V0: f64) -> PyResult<usize> {
+        self.0.mas(name, M, X0, V0).map_err(from_engine)
+    }
+
+    #[pyo3(signature = (name, *, X0=0.0))]
+    #[allow(non_snake_case)]
+    fn sol(&mut self, name: &str, X0: f64) -> PyResult<usize> {
+        self.0.sol(name, X0).map_err(from_engine)
+    }
+
+    /// A MAS tied to the ground, by K and Z, or by its damped frequency f and decay t60.
+    #[pyo3(signature = (name, *, M, K=None, Z=None, f=None, t60=None, X0=0.0, V0=0.0, rest=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn cel(
+        &mut self,
+        name: &str,
+        M: f64,
+        K: Option<f64>,
+        Z: Option<f64>,
+        f: Option<f64>,
+        t60: Option<f64>,
+        X0: f64,
+        V0: f64,
+        rest: f64,
+    ) -> PyResult<usize> {
+        let tie = match (K, Z, f, t60) {
+            (k, z, None, None) => Tie::Physical {
+                k: k.unwrap_or(0.0),
+                z: z.unwrap_or(0.0),
+            },
+            (None, None, Some(f), t60) => Tie::Tuned { f, t60 },
+            _ => {
+                return Err(refused(name, "a CEL takes either K and Z or f and t60"));
+            }
+        };
+        self.0.cel(name, M, tie, rest, X0, V0).map_err(from_engine)
+    }
+
+    /// Points in space, axis by axis: X0 and V0 have one value for each axis and point.
+    #[pyo3(signature = (name, *, axes, M, X0, V0, Z=0.0, numbered=true))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn points(
+        &mut self,
+        name: &str,
+        axes: usize,
+        M: Vec<f64>,
+        X0: Vec<f64>,
+        V0: Vec<f64>,
+        Z: f64,
+        numbered: bool,
+    ) -> PyResult<usize> {
+        let points = SpacePoints {
+            n_axes: axes,
+            masses: &M,
+            x0: &X0,
+            v0: &V0,
+            z: Z,
+        };
+        self.0.points(name, numbered, points).map_err(from_engine)
+    }
+
+    /// Gravity of g [m/s²] along the axis of `count` MATs from `first` on.
+    fn weigh(&mut self, first: usize, count: usize, g: f64) -> PyResult<()> {
+        if count == 0 {
+            return Ok(());
+        }
+        self.there(first)?;
+        self.there(first + count - 1)?;
+        self.0.weigh(first..first + count, g).map_err(from_engine)
+    }
+
+    /// Set the initial position and velocity of one MAT.
+    #[allow(non_snake_case)]
+    fn start(&mut self, index: usize, X0: f64, V0: f64) -> PyResult<()> {
+        self.there(index)?;
+        self.0.start(index, X0, V0).map_err(from_engine)
+    }
+
+    /// The MAT's position is imposed (ENX).
+    fn impose(&mut self, index: usize) -> PyResult<()> {
+        self.there(index)?;
+        self.0.impose(index);
+        Ok(())
+    }
+}

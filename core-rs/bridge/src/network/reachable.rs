@@ -1,0 +1,46 @@
+//! The part of a network that a hand can move.
+
+use ergon_engine::network;
+use ergon_engine::units::Rate;
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::error::from_engine;
+
+/// The part of a network that a hand can move, linear and at rest.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct ReachableNetwork {
+    pub(super) reached: network::ReachableNetwork,
+    pub(super) rate: Rate,
+}
+
+#[pymethods]
+impl ReachableNetwork {
+    /// Number of other hands that feel this hand.
+    #[getter]
+    fn others(&self) -> usize {
+        self.reached.others
+    }
+
+    /// Bytes that determine the response.
+    fn key<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        let mut bytes = self.reached.network.numbers();
+        bytes.extend((self.reached.mat as u64).to_le_bytes());
+        bytes.extend(self.rate.hertz().to_le_bytes());
+        PyBytes::new(py, &bytes)
+    }
+
+    /// Force against the hand [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
+    fn response<'py>(
+        &self,
+        py: Python<'py>,
+        tick_frames: u32,
+        ticks: [usize; 2],
+    ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let found = py.detach(|| self.reached.response(self.rate, tick_frames, ticks));
+        Ok(found
+            .map_err(from_engine)?
+            .map(|felt| felt.into_pyarray(py)))
+    }
+}
