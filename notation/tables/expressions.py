@@ -2,12 +2,13 @@
 
 An expression is turned into the literal that says its value, and that is read as if it had been
 written. Numbers are exact fractions, notes are semitones: `3*100g` is the very float 300g is.
-There is no code: numbers, units, notes, names of `let:`, + - * / and parentheses, bounded in length
-and depth.
+There is no code: numbers, units, notes, names of `let:`, + - * / sqrt() and parentheses, bounded in
+length and depth.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ _PART = re.compile(r"/(\d{1,15})(?![\d.eE])")
 _NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)(?![\w#♯♭])")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
+_ROOT = re.compile(r"sqrt\s*(?=\()")
 _SPACE = re.compile(r"\s*")
 _OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
 _BEGUN = re.compile(r"\s*(\d+\|[\d./]+|[^\W\d]\w*(?:-[^\W\d]\w*)*)\s*([+-])(.+)")  # B+2, 3|1-gap
@@ -149,9 +151,18 @@ class _Reader:
             if not self._sign(")"):
                 raise self._error("this parenthesis is never closed", start, 1)
             return found
-        return self._atom(start)
+        return self._atom(start, depth)
 
-    def _atom(self, start: int) -> Amount:
+    def _root(self, of: Amount, at: int, length: int) -> Amount:
+        if of.unit:
+            message = f"{_called(of)} has no root here; take that of a ratio, sqrt(heavy/100g)"
+            raise self._error(message, at, length)
+        if of.number < 0:
+            raise self._error("a number below 0 has no root", at, length)
+        # IEEE 754 rounds a root correctly: the same bits everywhere.
+        return Amount(Fraction(math.sqrt(float(of.number))), "")
+
+    def _atom(self, start: int, depth: int) -> Amount:
         if match := _NUMBER.match(self.text, start):
             self.at = match.end()
             number = _fraction(match)
@@ -168,6 +179,9 @@ class _Reader:
                 name, power = UNITS[unit[1]]
                 return Amount(number * Fraction(10) ** power, name)
             return Amount(number, "")
+        if match := _ROOT.match(self.text, start):
+            self.at = match.end()
+            return self._root(self._single(depth + 1), start, len(match[0]))
         word = _WORD.match(self.text, start)
         if word is not None and word[0] in self.names:
             self.at = word.end()

@@ -93,6 +93,7 @@ def test_a_source_distribution_makes_the_same_wheel(wheel: Path, tmp_path: Path)
     build = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"]
     build += ["--wheel-dir", str(tmp_path / "made"), str(source)]
     own = {**os.environ, "CARGO_TARGET_DIR": str(ROOT / "target")}
+    own["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{own['PATH']}"  # pip calls maturin
     own.pop("PYTHONPATH", None)
     done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True, env=own)
     assert done.returncode == 0, done.stderr[-3000:]

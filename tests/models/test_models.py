@@ -43,6 +43,7 @@ A model of a mass; this is no statement.
 @M param 3
 @m osc [2*M] [0.01 + 0.5*kScale] kScale 0.1 0
 @out1 posOutput @m""",
+    "a root": "@k param 0.02\n@m osc 2 [sqrt(k*0.01)] [0.1*sqrt(0.0004)] 0.1 0\n@out1 posOutput @m",
     "parameter behind its use": "@m osc M 0.01 0 0.1 0\n@M param 3\n@out1 posOutput @m",
     "names that a score has otherwise": """
 @N param 2

@@ -113,6 +113,10 @@ def test_arithmetic_needs_no_names():
         ("4e8N/m3*2", "800000000N/m3"),
         ("2 * (3 + 4) - 1", "13"),
         ("60%", "0.6"),
+        ("sqrt(2)", "1.4142135623730951"),
+        ("3*sqrt (400g/100g) - 1", "5"),
+        ("-sqrt(sqrt(16))", "-2"),
+        ("sqrt(9)/2*1kg", "1.5kg"),
     ],
 )
 def test_expressions_have_these_values(text, literal):
@@ -141,6 +145,9 @@ def test_a_note_is_the_note_that_is_written():
         (LET, {"mass": "heavy*heavy"}, "E201", "not multiplied", 20),
         (LET, {"mass": "heavy/0"}, "E201", "divides by zero", 20),
         (LET, {"mass": "(heavy"}, "E201", "never closed", 15),
+        (LET, {"mass": "sqrt(heavy)"}, "E201", "a value in kg has no root here", 15),
+        (LET, {"mass": "heavy*sqrt(0 - 1)"}, "E201", "below 0 has no root", 21),
+        (LET, {"mass": "heavy*sqrt 2"}, "E201", "'sqrt' is no name", 21),
         (LET, {"mass": "heavy heavy"}, "E201", "cannot stand here", 21),
         (LET, {"mass": "-heavy"}, "E202", "not positive", 15),
         (LET, {"mass": "hevy"}, "E201", "'hevy' is no name", 15),

@@ -35,7 +35,7 @@ class Played:
     outs: dict[int, Callable[[], float]] = field(default_factory=dict)
 
     def value(self, text: str) -> float:
-        return float(eval(text, {}, dict(self.params)))
+        return float(eval(text, {"sqrt": math.sqrt}, dict(self.params)))
 
     def force(self, m1: Mass, m2: Mass, f: float) -> None:
         m1[2] -= f
