@@ -12,10 +12,6 @@ REFUSED = {
     "pulling string": (
         "a string with a v0 pulls at its own fixed ends for ever, which no score says; write 0"
     ),
-    "moving wall": (
-        "with viscosity, an input whose first value is not its x0 ({x0}) gives a push in the first "
-        "step that no score says; let it begin there"
-    ),
     "signal": "a parameter that follows a signal is not built yet",
     "macro force": "the force at a point of a macro is 0 at all times; remove this output",
     "pushed force": "the force on a mass that an input pushes too is not built yet",

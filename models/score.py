@@ -9,6 +9,7 @@ from itertools import combinations
 from ergon.models import places
 from ergon.models.errors import ModelError
 from ergon.models.grammar import MESHES, NAMES, STRINGS
+from ergon.models.kicks import Begin, kick
 from ergon.models.laws import LINKS, Laws, Link, which
 from ergon.models.model import Model, Point, Statement
 from ergon.models.naming import Names, Params, metres
@@ -34,7 +35,9 @@ class _Writing:
     macros: dict[str, places.Macro] = field(default_factory=dict)
     links: list[tuple[Statement, str]] = field(default_factory=list)  # with the module's name
     outs: list[Out] = field(default_factory=list)
-    moved: dict[str, float] = field(default_factory=dict)  # of inputs: the first step
+    begins: dict[str, Begin] = field(default_factory=dict)  # of masses and inputs
+    held: set[str] = field(default_factory=set)  # what no force moves
+    kicks: dict[str, float] = field(default_factory=dict)  # forces in the first sample
 
     def add(self, name: str, text: str, comment: str = "") -> None:
         """A module."""
@@ -92,6 +95,7 @@ def _start(own: _Writing, one: Statement, k: float = 0.0, z: float = 0.0) -> tup
     first = (2.0 - (k + z) / mass) * x0 + (z / mass - 1.0) * before - gravity / mass
     _within(one, "x0", first, _FARTHEST)
     _within(one, "the first step", (first - x0) * RATE, _FASTEST)
+    own.begins[one.name] = Begin(first, first - x0)
     if first == x0:
         return (f"X0: {metres(own.text(one, 'x0'))}" if x0 else ""), ""
     return (f"X0: {first!r}m" if first else ""), f"V0: {(first - x0) * RATE!r}m/s"
@@ -107,6 +111,8 @@ def _mass(own: _Writing, one: Statement) -> None:
     if one.keyword == "ground":
         x0 = own.value(one, "x0")
         _within(one, "x0", x0, _FARTHEST)
+        own.begins[one.name] = Begin(x0)
+        own.held.add(name)
         own.add(name, f"SOL: {{X0: {metres(own.text(one, 'x0'))}}}" if x0 else "SOL: {}")
         return
     _heavy(own, one)
@@ -164,6 +170,7 @@ def _macro(own: _Writing, one: Statement) -> None:
         own.text(one, "x0") if x0 else "0",
         own.names.new(f"{name}_edge"),
     )
+    own.held.add(macro.edge)
     places.build(macro, own.laws == "2019")
     for nth, (module, text) in enumerate(macro.modules):
         own.names.taken.add(module)
@@ -175,7 +182,9 @@ def _input(own: _Writing, one: Statement) -> None:
         return
     fed = own.inputs.get(one.name)
     name = own.targets[one.name] = own.names.new(one.name)
-    own.moved[one.name] = (0.0 if fed is None else fed.first) - own.value(one, "x0")
+    first = 0.0 if fed is None else fed.first
+    own.held.add(name)
+    own.begins[one.name] = Begin(first, jump=first - own.value(one, "x0"))
     if fed is None:
         own.add(name, "SOL: {}", "an input that nothing is connected to is 0")
         return
@@ -227,9 +236,10 @@ def _link(own: _Writing, one: Statement, heard: Mapping[int, str]) -> None:
         _not_negative(own, one, name)
     if "scale" in values and values["scale"] <= 0.0:
         raise ModelError(REFUSED["scale"].format(value=values["scale"]), one.line)
+    twice = own.model.dialect == "v1" and one.keyword == "nlSpring3"
     if law.damping or values.get("Z"):
         _first_step(own, one)
-    twice = own.model.dialect == "v1" and one.keyword == "nlSpring3"
+        _kick(own, one, law, points, 2.0 if twice else 1.0)
     share = "2*" if twice else ""
     fields = {}
     for letter, name in law.fields.items():
@@ -299,10 +309,27 @@ def _first_step(own: _Writing, one: Statement) -> None:
         macro = own.macros.get(point.name)
         if macro is not None and macro.height != "0":
             raise ModelError(REFUSED["late point"], one.line)
-        if own.moved.get(point.name):
-            x0 = next(i for i in own.model.of("input") if i.name == point.name)
-            message = REFUSED["moving wall"].format(x0=f"{own.value(x0, 'x0'):g}")
-            raise ModelError(message, one.line)
+
+
+def _begin(own: _Writing, point: Point, targets: list[tuple[float, str]]) -> Begin:
+    begin = own.begins[point.name]
+    if point.name in own.macros:  # its fixed points stand still
+        moving = sum(share for share, target in targets if target not in own.held)
+        return Begin(0.0, moving * begin.step)
+    return begin
+
+
+def _kick(
+    own: _Writing, one: Statement, law: Link, points: list[list[tuple[float, str]]], times: float
+) -> None:
+    """The strikes that make up for the jump of an input."""
+    values = {name: own.value(one, name) for name in one.values}
+    a, b = (_begin(own, *end) for end in zip(one.points, points, strict=True))
+    force = times * kick(law, values, a, b)
+    for sign, targets in zip((force, -force), points, strict=True):
+        for share, target in targets:
+            if force and target not in own.held:
+                own.kicks[target] = own.kicks.get(target, 0.0) + sign * share
 
 
 # --- what is heard ------------------------------------------------------------------------------
@@ -367,4 +394,12 @@ def _page(own: _Writing, title: str) -> Page:
         inputs={name: own.inputs[name] for name in fed},
         modules=own.modules,
         outs=own.outs,
+        before_strikes=["An input jumps to its first value, which the model's dampers feel."],
+        strikes=list(_strikes(own)),
     )
+
+
+def _strikes(own: _Writing) -> Iterator[Line]:
+    for target, force in own.kicks.items():
+        name = own.names.new(f"{target.replace('.', '_')}_kick")
+        yield Line(name, f"{{to: model.{target}, at: 0s, impulse: {force / RATE!r}Ns}}")

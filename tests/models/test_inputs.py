@@ -12,7 +12,6 @@ from oracle import mims
 from ergon.api.errors import OptionError
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
-from ergon.models.errors import ModelError
 
 FRAMES = 4410
 pytestmark = pytest.mark.usefixtures("own_folder")
@@ -54,6 +53,48 @@ def test_inputs_move_and_push_as_they_do_in_the_model():
     assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
 
 
+JUMPS = {
+    "damper": ("v2", "@l damper @m @in1 0.01"),
+    "turned": ("v2", "@l springDamper @in1 @m 0.02 0.003"),
+    "closed contact": ("v2", "@l contact @in1 @m 0.02 0.004 -0.001"),
+    "open contact": ("v2", "@l contact @m @in1 0.02 0.004 0.0"),
+    "nlContact": ("v2", "@l nlContact @in1 @m 0.02 5 0.2 0.005 0.0"),
+    "nlSpringDamper": ("v2", "@l nlSpringDamper @m @in1 0.01 20 0.2 0.003"),
+    "nlSpring3 of MIMS": ("v1", "@l nlSpring3 @m @in1 0.01 20 0.003"),
+    "bow": ("v2", "@l nlBow @m @in1 0.02 0.05"),
+    "smooth bow": ("v2", "@l nlBow @in1 @m 0.02 0.05 1"),
+    "pluck": ("v2", "@l nlPluck @m @in1 0.01 0.3 0.002"),
+    "on a string": ("v2", "@t string 6 1 0.05 0.001 0 0\n@l springDamper @in1 [@t 0.3] 0.02 0.003"),
+    "beside a fixed point": ("v2", "@t string 6 1 0.05 0.001 0 0\n@l damper [@t 0.1] @in1 0.02"),
+    "contact on a string": (
+        "v2",
+        "@t string 6 1 0.05 0.001 0 0\n@l contact [@t 0.4] @in1 0.02 0.01 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("x0", [0.5, 0.02, -0.03])
+@pytest.mark.parametrize("name", JUMPS)
+def test_an_input_that_begins_elsewhere_is_felt_by_dampers(name: str, x0: float):
+    """In the first step the model's input jumps from its x0 to the first value of its file."""
+    dialect, links = JUMPS[name]
+    mass = "@m mass 2 0.01 0.5" if dialect == "v2" else "@m mass 2 0.01 0.00999"
+    ends = "@g ground 0\n@s spring @g @m 0.01\n@out1 posOutput @m\n"
+    more = "@out2 posOutput [@t 0.4]\n" if "@t" in links else ""
+    text = f"{mass}\n{ends}@in1 posInput {x0}\n{links}\n{more}"
+    path, _ = path_and_push()
+    path += np.float32(0.004)
+    path = np.float64(np.float32(path))
+    wave("path.wav", path)
+    Path("m.mdl").write_text(text)
+    for inputs, signal in (({}, {}), ({"in1": "path.wav"}, {"in1": path})):
+        asked = ModelOptions(dialect=dialect, inputs=inputs)
+        score = import_model("m.mdl", asked).text
+        heard = mims.played(text, dialect, FRAMES / mims.RATE, inputs=signal)
+        sound = rendered(score, FRAMES / mims.RATE)
+        assert np.abs(sound - heard).max() <= 1e-11 * np.abs(heard).max(), score
+
+
 def test_a_force_between_masses_is_shared():
     _, push = path_and_push()
     wave("push.wav", push)
@@ -76,8 +117,6 @@ def test_files_that_feed_nothing():
             import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": f"{name}.wav"}))
     with pytest.raises(OptionError, match=r"no input 'in3'.*in"):
         import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in3": "late.wav"}))
-    with pytest.raises(ModelError, match="begin there"):
-        import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": "late.wav"}))
     Path("folder").mkdir()
     with pytest.raises(OptionError, match="lies outside"):
         import_model("m.mdl", ModelOptions(inputs={"in1": "late.wav"}), beside="folder")

@@ -73,7 +73,6 @@ WRITING = {
         "begins at 0",
     ),
     "pulling string": (1, "v2", "@s string 5 1 1 0 0 1", "pulls at its own fixed ends"),
-    "moving wall": (3, "v2", "@in1 posInput 1\n@m mass 1 0 0\n@l damper @m @in1 1", "x0 \\(1\\)"),
     "signal": (1, "v2", "@p audioParam @in1", "follows a signal"),
     "macro force": (2, "v2", f"{S}@out1 frcOutput [@s 0.5]", "is 0 at all times"),
     "still force": (3, "v2", f"{M}@out1 frcOutput @m", "no link ends"),
