@@ -34,6 +34,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 # Files are shared out whole: all wait for a long one that is begun last.
 _FIRST = (
     "house/test_wheel.py",
+    "metrology/test_stages.py",
     "lab/test_lab_maps.py",
     "robust/test_conditions.py",
     "rendering/test_resumed.py",

@@ -293,7 +293,9 @@ def test_pulse_hears_every_bit(tmp_path: Path):
             assert (info.backend, info.device, info.rate) == ("pulse", "Null Output", RATE)
             out.play(sound)
             assert out.finish(PATIENCE)
-            time.sleep(0.5)  # parec hands on what it has
+            # parec hands on what it has, in order: a second of what comes after is behind it all.
+            size = path.stat().st_size + 4 * RATE * server.channels
+            until(lambda: path.stat().st_size >= size, "what comes after")
         out.close()
     heard = np.fromfile(path, np.float32)
     heard = heard[: len(heard) // server.channels * server.channels]

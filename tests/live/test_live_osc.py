@@ -346,7 +346,7 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
     while not performance.wait(1.0):
         pass
     osc.close()
-    performance.close(5.0)
+    performance.close(PATIENCE)
     return np.asarray(soundfile.read(path)[0])
 
 

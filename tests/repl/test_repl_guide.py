@@ -191,6 +191,10 @@ def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
         own.board.leave()
         until(lambda: "remi" in own.session.commits.engine.status().away, "the key is gone")
         assert "the device of remi's key is gone" in own.session.submit("guide remi ada").text
+        # A session that closes while a device is away waits out the patience of its address: 300 s.
+        own.board.free()
+        own.board.come()
+        until(lambda: not own.session.commits.engine.status().away, "the key is back")
 
 
 def test_a_path_that_is_made_again_goes_on_where_the_first_went(tmp_path: Path):

@@ -82,7 +82,7 @@ impl Emulator {
             let tell = &mut |event| drop(tell.send(event));
             serve(options, tell, &mut || !asked.load(Ordering::Relaxed)).unwrap()
         });
-        let Ok(Event::Ready(address)) = events.recv_timeout(Duration::from_secs(10)) else {
+        let Ok(Event::Ready(address)) = events.recv_timeout(Duration::from_secs(60)) else {
             panic!("no emulator");
         };
         Self {
