@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import browser
@@ -379,6 +379,36 @@ def test_flashes_cover_less_than_what_counts_as_one(
     allowed = 341 * 256 / 4 / (1024 * 768)
     assert 0 < shares["t=0"] <= allowed
     assert shares["t=0&strobe"] > 2 * allowed
+
+
+def test_a_key_touches_where_its_body_is(page: browser.Page) -> None:
+    """Keys stand apart: half way between the two is nothing."""
+    seek(page, 1.51)
+    alone(page, "contacts")
+    seek(page, 1.51)
+    touched = PIECE.first("plate") + 25
+    at = projected(page, np.array(page.run(f"ergon.page.motion.where({touched})")))
+    assert np.abs(middle(page, at, 20) - at).max() < 1
+
+
+def test_keys_at_rest_are_seen(page: browser.Page) -> None:
+    """A contrast of three to one with the background, as WCAG 1.4.11 asks of what is no text."""
+    alone(page, "points")
+    seek(page, 0.0)
+    at = projected(page, np.array(page.run(f"ergon.page.motion.where({PIECE.first('keys')})")))
+    rgb = page.run(
+        f"""(() => {{ const {{a, w, h}} = {PIXELS};
+        const at = 4 * (Math.floor(h - {at[1]}) * w + Math.floor({at[0]}));
+        return [a[at], a[at + 1], a[at + 2]]; }})()"""
+    )
+    assert luminance(rgb) / luminance((3, 4, 8)) > 3
+
+
+def luminance(rgb: Sequence[float]) -> float:
+    """Of a colour of sRGB, 0 to 255, with the light of a room (WCAG 2)."""
+    share = np.array(rgb) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722)) + 0.05
 
 
 def test_who_wants_less_motion_gets_a_still_page(chromium: browser.Browser, url: str) -> None:

@@ -236,17 +236,22 @@ function contactsAt(story, motion, t, px) {
   const share = Math.min(1, Math.sqrt(CROWD / flashes.size));
   const found = { at: [], radii: [], share };
   for (const [contact, flash] of flashes) {
-    const { a, b } = model.contacts[contact];
-    found.at.push(...middle(motion, a, b), flash);
+    const place = touched(model, motion, model.contacts[contact]);
+    if (!place) continue;
+    found.at.push(...place, flash);
     found.radii.push(px * CONTACT * share);
   }
   return found;
 }
 
-/** Between two points, as they are drawn [m]. */
-function middle(motion, a, b) {
-  const [from, to] = [motion.where(a), motion.where(b)];
-  return from.map((x, i) => (x + to[i]) / 2);
+/** Where a contact is drawn [m]: between the two, and of a key, which stands apart, at what it touches; null where no end is seen. */
+function touched({ keys }, motion, { a, b }) {
+  const isKey = (point) => keys.some((key) => key.point === point);
+  const ends = [a, b].filter((point) => point !== null);
+  const bodies = ends.filter((point) => !isKey(point));
+  const at = (bodies.length ? bodies : ends).map((point) => motion.where(point));
+  if (!at.length) return null;
+  return [0, 1, 2].map((i) => at.reduce((sum, place) => sum + place[i], 0) / at.length);
 }
 
 /** Of each loudspeaker: its level [dB re full scale], and that as a share from 0 (−60 dB) to 1. */

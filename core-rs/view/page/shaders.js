@@ -20,7 +20,7 @@ ivec2 place(uint i){ return ivec2(int(i & 1023u), int(i >> 10)); }
 vec3 stands(uint i){ vec3 r = texelFetch(rest, place(i), 0).xyz; r.z += texelFetch(state, place(i), 0).x; return r; }
 `;
 
-// Brighter says what the hue says: speed from dark blue to white, up from bright orange, down from dim blue.
+// Brighter says what the hue says: speed from dark blue to white, up from bright orange, down from dim blue. A key is seen at rest.
 const COLOURS = `
 vec3 heat(float e){ return mix(mix(vec3(.10,.20,.55), vec3(.25,.72,1.), smoothstep(0.,.6,e)), vec3(1.,.96,.88), smoothstep(.6,1.,e)); }
 vec3 updown(float s){ return s > 0. ? mix(vec3(.40,.44,.50), vec3(1.,.66,.24), s) : mix(vec3(.40,.44,.50), vec3(.16,.26,.85), -s); }
@@ -67,7 +67,7 @@ void main(){
   size = min(size, .45 * apart * FOCAL * view.y / b.w);                // a crowd stays points
   float spread, dim;
   gl_Position = capsule(a, b, q, least(size, dim), spread);
-  vec3 c = style > .5 ? updown(s.w) * (.30 + 1.2 * e) : heat(e) * (.28 + 1.6 * e * e * e);
+  vec3 c = style > .5 ? updown(s.w) * ((style > 1.5 ? .95 : .30) + 1.2 * e) : heat(e) * (.28 + 1.6 * e * e * e);
   col = vec4(c * gain * mix(1., dim, .75) / pow(spread, .6), 1.);
 }`,
     SOFT,
