@@ -11,6 +11,7 @@ const HIDDEN = -3; // as light
 const SPARK = 3.2; // radii [px of 720 lines]
 const CONTACT = 26;
 const CROWD = 2; // contacts at once that cover no more than themselves: of more, each is smaller
+const KEY_GAP = 0.8; // of the way to the next key: a row of keys is no bar
 
 export class Drawing {
   constructor(gl) {
@@ -217,12 +218,20 @@ export class Drawing {
   }
 }
 
-/** About how far apart the points of a part are [m]. */
+/** About how far apart the points of a part are, or a key and the one beside it [m]. */
 function apart(model, part) {
+  if (part.layout === "key") return KEY_GAP * nearestKey(model, part);
   const { radius } = model.extent(model.pointsOf(part));
   if (part.count < 2) return 1;
   const share = part.layout === "string" ? 2 / part.count : Math.sqrt(Math.PI / part.count);
   return Math.min(1000, radius * share);
+}
+
+/** From a key to the nearest other one, at most 1 m. */
+function nearestKey(model, part) {
+  const at = (p) => [model.x[p], model.y[p], model.z[p]];
+  const others = model.keys.filter((key) => key.point !== part.first);
+  return Math.min(1, ...others.map((key) => Math.hypot(...at(key.point).map((x, i) => x - at(part.first)[i]))));
 }
 
 function contactsAt(story, motion, t, px) {

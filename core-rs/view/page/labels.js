@@ -54,7 +54,10 @@ export class Labels {
       if (label.kind === "speaker") label.element.dataset.level = now[speaker++].db.toFixed(1);
       if (gone) continue;
       if (label.part !== null) label.element.textContent = this.words(story.model.parts[label.part], motion, label.part);
-      if (label.kind !== "speaker") below(taken, at, label.element.textContent);
+      if (label.kind !== "speaker" && !below(taken, at, label.element.textContent)) {
+        label.element.hidden = true;
+        continue;
+      }
       style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px) translate(-50%, 9px)`;
     }
   }
@@ -67,13 +70,17 @@ export class Labels {
 
 const LETTER = 7; // [px] at the size of the page's words
 const LINE = 16; // [px]
+const FAR = 6 * LINE; // [px] from what they name, words say no more whose they are: the pointer names it
 
-/** Moves words down until they cover none of those that are taken. */
+/** Moves words down until they cover none of those that are taken; whether they are near enough there. */
 function below(taken, at, words) {
   const half = (words.length * LETTER) / 2;
+  const begin = at[1];
   const covers = (other) => Math.abs(other.x - at[0]) < half + other.half && Math.abs(other.y - at[1]) < LINE;
   for (let other = taken.find(covers); other; other = taken.find(covers)) at[1] = other.y + LINE;
+  if (at[1] - begin > FAR) return false;
   taken.push({ x: at[0], y: at[1], half });
+  return true;
 }
 
 const WHY = {
