@@ -139,10 +139,12 @@ class Assembly:
         if module.kind == "BUT":
             own = _pick(fields, "K", "Z", "gap", "exponent", "clamp")
             return self.network.space_but(module.name, first, second, **own)
-        own = _pick(fields, "K", "Z", "yields", "breaks", "core")
         rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")
         if rest is None:
             rest = self.network.distance(first, second)
+        if module.kind == "LNL":
+            return self.network.space_lnl(module.name, first, second, _law(fields), rest)
+        own = _pick(fields, "K", "Z", "yields", "breaks", "core")
         return self.network.space_ref(module.name, first, second, rest=rest, **own)
 
     def _chance(self, name: str) -> Callable[[int], _core.Chance]:
@@ -307,8 +309,11 @@ def _but(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float
 
 
 def _lnl(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
-    law = _core.Law(f["law"], f["damping"], f["constants"], f["points"], reach)
-    return assembly.network.lnl(name, a, b, law, rest=f["rest"])
+    return assembly.network.lnl(name, a, b, _law(f, reach), rest=f["rest"])
+
+
+def _law(f: _Fields, reach: float = 1.0) -> _core.Law:
+    return _core.Law(f["law"], f["damping"], f["constants"], f["points"], reach)
 
 
 def _bristle(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:

@@ -171,8 +171,12 @@ def _but(ca: bool) -> tuple[Field, ...]:
 
 
 def _lnl() -> tuple[Field, ...]:
+    rest = Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0)
+    return (BETWEEN, *_law_fields(), rest)
+
+
+def _law_fields() -> tuple[Field, ...]:
     return (
-        BETWEEN,
         Field("law", LAW, "force over elongation d [m]"),
         Field("damping", LAW, "force over elongation d and its rate v [m/s]"),
         Field(
@@ -180,7 +184,6 @@ def _lnl() -> tuple[Field, ...]:
             ListOf(Pair(k.POSITION, k.PUSH), 2, MAX_POINTS),
             "elongations and forces, joined by straight lines",
         ),
-        Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
     )
 
 
@@ -384,7 +387,7 @@ def _all() -> dict[str, Kind]:
     ca = _generators(True)
     for name, (table, gliding) in _generators(False).items():
         kinds[name] = Kind(name, "generator", {"si": table, "ca": ca[name][0]}, gliding)
-    for name, (own, table) in space_fields.tables(BETWEEN, ENDPOINT).items():
+    for name, (own, table) in space_fields.tables(BETWEEN, ENDPOINT, _law_fields()).items():
         known = kinds.get(name, Kind(name, own, {}))
         kinds[name] = replace(known, tables={**known.tables, "space": table})
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}

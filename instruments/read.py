@@ -341,8 +341,10 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     fields = {field.name: values[field.name] for field in values.record.fields}
     if kind in HOLDERS:
         fields["axes"] = axes
+    if kind == "LNL":
+        fields["constants"] = dict(values.free)
     check_in_space(kind, fields, values, axes)
-    for check in _CHECKS.get(kind, ()) if kind in ("RES", "FRO", "REF") else ():
+    for check in _CHECKS.get(kind, ()) if kind in ("RES", "FRO", "REF", "LNL") else ():
         check(kind, values)
     return Module(name, kind, fields, values.place, Places(values.nodes))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 from ergon.notation.tables import value_kinds as k
@@ -21,8 +22,13 @@ COUNTS = ListOf(k.integer(1, 2_000, "8"), 2, 3)
 Family = Literal["mat", "link", "generator"]
 
 
-def tables(between: Field, endpoint: Shape) -> dict[str, tuple[Family, Record]]:
-    """Of each kind its family and its table, by the table of ends and what one is written as."""
+def tables(
+    between: Field, endpoint: Shape, law: tuple[Field, ...]
+) -> dict[str, tuple[Family, Record]]:
+    """Of each kind its family and its table, by the fields of ends and of laws.
+
+    `endpoint` is what an end is written as.
+    """
     mass = Field("M", k.MASS, "mass", required=True)
     whole = Field("M", k.MASS, "mass of all its points together", required=True)
     x0 = Field("X0", PLACE, "position at the beginning, axis by axis", required=True)
@@ -36,6 +42,7 @@ def tables(between: Field, endpoint: Shape) -> dict[str, tuple[Family, Record]]:
         "distance at which the spring has no force",
         shown="the distance at the beginning",
     )
+    length = replace(rest, doc="distance that counts as d = 0")
     memory = (
         Field(
             "yields",
@@ -261,6 +268,10 @@ def tables(between: Field, endpoint: Shape) -> dict[str, tuple[Family, Record]]:
                 "a spring and damper along a distance",
                 (between, stiff, damp, rest, *memory),
             ),
+        ),
+        "LNL": (
+            "link",
+            Record("module", "a law of a distance", (between, *law, length), free=k.CONSTANT),
         ),
         "ATTRACTION": (
             "link",

@@ -114,7 +114,8 @@ def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
 def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for instrument in piece.instruments.values():
         for module in instrument.modules if instrument.ca_rate is None else ():
-            if module.kind == "LNL" and module.fields.get("damping"):
+            is_damped = module.kind == "LNL" and module.fields.get("damping")
+            if is_damped and not module.fields["between"][0].points:
                 yield from _named(instrument.name, module)
 
 

@@ -95,6 +95,46 @@ def test_it_moves_as_dop853_does(seed: int, axes: int, damping: float, order: in
     assert 0.75 * 2**order < errors[0] / errors[1] < 1.25 * 2**order
 
 
+def test_laws_of_distances_move_as_dop853_does():
+    """A molecule that turns on a damped spring that hardens; its law is endless where d is 0."""
+    text = """\
+ergon: 1
+instruments:
+  t:
+    space: 3
+    modules:
+      sun: {SOL: {X0: [0, 0, 0]}}
+      a: {MAS: {M: 5g, X0: [4cm, 0, 0], V0: [0, 0.3m/s, 0]}}
+      b: {MAS: {M: 3g, X0: [9cm, 0, 1cm], V0: [0, 0.2m/s, 0.1m/s]}}
+      bond: {LNL: {between: [a, b], law: "grip*((size/d)**7 - (size/d)**13)", grip: 0.4N,
+        size: 45mm, rest: 0}}
+      hard: {LNL: {between: [sun, b], law: k*d + q*d**3, damping: z*v, k: 20N/m, q: 1e4, z: 0.01}}
+    out: {x: {SOX: b.x}, y: {SOX: b.y}, z: {SOX: b.z}, f: {SOF: bond}}
+render: {bits: float, tail: 0.3s}
+"""
+    x0 = np.array([(0, 0, 0), (0.04, 0, 0), (0.09, 0, 0.01)])
+    v0 = np.array([(0, 0, 0), (0, 0.3, 0), (0, 0.2, 0.1)])
+    size, length = 0.045, float(np.hypot(0.09, 0.01))
+
+    def bond(d: float, _: float) -> float:
+        return 0.4 * ((size / d) ** 7 - (size / d) ** 13)
+
+    links = [
+        matter.Link(1, 2, 0.0, 0.0, 0.0, law=bond),
+        matter.Link(0, 2, 0.0, 0.0, length, law=lambda d, v: 20 * d + 1e4 * d**3 + 0.01 * v),
+    ]
+    mass, errors = np.array([0.0, 5e-3, 3e-3]), []
+    for rate in (44_100, 88_200):
+        ours = heard(text, rate)
+        when = np.arange(0, len(ours), rate // 4410) / rate
+        exact = matter.solve(x0, v0, mass, links, when)
+        errors.append(np.abs(ours[:: rate // 4410, :3] - exact[:, 2]).max())
+        apart = np.linalg.norm(exact[:, 2] - exact[:, 1], axis=1)
+        np.testing.assert_allclose(ours[:: rate // 4410, 3], [-bond(d, 0) for d in apart], 0, 2e-3)
+    assert errors[1] < 1e-4 * np.abs(exact).max()
+    assert 1.5 < errors[0] / errors[1] < 2.5  # damping lags half a step behind
+
+
 def test_a_planet_goes_round():
     """Its period is 2 pi / sqrt(K/M (1 + (r/core)^2)^-1.5): far away that of Kepler's third law."""
     r, core, stiff, mass = 0.12, 0.02, 3e3, 5e-3
@@ -258,7 +298,12 @@ CELL = "  c:\n    modules:\n      m: {CEL: {M: 1g, f: A3}}\n"
             "E202",
             "space",
         ),
-        (f"{SPACE}      s: {{LNL: {{between: [bob, nail], law: d}}}}\n", "E10", "LNL"),
+        (f"{SPACE}      s: {{LNL: {{between: [bob, nail], law: k*d}}}}\n", "E207", "called `k`"),
+        (
+            f"{SPACE}      s: {{LNL: {{between: [bob, nail], law: d, points: [[0, 0], [1, 1]]}}}}",
+            "E111",
+            "keep one of the two",
+        ),
         (f"{SPACE}      s: {{REF: {{between: [bob, nail]}}}}\n", "E103", "needs K or Z"),
         (f"{SPACE}      s: {{BUT: {{between: [bob, nail], K: 1}}}}\n", "E103", "'gap'"),
         (f"{SPACE}      n: {{SOL: {{}}}}\n", "E103", "'X0'"),

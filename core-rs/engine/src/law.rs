@@ -284,6 +284,19 @@ impl Law {
         }
     }
 
+    /// Energy that the elastic part takes from elongation `from` to `to` [J], which need not lie on the way from 0: a law
+    /// may be endless there.
+    pub(crate) fn work(&self, from: f64, to: f64) -> f64 {
+        let (low, high) = (from / self.reach, to / self.reach);
+        match &self.elastic {
+            Elastic::Expression {
+                program,
+                integral: None,
+            } => potential::integrate(|d| program.value(low + d, 0.0), high - low),
+            _ => self.potential(to) - self.potential(from),
+        }
+    }
+
     /// Tangent stiffness of the elastic part at `d` [N/m]: exact for points, elsewhere a central
     /// difference over ±(6e-6·|d| + 1 nm).
     pub fn slope(&self, d: f64) -> f64 {

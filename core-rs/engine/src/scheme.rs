@@ -121,7 +121,7 @@ impl Run {
     pub(crate) fn pairwise(&self) -> Option<PairRun> {
         match &self.kind {
             Kind::Pairwise { by, .. } => Some(PairRun {
-                pairs: *by,
+                pairs: by.clone(),
                 a: self.a,
                 b: self.b,
                 n: self.len,

@@ -92,7 +92,7 @@ pub(crate) fn forces(
             continue;
         }
         if let Some(pairs) = run.pairwise() {
-            let link = pairs.pairs.link;
+            let link = &pairs.pairs.link;
             let push = |ends, e, along: [f64; AXES_MAX]| {
                 let v = link.stretch(ends, along, |mat| mats.v0[mat]) * ca_step;
                 let f = link.law.force([run.k, run.z], e, v);

@@ -381,7 +381,7 @@ fn a_crowd_that_rubs_does_not_allocate() {
     ] {
         let own = PairLaw {
             measure,
-            law,
+            law: law.clone(),
             friction: 0.4,
         };
         let numbers = [500.0, 0.05, gap];

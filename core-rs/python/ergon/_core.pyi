@@ -658,6 +658,10 @@ class Network:
         set them off. The level is `static_level` [N] near rest, F where that is None, and has
         fallen most of the way to F at `speed` [m/s].
         """
+    def space_lnl(
+        self, name: str, a: Sequence[int], b: Sequence[int], law: Law, rest: float
+    ) -> int:
+        """A link between two points in space with a law of distance - `rest` [m]; the LIA's index."""
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
     def laws(self) -> list[LawUse]:

@@ -1,6 +1,6 @@
 """Points in space by DOP853: springs and contacts along distances, and gravity."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ class Link:
     normal: tuple[float, ...] | None = None
     inside: bool = False
     core: float = np.inf
+    law: Callable[[float, float], float] | None = None  # instead: of distance - rest, and its rate
 
 
 def forces(
@@ -44,7 +45,9 @@ def forces(
         if link.inside:
             along, e = -along, -e
         rate = along @ (v[link.b] - v[link.a])
-        if link.is_contact:
+        if link.law is not None:
+            pull = link.law(e, rate)
+        elif link.is_contact:
             pull = -link.K * (-e) ** link.exponent + link.Z * rate if e < 0.0 else 0.0
         else:
             pull = link.K * e * (1.0 + (e / link.core) ** 2) ** -1.5 + link.Z * rate

@@ -1,10 +1,13 @@
 //! Links between points in space.
 
+use std::sync::Arc;
+
 use ergon_engine::network::{Measure, PairLaw, PointGroup, SpaceLaw, SpacePoint};
 use pyo3::prelude::*;
 
 use super::Network;
 use crate::error::{from_engine, refused};
+use crate::law::Law;
 
 /// Two points in space by the MATs that are their coordinates, and how many axes they have.
 fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)> {
@@ -85,6 +88,22 @@ impl Network {
     ) -> PyResult<usize> {
         let law = SpaceLaw::Contact { exponent, clamp };
         self.space(name, [&a, &b], count, law, [K, Z, gap])
+    }
+
+    /// A law of distance − `rest` between two points in space.
+    fn space_lnl(
+        &mut self,
+        name: &str,
+        a: Vec<usize>,
+        b: Vec<usize>,
+        law: &Law,
+        rest: f64,
+    ) -> PyResult<usize> {
+        let (ends, axes) = points(name, [&a, &b])?;
+        let law = Arc::new(law.0.clone());
+        self.0
+            .space_lnl(name, (ends[0], ends[1]), axes, law, rest)
+            .map_err(from_engine)
     }
 
     /// Contacts between all points of two groups, each (coordinates of its first point, count); the same group twice: between

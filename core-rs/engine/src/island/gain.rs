@@ -20,7 +20,7 @@ const LONGEST: usize = 32;
 const ACTIVE: (f64, f64) = (1e-2, 10.0);
 
 /// What one link took, as it is added to at every step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Taken {
     a: usize,
     b: usize,
@@ -41,7 +41,7 @@ crate::archive::state!(Taken {
 });
 
 /// What a link in space did in the step before, along each axis.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct TakenInSpace {
     link: SpaceLink,
     /// [m a step], and the force that pulls its ends together [N].
@@ -122,9 +122,11 @@ impl Gains {
                 Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } | Kind::Dry { .. } => false,
                 Kind::Pairwise { .. } => false, // they have one account together
                 Kind::But(_) => true,
-                Kind::Space(space) => {
-                    matches!(space.law, SpaceLaw::Contact { .. }) || run.len <= LONGEST
-                }
+                Kind::Space(space) => match &space.law {
+                    SpaceLaw::Contact { .. } => true,
+                    SpaceLaw::Lnl { law, .. } => !law.is_active(ACTIVE.0, ACTIVE.1),
+                    _ => run.len <= LONGEST,
+                },
                 Kind::Lnl { law, .. } => {
                     let is_told = law.is_shared() || law.is_active(ACTIVE.0, ACTIVE.1);
                     run.len <= LONGEST && !is_told
@@ -159,7 +161,7 @@ impl Gains {
             force: 0.0,
             account: Account::default(),
             space: match &run.kind {
-                Kind::Space(link) => Some(TakenInSpace::new(*link)),
+                Kind::Space(link) => Some(TakenInSpace::new(link.clone())),
                 _ => None,
             },
         });

@@ -27,7 +27,7 @@ pub(super) fn potential(
     x: impl Fn(usize) -> f64,
 ) -> f64 {
     let mut sum = 0.0;
-    let law = run.pairs.link.law;
+    let law = &run.pairs.link.law;
     room.touching(run, x, |_, e, _| sum += law.potential(k, e));
     sum
 }
@@ -42,7 +42,7 @@ pub(super) fn work(
     d: [&[f64]; 2],
     history: &ContactHistory,
 ) -> Work {
-    let link = run.pairs.link;
+    let link = &run.pairs.link;
     let mut work = Work::default();
     let then = |mat: usize| body.x[mat] - body.d[mat];
     room.touching(run, then, |ends, e, along| {
@@ -73,7 +73,7 @@ pub(super) fn work(
 
 /// Energy that friction across all touching pairs of stiffness `k` holds as a spring [J].
 pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
-    let link = run.pairs.link;
+    let link = &run.pairs.link;
     let of = |(points, anchor): ([u32; 2], [f64; 3])| {
         let ends = run.ends(points);
         let e = link.line(ends, |mat| body.x[mat]).0 - run.rest;

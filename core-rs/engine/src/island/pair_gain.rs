@@ -59,11 +59,11 @@ impl PairGains {
         let crowds: Vec<Crowd> = runs
             .clone()
             .map(|(own, run)| Crowd {
-                run,
                 first: own.first,
                 room: own.room(),
                 k: own.k,
                 neighbours: Neighbours::new(&run),
+                run,
             })
             .collect();
         let room = || vec![0.0; scheme.n_mat()];

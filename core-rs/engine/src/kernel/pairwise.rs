@@ -1,5 +1,5 @@
-//! Contacts and attractions between all pairs of points of two groups: pairs that are near are found by cells, and kept while nothing has
-//! moved far.
+//! Contacts and attractions between all pairs of points of two groups: pairs that are near are found by cells, and kept
+//! while nothing has moved far.
 //!
 //! Pairs are taken in the order of their points, whatever the cells: the same sums in the same order, however long a list
 //! of neighbours was kept.
@@ -77,8 +77,8 @@ impl Neighbours {
         }
     }
 
-    /// Every pair that touches, or attracts each other, at positions `x`: its first coordinates, distance − rest [m], and the direction from the
-    /// one to the other. False where there are too many to be told of.
+    /// Every pair that touches, or attracts each other, at positions `x`: its first coordinates, distance − rest [m], and
+    /// the direction from the one to the other. False where there are too many to be told of.
     pub(crate) fn touching(
         &mut self,
         run: &PairRun,
@@ -132,7 +132,7 @@ impl Neighbours {
         self.follow(run, |mat| x[mat]);
         gather(&run.pairs, &self.mats, &mut self.d, |mat| d[mat]);
         self.force.fill([0.0; AXES_MAX + 1]);
-        let law = run.pairs.link.law;
+        let law = &run.pairs.link.law;
         // Of two groups only the second is told of: half the push to each of one, the whole to the other.
         let share = if run.pairs.is_within { 0.5 } else { 1.0 };
         for (i, range) in self.starts.windows(2).enumerate() {

@@ -81,7 +81,7 @@ pub(super) fn forces(
             *e = settle(link, run.k, *e, memory);
         }
     }
-    match link.law {
+    match &link.law {
         SpaceLaw::Spring => springs([run.k, run.z], e, step, f),
         law => {
             for ((f, &e), &step) in f.iter_mut().zip(&*e).zip(&*step) {

@@ -5,9 +5,9 @@ use super::error::Error;
 use super::space::{AXES_MAX, Measure, SpaceLaw, SpaceLink, SpacePoint};
 use super::{LinkKind, Network, Run};
 
-/// Contacts or attractions between all pairs of two groups of points. Link i tells of the i-th point of the second group: its force is
-/// the sum of those on that point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Contacts or attractions between all pairs of two groups of points. Link i tells of the i-th point of the second group:
+/// its force is the sum of those on that point.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Pairwise {
     /// What each pair does.
     pub link: SpaceLink,
@@ -20,7 +20,7 @@ pub struct Pairwise {
 }
 
 /// What a pair of points does.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PairLaw {
     /// What it measures.
     pub measure: Measure,
@@ -42,7 +42,7 @@ impl PairLaw {
 }
 
 /// The numbers of a run of them that say which pairs touch.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct PairRun {
     pub(crate) pairs: Pairwise,
     /// First coordinates of the first points of both groups.
@@ -57,27 +57,28 @@ pub(crate) struct PairRun {
 impl PairRun {
     /// The numbers of two points by their first coordinates: the first group, then the second where it is another.
     pub(crate) fn points(&self, (a, b): (usize, usize)) -> [u32; 2] {
-        let before = if self.pairs.is_within {
-            0
-        } else {
-            self.pairs.n_first
-        };
-        [(a - self.a) as u32, (before + b - self.b) as u32]
+        [(a - self.a) as u32, (self.before() + b - self.b) as u32]
     }
 
     /// The coordinates of the first axis of two points by their numbers.
     pub(crate) fn ends(&self, [first, second]: [u32; 2]) -> (usize, usize) {
-        let before = if self.pairs.is_within {
+        let second = self.b + second as usize - self.before();
+        (self.a + first as usize, second)
+    }
+
+    /// How many points are numbered before those of the second group.
+    fn before(&self) -> usize {
+        if self.pairs.is_within {
             0
         } else {
             self.pairs.n_first
-        };
-        (self.a + first as usize, self.b + second as usize - before)
+        }
     }
 
     /// The MATs of its points, as ranges.
-    pub(crate) fn spans(&self) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
-        let Self { pairs, a, b, n, .. } = *self;
+    pub(crate) fn spans(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+        let Self { pairs, a, b, n, .. } = self;
+        let (a, b, n) = (*a, *b, *n);
         (0..pairs.link.n_axes).flat_map(move |axis| {
             let (a, b) = pairs.link.pair((a, b), axis);
             [a..a + pairs.n_first, b..b + n]
@@ -145,7 +146,7 @@ impl Run {
     pub(crate) fn pairwise(&self) -> Option<PairRun> {
         match &self.kind {
             LinkKind::Pairwise(pairs) => Some(PairRun {
-                pairs: *pairs,
+                pairs: pairs.clone(),
                 a: self.a,
                 b: self.b,
                 n: self.len,
@@ -158,7 +159,8 @@ impl Run {
 
 impl Network {
     /// Add contacts or attractions between every point of one group and every point of another that is not smaller; the
-    /// same group twice: between all its points. Returns the index of the first link: there are as many as points of the second group.
+    /// same group twice: between all its points. Returns the index of the first link: there are as many as points of the
+    /// second group.
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module where a number is out of range or the groups cannot meet.
@@ -170,21 +172,17 @@ impl Network {
         own: PairLaw,
         [k, z, gap]: [f64; 3],
     ) -> Result<usize, Error> {
-        let PairLaw {
-            measure,
-            law,
-            friction,
-        } = own;
+        let (measure, friction) = (own.measure, own.friction);
         self.check(name, &[("friction", friction, Rule::NotNegative)])?;
         // A plane may lie beside the point that carries it.
         let length = match measure {
             Measure::Plane(_) if gap.is_finite() => 0.0,
             _ => gap,
         };
-        self.check_space(name, n_axes, law, [k, z, length])?;
+        self.check_space(name, n_axes, &own.law, [k, z, length])?;
         let [a, b] = groups;
         let is_within = a == b;
-        if let Some(message) = refusal(groups, n_axes, own, gap) {
+        if let Some(message) = refusal(groups, n_axes, &own, gap) {
             return Err(self.refused(name, message));
         }
         if !groups
@@ -195,7 +193,7 @@ impl Network {
         }
         self.room(name, b.n)?;
         let first = self.n_lia;
-        let link = SpaceLink::of(law, measure, n_axes, [a.first, b.first]);
+        let link = SpaceLink::of(own.law, measure, n_axes, [a.first, b.first]);
         let pairs = Pairwise {
             link,
             n_first: a.n,
@@ -218,13 +216,10 @@ impl Network {
 fn refusal(
     [a, b]: [PointGroup; 2],
     n_axes: usize,
-    PairLaw {
-        measure,
-        law,
-        friction,
-    }: PairLaw,
+    own: &PairLaw,
     gap: f64,
 ) -> Option<&'static str> {
+    let (law, measure, friction) = (&own.law, own.measure, own.friction);
     let is_contact = matches!(law, SpaceLaw::Contact { .. });
     let attracts = matches!(law, SpaceLaw::Attraction { .. });
     let length = |normal: [f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);

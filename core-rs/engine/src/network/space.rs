@@ -3,16 +3,19 @@
 //! A point in space is two or three MATs, its coordinates. So whatever acts on one axis of motion acts on a coordinate
 //! too: hands, ergons, springs, outputs.
 
+use std::sync::Arc;
+
 use super::checks::Rule;
 use super::error::Error;
 use super::{LinkKind, Network, Run};
+use crate::law::Law;
 use crate::maths::power_law;
 
 /// Most axes of a space.
 pub(crate) const AXES_MAX: usize = 3;
 
 /// What a link in space does with the distance of its ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum SpaceLaw {
     /// Spring and damper, `rest` long without force.
     Spring,
@@ -37,6 +40,15 @@ pub enum SpaceLaw {
         /// Whether it never pulls.
         clamp: bool,
     },
+    /// A law of distance − rest and its rate. K and Z of its run are what it is stiff and viscous where it begins, at most.
+    Lnl {
+        /// The law.
+        law: Arc<Law>,
+        /// Distance − rest from which its energy counts [m]: where it begins.
+        from: f64,
+        /// A step times this is the law's v: 1/T; 1 where steps are given in [m/s].
+        rate: f64,
+    },
 }
 
 /// What a link in space measures: a length, along a direction.
@@ -51,7 +63,7 @@ pub enum Measure {
 }
 
 /// Links between points in space. Of a run, `a` and `b` are the first coordinates of the ends of the first link.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SpaceLink {
     /// What it does.
     pub law: SpaceLaw,
@@ -113,21 +125,21 @@ const BROKEN: f64 = f64::NEG_INFINITY;
 
 impl SpaceLaw {
     /// Whether its rest length changes for good.
-    pub(crate) fn yields(self) -> bool {
+    pub(crate) fn yields(&self) -> bool {
         matches!(self, Self::Yielding { .. })
     }
 
     /// Distance − rest at `e` [m] where the rest length had grown by `yielded` [m], once it has followed: what it grew is
     /// the difference.
-    pub(crate) fn settled(self, k: f64, e: f64, yielded: f64) -> f64 {
+    pub(crate) fn settled(&self, k: f64, e: f64, yielded: f64) -> f64 {
         let Self::Yielding { yields, breaks } = self else {
             return e;
         };
-        if e > breaks || yielded.is_infinite() {
+        if e > *breaks || yielded.is_infinite() {
             return BROKEN;
         }
         let e = e - yielded;
-        if (k * e).abs() > yields {
+        if (k * e).abs() > *yields {
             (yields / k).copysign(e)
         } else {
             e
@@ -136,12 +148,12 @@ impl SpaceLaw {
 
     /// Whether it acts at distance − rest `e` [m].
     #[inline(always)]
-    pub(crate) fn acts(self, e: f64) -> bool {
+    pub(crate) fn acts(&self, e: f64) -> bool {
         !matches!(self, Self::Contact { .. }) || e < 0.0
     }
 
     /// Force that pulls the ends together [N], without damping, at distance − rest [m].
-    pub(crate) fn elastic(self, k: f64, e: f64) -> f64 {
+    pub(crate) fn elastic(&self, k: f64, e: f64) -> f64 {
         match self {
             // One that is broken is endlessly too short.
             Self::Yielding { .. } if e == BROKEN => 0.0,
@@ -151,23 +163,25 @@ impl SpaceLaw {
                 k * e / (far * far.sqrt())
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
-            Self::Contact { exponent, .. } => -k * power_law(-e, exponent),
+            Self::Contact { exponent, .. } => -k * power_law(-e, *exponent),
+            Self::Lnl { law, .. } => law.spring(e),
         }
     }
 
     /// Force that pulls the ends together [N] at distance − rest `e` [m] that grows by `step` a frame.
-    pub(crate) fn force(self, [k, z]: [f64; 2], e: f64, step: f64) -> f64 {
+    pub(crate) fn force(&self, [k, z]: [f64; 2], e: f64, step: f64) -> f64 {
         match self {
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => k * e + z * step,
             Self::Attraction { .. } => self.elastic(k, e) + z * step,
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { .. } => self.damped(self.elastic(k, e), z * step),
+            Self::Lnl { law, rate, .. } => law.force(e, step * rate),
         }
     }
 
     /// Force of a contact that pulls the ends together [N], from its elastic and its damping part.
-    pub(crate) fn damped(self, elastic: f64, damping: f64) -> f64 {
+    pub(crate) fn damped(&self, elastic: f64, damping: f64) -> f64 {
         let pull = elastic + damping;
         match self {
             Self::Contact { clamp: true, .. } => pull.min(0.0),
@@ -176,7 +190,7 @@ impl SpaceLaw {
     }
 
     /// Energy at distance − rest `e` [J].
-    pub(crate) fn potential(self, k: f64, e: f64) -> f64 {
+    pub(crate) fn potential(&self, k: f64, e: f64) -> f64 {
         match self {
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => 0.5 * k * e * e,
@@ -187,6 +201,7 @@ impl SpaceLaw {
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => k * power_law(-e, exponent + 1.0) / (exponent + 1.0),
+            Self::Lnl { law, from, .. } => law.work(*from, e),
         }
     }
 }
@@ -206,6 +221,15 @@ impl SpaceLink {
             n_axes,
             offsets,
         }
+    }
+
+    /// The same at so many frames a second [Hz].
+    pub(crate) fn stepped(&self, at: f64) -> Self {
+        let mut stepped = self.clone();
+        if let SpaceLaw::Lnl { rate, .. } = &mut stepped.law {
+            *rate = at;
+        }
+        stepped
     }
 
     /// The coordinates of an axis, from those of the first axis.
@@ -421,7 +445,7 @@ impl Network {
         law: SpaceLaw,
         [k, z, rest]: [f64; 3],
     ) -> Result<usize, Error> {
-        self.check_space(name, n_axes, law, [k, z, rest])?;
+        self.check_space(name, n_axes, &law, [k, z, rest])?;
         if n == 0 || !self.has_points(a, n, n_axes) || !self.has_points(b, n, n_axes) {
             return Err(self.refused(name, "joins a module that does not exist"));
         }
@@ -437,12 +461,48 @@ impl Network {
         Ok(first)
     }
 
+    /// Add a law (LNL) of distance − `rest` and its rate between two points in space; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    pub fn space_lnl(
+        &mut self,
+        name: &str,
+        ends: (SpacePoint, SpacePoint),
+        n_axes: usize,
+        law: Arc<Law>,
+        rest: f64,
+    ) -> Result<usize, Error> {
+        let distance = self.distance(ends, n_axes);
+        let from = distance - rest;
+        // Stiffest where it begins, or where it rests: along its line its slope, across it f/ℓ.
+        let at = |e: f64| {
+            let across = inverse(rest + e) * law.spring(e);
+            law.slope(e).max(across).max(0.0)
+        };
+        let [k, z] = if rest > 0.0 {
+            let viscosity = |e| law.damping_slope(e);
+            [at(from).max(at(0.0)), viscosity(from).max(viscosity(0.0))]
+        } else {
+            [at(from), law.damping_slope(from)]
+        };
+        if !law.spring(from).is_finite() {
+            return Err(self.refused(
+                name,
+                "the force of its law is not a finite number where it begins",
+            ));
+        }
+        let rate = 1.0;
+        let law = SpaceLaw::Lnl { law, from, rate };
+        self.space_links(name, ends, 1, n_axes, law, [k, z.max(0.0), rest])
+    }
+
     /// Refuse the numbers of links in space that are out of range.
     pub(super) fn check_space(
         &self,
         name: &str,
         n_axes: usize,
-        law: SpaceLaw,
+        law: &SpaceLaw,
         [k, z, rest]: [f64; 3],
     ) -> Result<(), Error> {
         self.check(
@@ -454,7 +514,7 @@ impl Network {
             ],
         )?;
         if let SpaceLaw::Yielding { yields, breaks } = law
-            && !(yields > 0.0 && breaks > 0.0)
+            && !(*yields > 0.0 && *breaks > 0.0)
         {
             return Err(self.refused(
                 name,
@@ -462,12 +522,12 @@ impl Network {
             ));
         }
         if let SpaceLaw::Attraction { core } = law
-            && !(core > 0.0 && core.is_finite())
+            && !(*core > 0.0 && core.is_finite())
         {
             return Err(self.refused(name, "the core of an attraction must be above 0"));
         }
         if let SpaceLaw::Contact { exponent, .. } = law
-            && !(1.0..=8.0).contains(&exponent)
+            && !(1.0..=8.0).contains(exponent)
         {
             return Err(self.refused(name, "the exponent of a contact must be from 1 to 8"));
         }

@@ -209,7 +209,7 @@ impl Subset {
         ends: (usize, usize),
     ) -> Option<(usize, usize, Option<SpaceLink>)> {
         let (a, b) = (self.mat(ends.0)?, self.mat(ends.1)?);
-        let mut own = *space;
+        let mut own = space.clone();
         for axis in 1..space.n_axes {
             let (other_a, other_b) = space.pair(ends, axis);
             own.offsets[0][axis - 1] = self.mat(other_a)? as isize - a as isize;
@@ -236,7 +236,10 @@ impl Subset {
         };
         self.links.extend(span.map(|link| link as u32));
         self.network.push_run(Run {
-            kind: LinkKind::Pairwise(Pairwise { link, ..*pairs }),
+            kind: LinkKind::Pairwise(Pairwise {
+                link,
+                ..pairs.clone()
+            }),
             a,
             b,
             ..*run

@@ -4,7 +4,7 @@ use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
 use crate::island::slow::Slow;
-use crate::network::{Contact, LinkKind, Network, Pairwise, Run};
+use crate::network::{Contact, LinkKind, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::mesh::LADDER;
@@ -39,6 +39,10 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     let mut ns = Costs::of("frame") + network.n_moving() as f64 * Costs::of("mat");
     for run in network.runs() {
         let each = match &run.kind {
+            LinkKind::Space(SpaceLink {
+                law: SpaceLaw::Lnl { .. },
+                ..
+            }) => Costs::of("space_single") + Costs::of("expression"),
             LinkKind::Space(_) if run.len > 1 => {
                 ns += Costs::of("space_run");
                 Costs::of("space_link")

@@ -66,8 +66,8 @@ fn weight(run: &Run, c: f64) -> f64 {
         Kind::Dry { .. } => 0.0, // it takes no more than what moves
         // Along its line a link in space is as stiff as this, and less across: its matrix is K·nnᵀ + (f/ℓ)(1 − nnᵀ), with
         // f/ℓ ≤ K. So springs along all axes are stiffer than it is in any position.
-        Kind::Space(SpaceLink { law, .. }) => space_weight(*law, run, c),
-        Kind::Pairwise { by, .. } => space_weight(by.link.law, run, c),
+        Kind::Space(SpaceLink { law, .. }) => space_weight(law, run, c),
+        Kind::Pairwise { by, .. } => space_weight(&by.link.law, run, c),
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
@@ -77,21 +77,22 @@ fn weight(run: &Run, c: f64) -> f64 {
     }
 }
 
-fn space_weight(law: SpaceLaw, run: &Run, c: f64) -> f64 {
+fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
     match law {
         // An attraction is stiffest where its ends are at one place, along it and across.
         SpaceLaw::Spring
         | SpaceLaw::Yielding { .. }
         | SpaceLaw::Attraction { .. }
+        | SpaceLaw::Lnl { .. }
         | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
         SpaceLaw::Contact { .. } => c * run.z,
     }
 }
 
 /// The coordinates of points that meet in all pairs, each with the sum of K + c·Z of the contacts on it, at most.
-fn crowded(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> {
+fn crowded(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
     let pairs = match &run.kind {
-        Kind::Pairwise { by, .. } => Some(*by),
+        Kind::Pairwise { by, .. } => Some(by),
         _ => None,
     };
     let len = run.len;

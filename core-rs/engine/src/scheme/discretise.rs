@@ -99,13 +99,13 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             LinkKind::Ref => scheme.runs.push(planned),
             LinkKind::Space(space) => {
                 scheme.linear = false;
-                planned.kind = Kind::Space(*space);
+                planned.kind = Kind::Space(space.stepped(per_step));
                 scheme.runs.push(planned);
             }
             LinkKind::Pairwise(pairs) => {
                 scheme.linear = false;
                 planned.kind = Kind::Pairwise {
-                    by: *pairs,
+                    by: pairs.clone(),
                     room: n_pairwise,
                 };
                 n_pairwise += 1;

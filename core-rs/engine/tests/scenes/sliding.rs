@@ -178,7 +178,7 @@ fn friction_of_all_pairs_is_that_of_each() {
             };
             for i in 0..own.n {
                 for j in i + 1..own.n {
-                    rub(&mut network, [one(i), one(j)], n_axes, law, numbers);
+                    rub(&mut network, [one(i), one(j)], n_axes, law.clone(), numbers);
                 }
             }
         } else {
@@ -213,13 +213,13 @@ fn attraction_of_all_pairs_is_that_of_each() {
             let mut link = |ends| {
                 let name = format!("l{}", network.n_lia());
                 network
-                    .space_links(&name, ends, 1, 3, law, numbers)
+                    .space_links(&name, ends, 1, 3, law.clone(), numbers)
                     .unwrap();
             };
             ends.for_each(|(i, j)| link((alone(own, i), alone(own, j))));
             (0..own.n).for_each(|i| link((sun.first, alone(own, i))));
         } else {
-            rub(&mut network, [own, own], 3, (law, 0.0), numbers);
+            rub(&mut network, [own, own], 3, (law.clone(), 0.0), numbers);
             rub(&mut network, [sun, own], 3, (law, 0.0), numbers);
         }
         let mut simulation = start(network);
