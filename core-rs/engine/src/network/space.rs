@@ -164,7 +164,7 @@ impl SpaceLaw {
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => -k * power_law(-e, *exponent),
-            Self::Lnl { law, .. } => law.spring(e),
+            Self::Lnl { law, .. } => spring_of(law, e),
         }
     }
 
@@ -176,7 +176,7 @@ impl SpaceLaw {
             Self::Attraction { .. } => self.elastic(k, e) + z * step,
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { .. } => self.damped(self.elastic(k, e), z * step),
-            Self::Lnl { law, rate, .. } => law.force(e, step * rate),
+            Self::Lnl { law, rate, .. } => force_of(law, e, step * rate),
         }
     }
 
@@ -204,6 +204,20 @@ impl SpaceLaw {
             Self::Lnl { law, from, .. } => law.work(*from, e),
         }
     }
+}
+
+/// The elastic force of a law: cold, so that the loops of other links stay as short as without it.
+#[cold]
+#[inline(never)]
+fn spring_of(law: &Law, e: f64) -> f64 {
+    law.spring(e)
+}
+
+/// The force of a law, likewise.
+#[cold]
+#[inline(never)]
+fn force_of(law: &Law, e: f64, v: f64) -> f64 {
+    law.force(e, v)
 }
 
 impl SpaceLink {
