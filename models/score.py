@@ -239,7 +239,9 @@ def _link(own: _Writing, one: Statement, heard: Mapping[int, str]) -> None:
     twice = own.model.dialect == "v1" and one.keyword == "nlSpring3"
     if law.damping or values.get("Z"):
         _first_step(own, one)
-        _kick(own, one, law, points, 2.0 if twice else 1.0)
+        a, b = (_begin(own, *end) for end in zip(one.points, points, strict=True))
+        force = kick(law, values, a, b)
+        _strike(own, points, 2.0 * force if twice else force)
     share = "2*" if twice else ""
     fields = {}
     for letter, name in law.fields.items():
@@ -319,13 +321,8 @@ def _begin(own: _Writing, point: Point, targets: list[tuple[float, str]]) -> Beg
     return begin
 
 
-def _kick(
-    own: _Writing, one: Statement, law: Link, points: list[list[tuple[float, str]]], times: float
-) -> None:
-    """The strikes that make up for the jump of an input."""
-    values = {name: own.value(one, name) for name in one.values}
-    a, b = (_begin(own, *end) for end in zip(one.points, points, strict=True))
-    force = times * kick(law, values, a, b)
+def _strike(own: _Writing, points: list[list[tuple[float, str]]], force: float) -> None:
+    """Strikes of a force on the first end of a link, and of its opposite on the second."""
     for sign, targets in zip((force, -force), points, strict=True):
         for share, target in targets:
             if force and target not in own.held:
