@@ -8,10 +8,18 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ergon import _core
+from ergon.instruments import proxies
 from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
-from ergon.instruments.module_kinds import GENERATORS, HOLDERS, LINKS, Start, member_count
+from ergon.instruments.module_kinds import (
+    FOLLOWERS,
+    GENERATORS,
+    HOLDERS,
+    LINKS,
+    Start,
+    member_count,
+)
 from ergon.instruments.space import Space
 from ergon.instruments.space import add as add_points
 from ergon.instruments.space.points import add_surface, along, unit
@@ -54,7 +62,7 @@ class Assembly:
         """
         self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
         for module in modules:
-            if module.kind in HOLDERS and module.kind != "SURFACE":
+            if module.kind in HOLDERS and module.kind not in FOLLOWERS:
                 fields = _seen(module.fields, reach)
                 n_links = self.network.n_lia
                 with self._gathering():
@@ -75,19 +83,28 @@ class Assembly:
                     if "X0" in fields and module.kind in GENERATORS:
                         self._starts(first, fields)
 
-    def surfaces(self, name: str, modules: Iterable[Module]) -> None:
-        """Add a part's surfaces, once the bodies of all parts are there.
+    def followers(
+        self, name: str, modules: Iterable[Module], *, ca_rate: float | None = None
+    ) -> None:
+        """Add a part's proxies and surfaces, once the masses of all parts are there.
 
         Raises EngineError unless what is refused is gathered.
         """
-        self.network.part(name)
+        self.network.part(name, ca_rate=ca_rate)
         for module in modules:
-            if module.kind == "SURFACE" and _home(module.fields["of"]) in self.mats:
+            if module.kind == "PROXY" and self._are_there(proxies.targets(module.fields)):
+                with self._gathering():
+                    own = module.name, module.fields
+                    self.mats[name, module.name] = proxies.add(self.network, *own, self.members)
+            if module.kind == "SURFACE" and self._are_there([module.fields["of"]]):
                 with self._gathering():
                     masses = self.members(module.fields["of"])
                     firsts = add_surface(self.network, module.name, module.fields, masses)
                     self.points[name, module.name] = firsts
                     self.mats[name, module.name] = firsts[0]
+
+    def _are_there(self, targets: Iterable[Target]) -> bool:
+        return all(_home(target) in self.mats for target in targets)
 
     def joins(
         self,

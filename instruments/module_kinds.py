@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from ergon.instruments import space
+from ergon.instruments import proxies, space
 from ergon.instruments.bodies import DECAY, Bending
 from ergon.instruments.materials import MATERIAL
 from ergon.instruments.modal import (
@@ -387,6 +387,8 @@ def _all() -> dict[str, Kind]:
     ca = _generators(True)
     for name, (table, gliding) in _generators(False).items():
         kinds[name] = Kind(name, "generator", {"si": table, "ca": ca[name][0]}, gliding)
+    proxy = proxies.table(ENDPOINT)
+    kinds["PROXY"] = Kind("PROXY", "mat", {"si": proxy, "ca": proxy})
     for name, (own, table) in space_fields.tables(BETWEEN, ENDPOINT, _law_fields()).items():
         known = kinds.get(name, Kind(name, own, {}))
         kinds[name] = replace(known, tables={**known.tables, "space": table})
@@ -402,6 +404,7 @@ LINKS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
 GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
 BODIES = ("STRING", "PLATE")  # generators whose masses lie beside each other
 HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
+FOLLOWERS = ("PROXY", "SURFACE")  # whose points move as masses of other modules do
 
 
 # Fields of generators that scores of earlier versions could not write, and their defaults: the hash

@@ -296,7 +296,7 @@ class PartNames:
                     kind, examples = "places", tuple(one for one, _ in module.fields["places"])[:4]
                 words = ", ".join(f"{called}.{one}" for one in examples)
                 problem = f"{called} has {count:,} {kind}; write one of them: {words}"
-        elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL"):
+        elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL", "PROXY"):
             problem = f"{called} is one {module.kind}; it has no members"
         else:
             try:

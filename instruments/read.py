@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
+from ergon.instruments import proxies
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
@@ -462,6 +463,7 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "LNL": (_lnl,),
     "BRISTLE": (_bristle,),
     "DRY": (_dry,),
+    "PROXY": (proxies.check,),
     "STRING": (_links, _string),
     "PLATE": (_links, _plate),
 }

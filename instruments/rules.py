@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments import spread
+from ergon.instruments import proxies, spread
 from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
@@ -41,6 +41,9 @@ def modules(
         elif module.kind == "SURFACE":
             fields["of"] = _body(module, part, part_names, who)
             if fields["of"] is None:
+                continue
+        elif module.kind == "PROXY":
+            if not proxies.resolve(module, part, part_names, fields, who):
                 continue
         elif module.kind in GENERATORS and part.axes == 1:
             _starts(module, who, part_names.collector)
@@ -137,6 +140,9 @@ def _drive(
         _check_input(module, takes.get(str(source)), who, part_names.collector)
     if target is None or module.kind != "ENX":
         return
+    if part_names.parts[target.part].modules[target.module].kind == "PROXY":
+        message = f"{who}: {quote(target.text)} is a PROXY, which moves as its masses do; "
+        part_names.collector.error("E304", f"{message}impose the position of a MAT", module.place)
     first = driven.setdefault(_point(target), module.name)
     if first != module.name:
         message = (

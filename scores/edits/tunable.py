@@ -103,18 +103,21 @@ class TunablePart:
         points = [module for module in modules if module.kind in HOLDERS]
         space = own.space if isinstance(own, Instrument) else None
         assembly.part(self.name, points, ca_rate=ca_rate, reach=reach, space=space)
-        links = [module for module in modules if self._is_inside(module)]
+        assembly.followers(self.name, points, ca_rate=ca_rate)
+        links = [module for module in modules if self._is_inside(module, assembly)]
         assembly.joins(self.name, links, ca_rate=ca_rate, reach=reach)
         for other, module in self.piece.modules():
-            if other != self.name and self._is_inside(module):
+            if other != self.name and self._is_inside(module, assembly):
                 rate = self.piece.instruments[other].ca_rate
                 assembly.joins(other, [module], ca_rate=rate)
         return assembly.network
 
-    def _is_inside(self, module: Module) -> bool:
+    def _is_inside(self, module: Module, assembly: Assembly) -> bool:
         if module.kind not in LINKS:
             return False
-        return all(end.part == self.name for end in module.fields["between"])
+        # A PROXY between masses of another part is not there.
+        ends = module.fields["between"]
+        return all((end.part, end.module) in assembly.mats for end in ends)
 
 
 def _with(module: Module, values: Mapping[Where, float]) -> Module:

@@ -444,7 +444,11 @@ def accuracy(values: Values | None) -> Accuracy:
         _one_of(values, ("method",), ("error",), ("cents",))
     if values.written("upto") and not values.written("cents"):
         values.error("E103", f"{values.context.of('upto')} needs `cents`", "upto")
-    return Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
+    if values["guard"] == "off" and values["method"] != "ca":
+        message = f"{values.context.of('guard')}: only `method: ca` steps without a guard"
+        values.error("E111", message, "guard")
+    asked = Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
+    return replace(asked, is_guarded=values["guard"] == "on")
 
 
 def render(values: Values | None, files: Files) -> RenderSpec:

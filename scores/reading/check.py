@@ -201,6 +201,12 @@ class Checker:
         if values["along"] is not None and not kind:
             return self._aslant(values, names, who)
         targets = tuple(t for name in names for t in self.part_names.targets(name, "mats", who))
+        for target in targets:
+            if self.part_names.parts[target.part].modules[target.module].kind == "PROXY":
+                message = f"{who}: {quote(target.text)} is a PROXY, which has no mass; "
+                message += "strike the masses that it lies between"
+                self.collector.error("E304", message, target.place)
+                return None
         if kind:
             made = build.passing_strikes(values, targets)
             for target in targets if made.passing and made.passing.is_by_pitch else ():

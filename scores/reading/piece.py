@@ -384,6 +384,7 @@ class Accuracy:
     """How exact the sound is: by one method, within an error [dB], or within cents up to a pitch.
 
     Without any of these by ear. `upto` [Hz]; `cpu` is the most work, 1.0 one core at real time.
+    `is_guarded`: frames of CA in which links stiffen too much are computed finer.
     """
 
     method: Method | None = None
@@ -391,6 +392,7 @@ class Accuracy:
     cents: float | None = None
     upto: float | None = None
     cpu: float | None = None
+    is_guarded: bool = True
 
 
 @dataclass(frozen=True, slots=True)

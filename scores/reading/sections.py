@@ -371,6 +371,12 @@ ACCURACY = Record(
         Field("cents", k.CENTS, "largest error of a pitch", shown="3"),
         Field("upto", k.HERTZ, "highest frequency at which pitches count", shown="5kHz"),
         Field("cpu", k.SHARE, "largest work: 100% is one core at real time"),
+        Field(
+            "guard",
+            choice("on", "off"),
+            "with `method: ca`: compute frames finer in which links stiffen too much, or never",
+            "on",
+        ),
     ),
 )
 LAW = Record(

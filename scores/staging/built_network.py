@@ -77,8 +77,7 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     for name, made in piece.instruments.items():
         assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every, space=made.space)
     for name, made in piece.instruments.items():
-        if made.axes > 1:
-            assembly.surfaces(name, made.modules)
+        assembly.followers(name, made.modules, ca_rate=made.ca_rate)
     for name, key in piece.keys.items():
         assembly.joins(name, key.modules, reach=key.reach)
     for name, made in piece.instruments.items():

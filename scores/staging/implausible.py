@@ -162,6 +162,11 @@ class _Scene:
         module = self.modules[end.part, end.module]
         if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
             return inf
+        if module.kind == "PROXY":  # as light as it is at its lightest mass
+            shares = module.fields["shares"] or (1.0,)
+            inverse = max(1.0 / self._mass(own) for own in module.fields["of"])
+            inverse *= sum(share * share for share in shares)
+            return 1.0 / inverse if inverse else inf
         mass = module.fields["M"]
         if module.kind in ("STRING", "PLATE", "CHAIN", "CLOTH", "GRAINS"):
             mass /= member_count(module.kind, module.fields)

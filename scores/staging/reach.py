@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ergon.instruments import proxies
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import LINKS
@@ -99,6 +100,12 @@ class _Web:
                 self._ends[part, module.name] = {end for pair in pairs for end in pair}
                 for pair in pairs:
                     self._link(link, *pair)
+            elif module.kind == "PROXY":
+                one = Link(".".join(filter(None, (part, module.name))), module.place)
+                own = self.assembly.mats[part, module.name]
+                for target in proxies.targets(module.fields):
+                    for mat in self._points(target):
+                        self._link(one, own, mat)
             elif module.kind == "SURFACE":
                 one = Link(".".join(filter(None, (part, module.name))), module.place)
                 own = self.assembly.mats[part, module.name]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ergon.instruments import proxies
 from ergon.instruments.model import Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS
 from ergon.notation.text.errors import Diagnostic, quote
@@ -42,6 +43,9 @@ def unused(piece: Piece) -> list[Diagnostic]:
             ends = tuple(end.part for end in module.fields["between"])
             links[part, module.name] = ends
             groups.join(*ends)
+        elif module.kind == "PROXY":
+            for target in proxies.targets(module.fields):
+                groups.join(part, target.part)
         elif module.kind == "SURFACE":
             groups.join(part, module.fields["of"].part)
     for coupling in piece.duet:

@@ -46,12 +46,13 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "poured-chain": 33.0,
     "ocean-drum": 42.0,
     "torn-cloth": 35.0,
+    "bottleneck": 31.92,
     "night-piece": 178.15,
     "procession": 176.97,
     "feathers": 240.0,
     "feathers-small": 240.0,
 }
-HANDS = ("duet", "fader", "one-rope", "poured-chain", "ocean-drum", "torn-cloth")
+HANDS = ("duet", "fader", "one-rope", "poured-chain", "ocean-drum", "torn-cloth", "bottleneck")
 HANDS += ("feathers", "feathers-small")
 LIVE = [SCORES / f"{name}.yaml" for name in HANDS]
 # `make test` renders these, `make test-long` all.
@@ -73,6 +74,7 @@ HEARD = {  # how many seconds are rendered here; others wholly
     "poured-chain": 1.0,
     "ocean-drum": 1.0,
     "torn-cloth": 1.0,
+    "bottleneck": 1.0,
     "night-piece": 6.0,
     "procession": 1.0,
     "feathers": 0.5,

@@ -16,7 +16,7 @@ class Score:
 
     gesture = "go"
 
-    def __init__(self, seed: int, with_space: bool = False) -> None:
+    def __init__(self, seed: int, with_space: bool = False, with_proxies: bool = False) -> None:
         self.dice = random.Random(seed)
         self.matter = ""  # an instrument in space
         self.points: list[str] = []  # MATs that links may join
@@ -26,6 +26,8 @@ class Score:
             self.body(f"m{len(self.modules)}")
         if with_space:
             self.space()
+        if with_proxies:
+            self.proxies()
         for _ in range(self.dice.randint(0, 6)):
             self.link(f"l{len(self.modules)}")
         self.link("hand", first="k")
@@ -135,6 +137,21 @@ class Score:
         self.matter += "    out: {x: {SOX: ball.x}, y: {SOV: net.1.y}, m: {SOF: m}, w: {SOF: w}}\n"
         self.points += ["matter.ball.x", "matter.net.1.y"]
 
+    def proxies(self) -> None:
+        """Points between masses; links join them as they do others."""
+        bodies = [one.partition(":")[0] for one in self.modules if "STRING" in one]
+        shares = [self.dice.uniform(-0.5, 1.5) for _ in self.points]
+        ways = [f"of: [{', '.join(self.points)}], shares: {[round(one, 3) for one in shares]}"]
+        if bodies:
+            at = self.dice.uniform(0, 2)
+            self.modules.append(f"finger: {{MAS: {{M: 1g, V0: {self.by_ratio(0.1, 10)}m/s}}}}")
+            ways.append(f"of: {bodies[0]}, at: {at:.3g}")
+            ways.append(f"of: {bodies[0]}, follows: finger, span: 10cm, offset: 3mm")
+        for number, way in enumerate(ways):
+            self.modules.append(f"p{number}: {{PROXY: {{{way}}}}}")
+            self.link(f"at_p{number}", first=f"p{number}")
+        self.points += [f"p{number}" for number in range(len(ways))]
+
     def drive(self) -> None:
         """A point that goes where a file says, or a force that a file gives."""
         to = self.dice.choice(self.moving)
@@ -167,6 +184,6 @@ class Score:
         )
 
 
-def score(seed: int, with_space: bool = False) -> str:
+def score(seed: int, with_space: bool = False, with_proxies: bool = False) -> str:
     """The text of one score."""
-    return Score(seed, with_space).text
+    return Score(seed, with_space, with_proxies).text

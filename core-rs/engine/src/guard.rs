@@ -91,6 +91,8 @@ pub(crate) struct Guard {
     /// MATs that no path of links joins with a watched link.
     unrelated: Vec<usize>,
     cells: Option<Arc<Cells>>,
+    /// 1/M that forces meet where there are proxies; empty: as the scheme has it   (n_mat)
+    compliance: Vec<f64>,
     /// λ at rest.
     rest_lambda: f64,
     /// Largest λ at which a frame is computed in one step.
@@ -164,7 +166,13 @@ impl Guard {
         limit: Limit,
         ports: &[usize],
     ) -> Result<Option<Self>, Error> {
-        let moves = |mat: usize| scheme.w[mat] > 0.0 && !ports.contains(&mat);
+        let compliance = scheme.compliance();
+        let w = if compliance.is_empty() {
+            &scheme.w
+        } else {
+            &compliance
+        };
+        let moves = |mat: usize| w[mat] > 0.0 && !ports.contains(&mat);
         let mut watches = watches(&scheme.runs, moves);
         if watches.is_empty() {
             return Ok(None);
@@ -177,7 +185,7 @@ impl Guard {
         // A network that is near its limit at rest may use a quarter of what is left.
         let has_poles = limit.has_poles;
         let limit = f64::max(limit.trusted, rest + 0.25 * (limit.most - rest));
-        set_reaches(&mut watches, limit - rest, &scheme.w);
+        set_reaches(&mut watches, limit - rest, w);
         if watches.is_empty() {
             return Ok(None);
         }
@@ -209,6 +217,7 @@ impl Guard {
             sums: zeros(),
             rises: vec![0.0; longest],
             imposed: Vec::new(),
+            compliance,
             watches,
         }))
     }
@@ -294,6 +303,11 @@ impl Guard {
 
     /// [`Guard::stiffening`] without the shortcut.
     fn stiffening_exact(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
+        let w = if self.compliance.is_empty() {
+            w
+        } else {
+            &self.compliance
+        };
         watch::stiffening(
             &self.watches,
             &self.mats,
@@ -324,7 +338,7 @@ impl Guard {
 fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[Watch]) -> Vec<usize> {
     let n = scheme.n_mat();
     let mut forest = Forest::new(n);
-    let moves = |mat: usize| scheme.w[mat] > 0.0;
+    let moves = |mat: usize| scheme.w[mat] > 0.0 || scheme.is_proxy(mat);
     for (a, b) in joined(network) {
         if moves(a) && moves(b) {
             forest.join(a, b);

@@ -8,6 +8,7 @@ mod mats;
 pub(crate) mod mesh_partition;
 mod pairwise;
 pub(crate) mod ports;
+pub(crate) mod proxies;
 mod pull;
 mod runs;
 mod space;

@@ -19,6 +19,7 @@ mod output;
 mod pairwise;
 mod parameters;
 mod part_body;
+mod proxy;
 mod reachable;
 mod response;
 mod same;
@@ -36,6 +37,7 @@ pub use output::{Output, Term};
 pub(crate) use pairwise::PairRun;
 pub use pairwise::{PairLaw, Pairwise, PointGroup};
 pub use parameters::{But, Contact, Side, Tie};
+pub use proxy::{Along, Proxy, Shares};
 pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
 pub(crate) use sliding::{Sliding, difference};
 pub(crate) use space::{AXES_MAX, distance, inverse};
@@ -59,12 +61,19 @@ pub enum MatKind {
     Sol,
     /// A point whose position is imposed (ENX).
     Imposed,
+    /// A massless point between masses: it moves as these do.
+    Proxy,
 }
 
 impl MatKind {
     /// Whether forces move the MAT.
     pub(crate) fn moves(self) -> bool {
         matches!(self, Self::Mas | Self::Cel)
+    }
+
+    /// Whether no force moves anything there.
+    pub(crate) fn is_held(self) -> bool {
+        matches!(self, Self::Sol | Self::Imposed)
     }
 }
 
@@ -171,6 +180,7 @@ pub struct Network {
     /// Number of links on each MAT                         (at most n_mat)
     degree: Vec<u32>,
     outputs: Vec<Output>,
+    proxies: Vec<Proxy>,
     names: names::Names,
 }
 

@@ -19,7 +19,7 @@ use discretise::Ties;
 
 use crate::law::{Hardening, Law};
 use crate::network::{
-    Bristle, But, Contact, Dry, Error, Network, Output, PairRun, Pairwise, SpaceLink,
+    Bristle, But, Contact, Dry, Error, Network, Output, PairRun, Pairwise, Proxy, SpaceLink,
 };
 use crate::units::Rate;
 
@@ -235,6 +235,8 @@ pub struct Scheme {
     pub(crate) weight: Vec<f64>,
     /// Which part the MAT belongs to        (n_mat)
     pub(crate) part: Vec<u32>,
+    /// Points between masses, which have no 1/M of their own.
+    pub(crate) proxies: Vec<Proxy>,
     /// Springs whose single forces are not needed: computed in one pass.
     pub(crate) fused: Vec<Spring>,
     /// Forces from the state, in order of declaration.
@@ -312,12 +314,36 @@ impl Scheme {
             self.runs
                 .iter()
                 .chain(&self.exact)
-                .filter(|run| run.can_substep())
+                .filter(|run| self.may_substep(run))
         };
         let is_law = |run: &&Run| run.is_law();
         let n_laws = runs().filter(is_law).count();
         let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
         (runs().any(|run| !is_law(&run)), has_laws)
+    }
+
+    /// Whether a MAT is a proxy.
+    pub(crate) fn is_proxy(&self, mat: usize) -> bool {
+        self.proxies.iter().any(|proxy| proxy.mat == mat)
+    }
+
+    /// Whether a run can be computed in substeps: between substeps a proxy is nowhere.
+    fn may_substep(&self, run: &Run) -> bool {
+        run.can_substep() && !self.is_proxy(run.a) && !self.is_proxy(run.b)
+    }
+
+    /// 1/M that a force at each MAT meets [m/N]: at a proxy at most that of its masses together   (n_mat; empty: no
+    /// proxies, so that it is `w`).
+    pub(crate) fn compliance(&self) -> Vec<f64> {
+        if self.proxies.is_empty() {
+            return Vec::new();
+        }
+        let mut all = self.w.clone();
+        for proxy in &self.proxies {
+            let most = proxy.masses().map(|mat| self.w[mat]).fold(0.0, f64::max);
+            all[proxy.mat] = proxy.reach() * proxy.reach() * most;
+        }
+        all
     }
 
     /// Whether any link is dry friction that holds rigidly.
@@ -358,13 +384,15 @@ impl Scheme {
 
     /// Take out the contacts and laws that are computed in substeps; laws only where there are few.
     pub(crate) fn take_fine(&mut self) -> Vec<Run> {
-        let is_law = |run: &Run| run.is_law() && run.can_substep();
-        let are_few = self.runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
-        let is_fine = |run: &Run| run.can_substep() && (are_few || !is_law(run));
-        let all = std::mem::take(&mut self.runs);
-        let (mut fine, runs) = all.into_iter().partition::<Vec<_>, _>(is_fine);
-        let all = std::mem::take(&mut self.exact);
-        let (exact, left) = all.into_iter().partition::<Vec<_>, _>(is_fine);
+        let (runs, exact) = (
+            std::mem::take(&mut self.runs),
+            std::mem::take(&mut self.exact),
+        );
+        let is_law = |run: &Run| run.is_law() && self.may_substep(run);
+        let are_few = runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
+        let is_fine = |run: &Run| self.may_substep(run) && (are_few || !is_law(run));
+        let (mut fine, runs) = runs.into_iter().partition::<Vec<_>, _>(is_fine);
+        let (exact, left) = exact.into_iter().partition::<Vec<_>, _>(is_fine);
         fine.extend(exact);
         fine.sort_by_key(|run| run.first);
         (self.runs, self.exact) = (runs, left);

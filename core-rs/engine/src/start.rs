@@ -26,7 +26,7 @@ pub(crate) fn backward_steps(
     let t = rate.step();
     let mats = network.mats();
     let force = forces(network, timeline, x, pushes, acts);
-    (0..network.n_mat())
+    let mut steps: Vec<f64> = (0..network.n_mat())
         .map(|i| {
             let (x0, v0) = (x[i], mats.v0[i]);
             let ca = network
@@ -35,7 +35,7 @@ pub(crate) fn backward_steps(
                 .and_then(|part| part.ca_rate);
             let half = 0.5 * scheme.w[i] * force[i]; // ½T²F/m, since w = T²/m
             match mats.kind[i] {
-                MatKind::Sol | MatKind::Imposed => 0.0,
+                MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
                 _ if ca.is_some() => v0 * t,
                 MatKind::Mas => v0 * t - half,
                 MatKind::Cel => {
@@ -44,7 +44,11 @@ pub(crate) fn backward_steps(
                 }
             }
         })
-        .collect()
+        .collect();
+    for proxy in network.proxies() {
+        steps[proxy.mat] = proxy.sum(|mat| x[mat], |mat| steps[mat]);
+    }
+    steps
 }
 
 /// Forces of all links that act at frames on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
@@ -125,6 +129,10 @@ pub(crate) fn forces(
             force[a] += f;
             force[b] -= f;
         }
+    }
+    for proxy in network.proxies() {
+        let pull = force[proxy.mat];
+        proxy.each(|mat| x[mat], |mat, share| force[mat] += share * pull);
     }
     let runs = network.runs().iter();
     for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {

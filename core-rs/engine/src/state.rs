@@ -23,6 +23,8 @@ pub(crate) struct Body {
     pub(crate) histories: Vec<ContactHistory>,
     /// Part of `force` by all pairs of points [N]   (n_mat; empty: there are none)
     pub(crate) pair_force: Vec<f64>,
+    /// Where each proxy is before it moves [m]   (n_proxies)
+    pub(crate) proxies: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
     pub(crate) inner: Vec<f64>,
     /// Part of `force` by strikes, hands and weights [N]; empty without a ledger   (n_mat)
@@ -77,6 +79,7 @@ impl Body {
             memory: scheme.memory(),
             histories: histories(scheme),
             pair_force: vec![0.0; if scheme.has_pairwise() { x.len() } else { 0 }],
+            proxies: vec![0.0; scheme.proxies.len()],
             inner: Vec::new(),
             outside: Vec::new(),
             previous: None,

@@ -117,6 +117,8 @@ pub struct Timeline {
     pub(crate) oversampling: u32,
     /// Whether more events may be added while it plays (a session).
     pub(crate) is_open: bool,
+    /// Whether frames in which links stiffen too much are stepped as any other.
+    pub(crate) is_unguarded: bool,
 }
 
 impl Timeline {
@@ -135,12 +137,18 @@ impl Timeline {
             leads: Vec::new(),
             oversampling: 1,
             is_open: false,
+            is_unguarded: false,
         }
     }
 
     /// Declare that more events may be added while it plays (a session): a plan then leaves nothing out.
     pub fn open(&mut self) {
         self.is_open = true;
+    }
+
+    /// Step every frame once, also where links have stiffened so much that the scheme may diverge.
+    pub fn leave_unguarded(&mut self) {
+        self.is_unguarded = true;
     }
 
     /// The frame on which an event at `at` [s] acts: the same instant at every oversampling.

@@ -408,6 +408,26 @@ class Network:
         The tie has K [N/m] and Z [N·s/m], or is given by the damped frequency f [Hz] and the decay
         t60 [s] (None: no decay).
         """
+    def proxy(self, name: str, shares: Sequence[tuple[int, float]]) -> int:
+        """A massless point between masses, each (index, share): its position is their sum by shares.
+
+        A force on it is divided among them by the same shares. Raises EngineError.
+        """
+    def shares(self, index: int) -> list[tuple[int, float]]:
+        """The masses of a proxy (index, share) where all MATs begin; none of another MAT."""
+    def moving_proxy(
+        self,
+        name: str,
+        mats: Sequence[int],
+        columns: int,
+        along: tuple[tuple[int | None, float, float], tuple[int | None, float, float]],
+    ) -> int:
+        """A massless point on rows of MATs, linear between neighbours.
+
+        `along` is where it is among the rows and within a row: (None, place, 1.0) in MATs from the
+        first, or (index, offset [m], span [m]) for (x + offset)/span of the way from the first to
+        the last, x the position of that MAT. Raises EngineError.
+        """
     def string(
         self,
         name: str,
@@ -875,6 +895,8 @@ class Timeline:
     """
 
     def __new__(cls, network: Network, rate: float) -> Self: ...
+    def leave_unguarded(self) -> None:
+        """Step every frame of CA once, also where links have stiffened beyond stability."""
     def open(self) -> None:
         """Mark the timeline as incomplete (a session): no plan may rely on what is absent."""
     def key(self, name: str, struck: int) -> int:

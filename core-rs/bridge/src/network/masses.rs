@@ -1,6 +1,6 @@
 //! MATs, one by one and as points in space.
 
-use ergon_engine::network::{SpacePoints, Tie};
+use ergon_engine::network::{Along, Shares, SpacePoints, Tie};
 use pyo3::prelude::*;
 
 use super::Network;
@@ -79,6 +79,42 @@ impl Network {
         self.there(first)?;
         self.there(first + count - 1)?;
         self.0.weigh(first..first + count, g).map_err(from_engine)
+    }
+
+    /// A massless point between masses, each with its share.
+    fn proxy(&mut self, name: &str, shares: Vec<(usize, f64)>) -> PyResult<usize> {
+        let shares = Shares::Fixed(shares.into());
+        self.0.proxy(name, shares).map_err(from_engine)
+    }
+
+    /// The masses of a proxy that stays, each with its share.
+    fn shares(&self, index: usize) -> PyResult<Vec<(usize, f64)>> {
+        self.there(index)?;
+        Ok(self.0.shares(index))
+    }
+
+    /// One on rows of MATs, which stands at a place or follows other MATs.
+    fn moving_proxy(
+        &mut self,
+        name: &str,
+        mats: Vec<usize>,
+        columns: usize,
+        along: [(Option<usize>, f64, f64); 2],
+    ) -> PyResult<usize> {
+        let along = along.map(|(mat, at, span)| match mat {
+            None => Along::At(at),
+            Some(mat) => Along::Following {
+                mat,
+                offset: at,
+                span,
+            },
+        });
+        let shares = Shares::Moving {
+            mats: mats.into(),
+            columns,
+            along,
+        };
+        self.0.proxy(name, shares).map_err(from_engine)
     }
 
     /// Set the initial position and velocity of one MAT.

@@ -19,7 +19,9 @@ impl Stage for KernelStage<'_, '_> {
     fn links(&mut self) {
         // The ledger still needs the outside forces of this frame.
         let outside = std::mem::take(&mut self.body.outside);
+        kernel::proxies::join(self.scheme, self.body);
         kernel::links(self.scheme, self.gates, self.body, self.laws, self.team);
+        kernel::proxies::divide(self.scheme, self.body);
         self.body.outside = outside;
     }
 

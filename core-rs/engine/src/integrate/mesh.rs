@@ -140,7 +140,7 @@ impl Mesh {
         (0..self.n_mat())
             .map(|i| match mats.kind[i] {
                 MatKind::Mas | MatKind::Cel => mats.v0[i] / self.scheme.rate,
-                MatKind::Sol | MatKind::Imposed => 0.0,
+                MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
             })
             .collect()
     }
@@ -306,6 +306,12 @@ fn takes(network: &Network) -> Result<(), Error> {
             module: part.name.clone(),
             message: "`units: ca` defines it by its discrete steps: only the CA scheme can step it"
                 .to_owned(),
+        });
+    }
+    if let Some(proxy) = network.proxies().first() {
+        return Err(Error::Refused {
+            module: network.mat_name(proxy.mat),
+            message: "only the CA scheme can step a PROXY".to_owned(),
         });
     }
     for run in network.runs() {

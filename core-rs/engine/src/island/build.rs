@@ -19,9 +19,9 @@ use crate::gesture::script::Touch;
 use crate::guard::{Guard, Limit};
 use crate::island::written_hand::free::{FreeKey, Motion};
 use crate::island::written_hand::voice::{Voice, VoiceScript};
-use crate::kernel::Laws;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
+use crate::kernel::{self, Laws};
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::start::backward_steps;
@@ -93,11 +93,12 @@ impl Island {
                 run.set_loose();
             }
         }
+        kernel::proxies::join(&scheme, &mut body); // bodies have moved their ports
         let fine = fine(links, &scheme, &network, &mut bodies, steps, timeline);
         let gestures = framed(timeline);
         let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;
         let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
-        let guard = if options.unchecked {
+        let guard = if options.unchecked || timeline.is_unguarded {
             None // where it really diverges is asked for
         } else if timeline.leads.is_empty() {
             Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
@@ -230,6 +231,9 @@ fn start(
     {
         x[drive.mat] = drive.value(0, scheme.rate);
     }
+    for proxy in network.proxies() {
+        x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
+    }
     let d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
     Body::new(scheme, x, d)
 }
@@ -296,15 +300,16 @@ pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
     let x = network.mats().x0.clone();
     let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
     // What presses may be heard too, though it moves nothing.
-    crate::kernel::links(
+    kernel::links(
         scheme,
         &[],
         &mut body,
         &mut Laws::new(scheme),
         &mut ThreadTeam::alone(),
     );
-    crate::kernel::contacts(scheme, &[], &[], &mut body);
-    crate::kernel::tap(scheme, &body, heard);
+    kernel::proxies::divide(scheme, &mut body);
+    kernel::contacts(scheme, &[], &[], &mut body);
+    kernel::tap(scheme, &body, heard);
 }
 
 /// Links that join a MAT to other parts, each with the MAT at its other end.

@@ -261,6 +261,13 @@ impl Ledger {
         for (target, hold) in targets.iter().zip(&self.hold) {
             self.injected.add(0.5 * s(target.mat) * hold);
         }
+        // What moves a proxy along its masses works against the force on it.
+        let moving = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
+        for proxy in moving.filter(|_| finer.is_none()) {
+            let with_masses = proxy.sum(|mat| body.x[mat] - body.d[mat], s);
+            let along = s(proxy.mat) - with_masses;
+            self.injected.add(-0.5 * along * body.force[proxy.mat]);
+        }
         let mut rooms = self.neighbours.iter_mut();
         for run in all(scheme) {
             let spring = is_spring(run);

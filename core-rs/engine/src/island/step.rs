@@ -135,6 +135,8 @@ impl Island {
             scheme,
             &mut state.body,
         );
+        kernel::proxies::note(scheme, &mut state.body);
+        kernel::proxies::divide(scheme, &mut state.body);
         if let Some(fine) = &mut state.fine {
             fine.lean(&state.body);
             fine.carry(&mut state.body);
@@ -191,6 +193,7 @@ impl Island {
             body.place(&mut state.body);
             bodies_sound &= body.sound();
         }
+        kernel::proxies::gather(scheme, &mut state.body);
         let finer = finer(scheme, state, team);
         sound = finer.unwrap_or(sound);
         if finer.is_some() || state.damped < 1.0 {
@@ -248,6 +251,7 @@ fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Optio
     for body in &state.bodies {
         body.place(&mut state.body);
     }
+    kernel::proxies::gather(scheme, &mut state.body);
     Some(sound)
 }
 

@@ -217,6 +217,9 @@ impl Island {
         for body in &self.state.bodies {
             body.place(&mut self.state.body);
         }
+        let scheme = self.state.scheme.as_deref();
+        let scheme = scheme.unwrap_or(&self.script.scheme);
+        kernel::proxies::join(scheme, &mut self.state.body);
     }
 
     /// Its voices, gates, hands and parts, to be found in another version.

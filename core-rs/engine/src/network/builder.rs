@@ -174,7 +174,7 @@ impl Network {
         self.names.centre(first)
     }
 
-    fn add_mat(
+    pub(super) fn add_mat(
         &mut self,
         name: &str,
         kind: MatKind,

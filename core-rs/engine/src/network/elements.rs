@@ -104,7 +104,12 @@ impl Network {
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
             };
             let slot = |mat: usize| moving.binary_search(&mat).ok();
-            each.extend((0..run.len).map(|i| Element {
+            // A link at a point between masses ties none of them alone.
+            let ties = |i: &usize| {
+                let (a, b) = run.pair(*i, 0);
+                !alone.is_proxy(a) && !alone.is_proxy(b)
+            };
+            each.extend((0..run.len).filter(ties).map(|i| Element {
                 kind,
                 ends: [slot(run.pair(i, 0).0), slot(run.pair(i, 0).1)],
                 k,
@@ -113,7 +118,7 @@ impl Network {
         }
         Elements {
             m: moving.iter().map(|&i| mats.m[i]).collect(),
-            n_held: alone.n_mat() - moving.len(),
+            n_held: mats.kind.iter().filter(|kind| kind.is_held()).count(),
             mats: moving.iter().map(|&i| subset.mats[i] as usize).collect(),
             each,
             ca_rate: parts.first().and_then(|&part| self.parts[part].ca_rate),

@@ -36,7 +36,8 @@ pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usi
     })
 }
 
-/// Every two MATs of which the one is felt where the other is: both ends of a link, and coordinates of one of its ends.
+/// Every two MATs of which the one is felt where the other is: both ends of a link, coordinates of one of its ends, and a
+/// proxy with its masses and with what it follows.
 pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
     let runs = network.runs().iter().filter(|run| run.n_axes() > 1);
     let coordinates = runs.flat_map(|run| {
@@ -54,8 +55,12 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
             .into_iter()
             .flat_map(|(first, n)| (first + 1..first + n).map(move |mat| (first, mat)))
     });
+    let proxies = network.proxies().iter().flat_map(|proxy| {
+        let others = proxy.masses().chain(proxy.guides());
+        others.map(|mat| (proxy.mat, mat))
+    });
     let ends = ends(network).map(|(_, a, b)| (a, b));
-    ends.chain(coordinates).chain(crowds)
+    ends.chain(coordinates).chain(crowds).chain(proxies)
 }
 
 /// The MATs of every link, axis by axis: in turn of its first end and of its second.

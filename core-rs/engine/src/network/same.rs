@@ -21,6 +21,7 @@ impl Network {
             && [&own.m, &own.k, &own.z, &own.rest, &own.weight]
                 == [&their.m, &their.k, &their.z, &their.rest, &their.weight]
             && pairs.all(|(&a, &b)| parts(a as usize, b as usize))
+            && self.proxies == other.proxies
             && self.runs.len() == other.runs.len()
             && self.runs.iter().zip(&other.runs).all(run)
             && self.outputs == other.outputs

@@ -60,6 +60,9 @@ impl Network {
             let weights = weights.map(|&mat| self.mats.weight_of(mat as usize));
             subset.network.mats.weight = weights.collect();
         }
+        let proxies = self.proxies.iter();
+        let proxies = proxies.filter_map(|proxy| proxy.moved_to(|mat| subset.mat(mat)));
+        subset.network.proxies = proxies.collect();
         for run in &self.runs {
             if let LinkKind::Pairwise(pairs) = &run.kind {
                 subset.push_pairwise(run, pairs, links);

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 use nalgebra::DMatrix;
 
 use super::{Kind, Run, Scheme};
-use crate::network::{Error, Network, SpaceLaw, SpaceLink};
+use crate::network::{Error, Network, Proxy, SpaceLaw, SpaceLink};
 use crate::spectrum;
 use crate::units::Rate;
 
@@ -149,7 +149,7 @@ pub(crate) fn top_up_to(
             worst: 0,
         });
     }
-    Ok(by_eigenvalue(scheme, c, &weights, beyond))
+    Ok(by_eigenvalue(scheme, network, c, &weights, beyond))
 }
 
 /// Gershgorin's bound, from the sums D = Σ(K + c·Z) at both ends of each link.
@@ -173,12 +173,33 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         .collect();
     // A body that resists bending has negative links; each counts as if it were positive.
     let joined = || links().filter(|(run, _)| joins(run));
+    let reach = reach(scheme);
     for (run, weight) in joined() {
         for i in 0..run.len {
             for (a, b) in run.pairs(i) {
-                sums[a] += weight.abs();
-                sums[b] += weight.abs();
+                let weight = weight.abs() * reach(a) * reach(b);
+                sums[a] += weight;
+                sums[b] += weight;
             }
+        }
+    }
+    // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of one that moves is above 1.
+    let mut met = Vec::new();
+    for proxy in &scheme.proxies {
+        let own = sums[proxy.mat];
+        if proxy.is_moving() {
+            for mat in proxy.masses() {
+                sums[mat] += own;
+                met.push(mat);
+            }
+        } else {
+            proxy.each(
+                |_| 0.0,
+                |mat, share| {
+                    sums[mat] += own * share.abs();
+                    met.push(mat);
+                },
+            );
         }
     }
     for (run, weight) in links() {
@@ -198,22 +219,44 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
     // Any two points of a crowd may meet.
     let crowds = links().flat_map(|(run, weight)| crowded(run, *weight));
     let crowds = crowds.map(|(mat, _)| 2.0 * at(mat));
+    let ends = joined().flat_map(|(run, _)| (0..run.len).flat_map(|i| run.pairs(i)));
+    let ends = ends.filter(|&(a, b)| scheme.is_proxy(a) || scheme.is_proxy(b));
+    met.extend(ends.flat_map(|(a, b)| [a, b]));
+    let proxied = met.iter().map(|&mat| 2.0 * at(mat));
     Ok((0..n)
         .map(at)
         .chain(edges)
         .chain(crowds)
+        .chain(proxied)
         .fold(0.0, f64::max))
 }
 
-/// The largest eigenvalue of M^-½ (K + c·Z) M^-½.
-fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64], beyond: f64) -> Top {
+/// How many times its own weight a link has in the sums at its ends, for each end: more than once only at proxies whose
+/// shares add up to more than 1.
+fn reach(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
+    |mat| {
+        let mut proxies = scheme.proxies.iter();
+        let proxy = proxies.find(|proxy| proxy.mat == mat);
+        proxy.map_or(1.0, |proxy| proxy.reach().max(1.0))
+    }
+}
+
+/// The largest eigenvalue of M^-½ (K + c·Z) M^-½, proxies where they begin.
+fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], beyond: f64) -> Top {
     let n = scheme.n_mat();
-    let root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
+    let mut root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
+    for proxy in &scheme.proxies {
+        root[proxy.mat] = 1.0; // its forces are passed on whole
+    }
+    let begin = |mat: usize| network.mats().x0[mat];
     let mut scaled = vec![0.0; n];
     let mut apply = |v: &[f64], y: &mut [f64]| {
         for i in 0..n {
             scaled[i] = v[i] * root[i];
             y[i] = (scheme.kappa[i] + c * scheme.zeta[i]) * v[i];
+        }
+        for proxy in &scheme.proxies {
+            scaled[proxy.mat] = proxy.sum(begin, |mat| scaled[mat]);
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
             // Links between whatever meets are no more than twice their sums.
@@ -227,6 +270,10 @@ fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64], beyond: f64) -> Top {
                 y[a] -= f * root[a];
                 y[b] += f * root[b];
             }
+        }
+        for proxy in &scheme.proxies {
+            let pull = std::mem::take(&mut y[proxy.mat]);
+            proxy.each(begin, |mat, share| y[mat] += share * pull * root[mat]);
         }
     };
     let worst = |vector: &dyn Fn(usize) -> f64| {
@@ -326,6 +373,12 @@ pub(super) fn certify(
         Refusal::Bare => BORDER,
     };
     let top = top_up_to(scheme, network, 2.0, BORDER, beyond)?;
+    // An eigenvalue is that of the place where a proxy begins.
+    let moves = scheme.proxies.iter().any(Proxy::is_moving);
+    let word = match top.means {
+        Means::Dense | Means::Lanczos if moves => StabilityGuarantee::Tried,
+        _ => word,
+    };
     if top.lambda < BORDER {
         return Ok(Certificate {
             lambda_max: top.lambda,

@@ -6,7 +6,7 @@ use super::{Kind, Run, Scheme};
 use crate::cell::{self, Cell, Ratios};
 use crate::law::Law;
 use crate::network::forest::Forest;
-use crate::network::{Contact, Error, LinkKind, MatKind, Network};
+use crate::network::{Contact, Error, LinkKind, MatKind, Network, Run as LinkRun};
 use crate::units::Rate;
 
 /// What κ and ζ of a CEL are made from.
@@ -30,6 +30,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         rest: mats.rest.clone(),
         weight: mats.weight.clone(),
         part: mats.part.clone(),
+        proxies: network.proxies().to_vec(),
         fused: Vec::new(),
         runs: Vec::new(),
         exact: Vec::new(),
@@ -136,6 +137,9 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 scheme.runs.push(planned);
             }
             LinkKind::Dry(dry) => {
+                if ends_on_proxy(network, run) {
+                    return Err(on_proxy(network, run));
+                }
                 scheme.linear = false;
                 planned.z = run.z;
                 planned.kind = Kind::Dry {
@@ -149,7 +153,12 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 planned.kind = Kind::But(*but);
                 match but.contact {
                     Contact::Plain => scheme.runs.push(planned),
+                    // The same equation, stepped by its force now: what a proxy gives way by is not one mass.
+                    Contact::Exact if ends_on_proxy(network, run) => scheme.runs.push(planned),
                     Contact::Exact => scheme.exact.push(planned),
+                    Contact::Magic if ends_on_proxy(network, run) => {
+                        return Err(on_proxy(network, run));
+                    }
                     Contact::Magic => {
                         free(network, run.a, run.first)?;
                         free(network, run.b, run.first)?;
@@ -232,6 +241,22 @@ fn moved(own: Ratios, at: Rate, rate: Rate) -> Ratios {
             kappa: own.kappa * step * step,
             zeta: own.zeta * step,
         },
+    }
+}
+
+/// Whether an end of a run is a proxy.
+fn ends_on_proxy(network: &Network, run: &LinkRun) -> bool {
+    let mut ends = (0..run.len).flat_map(|i| run.pairs(i));
+    !network.proxies().is_empty() && ends.any(|(a, b)| network.is_proxy(a) || network.is_proxy(b))
+}
+
+fn on_proxy(network: &Network, run: &LinkRun) -> Error {
+    Error::Refused {
+        module: network.link_name(run.first),
+        message:
+            "it is solved together with the one mass that it ends on, and a PROXY has several; \
+                  let it end on a mass"
+                .to_owned(),
     }
 }
 

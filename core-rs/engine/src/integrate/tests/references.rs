@@ -120,7 +120,7 @@ pub(super) fn exactly_hung(
                 pull[i] += mats.k[i] * mats.rest[i];
             }
             MatKind::Sol | MatKind::Imposed => stiffness[(i, i)] = 1e30,
-            MatKind::Mas => {}
+            MatKind::Mas | MatKind::Proxy => {}
         }
     }
     for run in network.runs() {

@@ -78,6 +78,16 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             island.is_handled |= moved[other];
         }
     }
+    // What a proxy follows, and fixed points that it lies beside.
+    for proxy in network.proxies() {
+        let island = &mut found[index[forest.root(proxy.mat)] as usize];
+        let others = proxy.masses().chain(proxy.guides());
+        for other in others.filter(|&mat| !is_free[mat]) {
+            island.guests.push(other as u32);
+            island.is_moved |= moved[other];
+            island.is_handled |= moved[other];
+        }
+    }
     let keys = timeline.keys.iter().map(|key| key.struck);
     let glides = timeline.glides.iter().map(|glide| glide.mat);
     let drives = timeline.drives.iter().map(|drive| drive.mat);
@@ -104,7 +114,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
 /// MATs that a force can move.
 fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let kinds = network.mats().kind.iter();
-    let mut is_free: Vec<bool> = kinds.map(|&kind| kind.moves()).collect();
+    let mut is_free: Vec<bool> = kinds.map(|&kind| !kind.is_held()).collect();
     for drive in &timeline.drives {
         if drive.kind == DriveKind::Position {
             is_free[drive.mat] = false;

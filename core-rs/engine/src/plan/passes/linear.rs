@@ -138,6 +138,9 @@ impl Linear {
         if free.iter().any(|&mat| mats.weight_of(mat) != 0.0) {
             return Err(NoModes::Weight);
         }
+        if !network.proxies().is_empty() {
+            return Err(NoModes::NotLinear);
+        }
         let n = free.len();
         let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
         let (mut damping, mut dampers) = (Damping::default(), Vec::new());

@@ -442,7 +442,11 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
 /// MATs that move, that a link is left to, that are driven or heard: not the points that only held bodies.
 fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
     let kinds = network.mats().kind.iter();
-    let mut used: Vec<bool> = kinds.map(|&kind| kind.moves()).collect();
+    let mut used: Vec<bool> = kinds.map(|&kind| !kind.is_held()).collect();
+    for proxy in network.proxies() {
+        let others = proxy.masses().chain(proxy.guides());
+        others.for_each(|mat| used[mat] = true);
+    }
     for (_, a, b) in ends(network).filter(|&(link, _, _)| !is_cut[link]) {
         (used[a], used[b]) = (true, true);
     }

@@ -13,7 +13,7 @@ use crate::interrupt;
 use crate::island::slow::Slow;
 use crate::maths;
 use crate::network::forest::{Forest, ends};
-use crate::network::{LinkKind, MatKind, Network, Subset, Term};
+use crate::network::{LinkKind, MatKind, Network, Proxy, Subset, Term};
 use crate::plan::passes::body::heard;
 use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
@@ -145,7 +145,9 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     if timeline.is_open {
         is_port.fill(true);
     }
-    let is_held = |mat: usize| is_own(mat) && !mats.kind[mat].moves() && !is_driven[mat];
+    let proxied = network.proxies().iter().flat_map(Proxy::masses);
+    proxied.for_each(|mat| is_port[mat] = true);
+    let is_held = |mat: usize| is_own(mat) && mats.kind[mat].is_held() && !is_driven[mat];
     let mut forest = Forest::new(n);
     for (link, a, b) in ends(network) {
         if is_inner[link] && may[a] && may[b] {

@@ -29,6 +29,7 @@ pub(in crate::plan) fn split(
         .map(|_| OwnTimeline {
             timeline: Timeline {
                 is_open: timeline.is_open,
+                is_unguarded: timeline.is_unguarded,
                 ..Timeline::new(timeline.rate)
             },
             keys: Vec::new(),

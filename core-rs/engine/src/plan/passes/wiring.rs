@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::network::forest::{Forest, ends};
-use crate::network::{LinkKind, Network, Term};
+use crate::network::{LinkKind, Network, Proxy, Term};
 use crate::timeline::Timeline;
 
 /// Fewer masses are stepped as quickly as they are seen by their modes.
@@ -123,7 +123,7 @@ impl Wiring {
                 let Some(body) = bodies.get_mut(&forest.root(own)) else {
                     continue;
                 };
-                let is_held = !network.mats().kind[other].moves() && !self.is_driven[other];
+                let is_held = network.mats().kind[other].is_held() && !self.is_driven[other];
                 if is_inner(link) && (self.may[other] || is_held) {
                     // Both ends tell of a link between two of them: it is noted once.
                     if own == a || !self.may[other] {
@@ -135,6 +135,13 @@ impl Wiring {
                 } else {
                     body.ports.push(own as u32);
                 }
+            }
+        }
+        for mat in network.proxies().iter().flat_map(Proxy::masses) {
+            if self.may[mat]
+                && let Some(body) = bodies.get_mut(&forest.root(mat))
+            {
+                body.ports.push(mat as u32);
             }
         }
         let worth = |body: &Body| {

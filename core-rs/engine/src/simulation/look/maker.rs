@@ -135,7 +135,7 @@ impl<'a> Maker<'a> {
         for (mat, kind) in network.mats().kind.iter().enumerate() {
             // A point that is held is another island's guest too; whoever is first tells where it is.
             let global = whole(&island.to_whole.mats, mat);
-            if kind.moves() || self.found[global].is_none() {
+            if !kind.is_held() || self.found[global].is_none() {
                 self.sampled(Some(global), at, Origin::Mass(mat));
             }
         }

@@ -1,0 +1,267 @@
+//! Proxies: massless points between masses. One moves as its masses do, and passes the forces on it on to them.
+
+use std::sync::Arc;
+
+use super::checks::Rule;
+use super::error::Error;
+use super::{MatKind, Network};
+
+/// A point between masses: x = Σ share·x. A force on it is divided among the masses by the same shares.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proxy {
+    /// The MAT that it is.
+    pub(crate) mat: usize,
+    shares: Shares,
+}
+
+/// Of which masses a proxy has how much.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shares {
+    /// MATs, each with its share, at all times.
+    Fixed(Arc<[(usize, f64)]>),
+    /// By where it is on a row or a mesh of MATs, linear along each side.
+    Moving {
+        /// MATs, row by row.
+        mats: Arc<[usize]>,
+        /// How many are in a row.
+        columns: usize,
+        /// Where it is: among the rows, and within a row.
+        along: [Along; 2],
+    },
+}
+
+/// Where a proxy is along one side of a mesh of n MATs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Along {
+    /// At a place, in MATs from the first.
+    At(f64),
+    /// At (x + offset)/span of the way from the first to the last, x the position of a MAT.
+    Following {
+        /// The MAT.
+        mat: usize,
+        /// [m]
+        offset: f64,
+        /// What the MAT moves from one end to the other [m].
+        span: f64,
+    },
+}
+
+impl Along {
+    /// The MAT before it, and the share of the next, of `n`.
+    fn place(self, n: usize, x: &impl Fn(usize) -> f64) -> (usize, f64) {
+        let last = (n - 1) as f64;
+        let at = match self {
+            Self::At(at) => at,
+            Self::Following { mat, offset, span } => {
+                ((x(mat) + offset) / span).clamp(0.0, 1.0) * last
+            }
+        };
+        // NaN, of a MAT that is nowhere, is at the first.
+        let at = at.clamp(0.0, last).max(0.0);
+        let low = at as usize;
+        (low, at - low as f64)
+    }
+
+    fn moved_to(self, local: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
+        Some(match self {
+            Self::At(at) => Self::At(at),
+            Self::Following { mat, offset, span } => Self::Following {
+                mat: local(mat)?,
+                offset,
+                span,
+            },
+        })
+    }
+}
+
+impl Proxy {
+    /// Tell every mass and its share, where MATs are at `x` [m].
+    #[inline]
+    pub(crate) fn each(&self, x: impl Fn(usize) -> f64, mut tell: impl FnMut(usize, f64)) {
+        match &self.shares {
+            Shares::Fixed(shares) => shares.iter().for_each(|&(mat, share)| tell(mat, share)),
+            Shares::Moving {
+                mats,
+                columns,
+                along: [rows, row],
+            } => {
+                let (i, down) = rows.place(mats.len() / columns, &x);
+                let (j, right) = row.place(*columns, &x);
+                for (i, a) in [(i, 1.0 - down), (i + 1, down)] {
+                    for (j, b) in [(j, 1.0 - right), (j + 1, right)] {
+                        let share = a * b;
+                        if share != 0.0 {
+                            tell(mats[i * columns + j], share);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Σ share·value over its masses, where MATs are at `x` [m].
+    pub(crate) fn sum(&self, x: impl Fn(usize) -> f64, value: impl Fn(usize) -> f64) -> f64 {
+        let mut sum = 0.0;
+        self.each(x, |mat, share| sum += share * value(mat));
+        sum
+    }
+
+    /// Whether it moves along its masses.
+    pub(crate) fn is_moving(&self) -> bool {
+        matches!(self.shares, Shares::Moving { .. })
+    }
+
+    /// Every MAT that it may ever have a share of.
+    pub(crate) fn masses(&self) -> impl Iterator<Item = usize> + '_ {
+        let (fixed, moving): (&[(usize, f64)], &[usize]) = match &self.shares {
+            Shares::Fixed(shares) => (shares, &[]),
+            Shares::Moving { mats, .. } => (&[], mats),
+        };
+        let fixed = fixed.iter().map(|&(mat, _)| mat);
+        fixed.chain(moving.iter().copied())
+    }
+
+    /// The MATs that say where it is.
+    pub(crate) fn guides(&self) -> impl Iterator<Item = usize> + '_ {
+        let along: &[Along] = match &self.shares {
+            Shares::Fixed(_) => &[],
+            Shares::Moving { along, .. } => along,
+        };
+        along.iter().filter_map(|along| match along {
+            Along::At(_) => None,
+            Along::Following { mat, .. } => Some(*mat),
+        })
+    }
+
+    /// Keep shares that nothing changes.
+    fn settle(&mut self) {
+        if self.guides().next().is_none() {
+            let mut shares = Vec::new();
+            self.each(|_| 0.0, |mat, share| shares.push((mat, share)));
+            self.shares = Shares::Fixed(shares.into());
+        }
+    }
+
+    /// The largest Σ|share|.
+    pub(crate) fn reach(&self) -> f64 {
+        match &self.shares {
+            Shares::Fixed(shares) => shares.iter().map(|(_, share)| share.abs()).sum(),
+            Shares::Moving { .. } => 1.0,
+        }
+    }
+
+    /// The proxy in a network that has its MATs at other indices; `None` where one is missing.
+    pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+        let shares = match &self.shares {
+            Shares::Fixed(shares) => {
+                let own = shares
+                    .iter()
+                    .map(|&(mat, share)| Some((local(mat)?, share)));
+                Shares::Fixed(own.collect::<Option<_>>()?)
+            }
+            Shares::Moving {
+                mats,
+                columns,
+                along: [rows, row],
+            } => Shares::Moving {
+                mats: mats.iter().map(|&mat| local(mat)).collect::<Option<_>>()?,
+                columns: *columns,
+                along: [rows.moved_to(&local)?, row.moved_to(&local)?],
+            },
+        };
+        Some(Self {
+            mat: local(self.mat)?,
+            shares,
+        })
+    }
+}
+
+impl Network {
+    /// The proxies, in order of declaration.
+    pub fn proxies(&self) -> &[Proxy] {
+        &self.proxies
+    }
+
+    /// The masses of a proxy, each with its share, where all MATs are at the beginning; none of another MAT.
+    pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
+        let mut shares = Vec::new();
+        if let Some(own) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
+            own.each(|mat| self.mats.x0[mat], |mat, share| shares.push((mat, share)));
+        }
+        shares
+    }
+
+    /// Whether a MAT is a proxy.
+    pub(crate) fn is_proxy(&self, mat: usize) -> bool {
+        self.mats.kind[mat] == MatKind::Proxy
+    }
+
+    /// Add a massless point between masses; returns its index. It begins where they do.
+    ///
+    /// ```
+    /// use ergon_engine::Network;
+    /// use ergon_engine::network::Shares;
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 1.0, 0.0)?, network.mas("b", 1e-3, 2.0, 0.0)?);
+    /// let between = network.proxy("between", Shares::Fixed([(a, 0.75), (b, 0.25)].into()))?;
+    /// assert_eq!(network.mats().x0[between], 1.25);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where it has no mass, a mass is missing or a proxy itself, a row is
+    /// not full, or a number is not finite.
+    pub fn proxy(&mut self, name: &str, shares: Shares) -> Result<usize, Error> {
+        let mut own = Proxy {
+            mat: self.n_mat(),
+            shares,
+        };
+        let is_known = |mat: usize| mat < self.n_mat() && !self.is_proxy(mat);
+        if own.masses().next().is_none() || !own.masses().all(is_known) {
+            return Err(self.refused(name, "a PROXY lies between masses that are there"));
+        }
+        if !own.guides().all(is_known) {
+            return Err(self.refused(name, "a PROXY follows a MAT that is there"));
+        }
+        self.check_shares(name, &own.shares)?;
+        own.settle();
+        let mats = &self.mats;
+        let at = |mat: usize| mats.x0[mat];
+        let (x0, v0) = (own.sum(at, at), own.sum(at, |mat| mats.v0[mat]));
+        let numbers = [0.0, 0.0, 0.0, 0.0, x0, v0];
+        let mat = self.add_mat(name, MatKind::Proxy, numbers)?;
+        self.proxies.push(own);
+        Ok(mat)
+    }
+
+    fn check_shares(&self, name: &str, shares: &Shares) -> Result<(), Error> {
+        match shares {
+            Shares::Fixed(shares) => shares
+                .iter()
+                .try_for_each(|&(_, share)| self.check(name, &[("a share", share, Rule::Finite)])),
+            Shares::Moving {
+                mats,
+                columns,
+                along,
+            } => {
+                if *columns == 0 || !mats.len().is_multiple_of(*columns) {
+                    return Err(self.refused(name, "its masses do not fill the last row"));
+                }
+                along.iter().try_for_each(|along| match *along {
+                    Along::At(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
+                    Along::Following { span: 0.0, .. } => {
+                        Err(self.refused(name, "span is 0: the MAT would move it nowhere"))
+                    }
+                    Along::Following { offset, span, .. } => self.check(
+                        name,
+                        &[
+                            ("offset", offset, Rule::Finite),
+                            ("span", span, Rule::Finite),
+                        ],
+                    ),
+                })
+            }
+        }
+    }
+}

@@ -1,0 +1,187 @@
+"""PROXY: a massless point between masses, which moves as they do and passes forces on to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ergon import _core
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import ListOf, Name, Shape
+from ergon.notation.text.errors import quote
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Module, Target
+    from ergon.instruments.names import Part, PartNames
+
+_WAYS = ("shares", "at", "follows")
+
+
+def table(endpoint: Shape) -> Record:
+    """The fields of a PROXY; `endpoint` names one module or some of its members."""
+    fields = (
+        Field(
+            "of",
+            ListOf(endpoint, 1, single=True),
+            "the masses that it lies between, in order, such as string or [nut, string.all]",
+            required=True,
+        ),
+        Field("shares", ListOf(k.NUMBER, 1, single=True), "how much of each it is"),
+        Field(
+            "at",
+            ListOf(k.NUMBER, 1, 2, single=True),
+            "where it is, in masses from the first: 12.4; on a mesh its row and its column",
+        ),
+        Field(
+            "follows",
+            ListOf(endpoint, 1, 2, single=True),
+            "MATs whose positions move it: at 0 m it is at the first mass, at `span` at the last",
+        ),
+        Field("offset", ListOf(k.POSITION, 1, 2, single=True), "added to what it follows", (0.0,)),
+        Field("span", ListOf(k.POSITION, 1, 2, single=True), "from end to end", (1.0,)),
+        Field(
+            "columns",
+            k.integer(1, 100_000, "35"),
+            "how many masses of a mesh are in a row",
+            shown="all, or those of a rectangle",
+        ),
+        Field("rim", endpoint, "what holds the masses all around: the first and last place"),
+    )
+    return Record("module", "a massless point between masses", fields)
+
+
+def check(kind: str, values: Values) -> None:
+    """Fields go together; reports."""
+    ways = values.written(*_WAYS)
+    if not ways:
+        message = f"{values.context.of('')}: a PROXY needs at, follows or shares"
+        values.error("E103", message)
+    elif len(ways) > 1:
+        message = f"{values.context.of(ways[1])}: `{ways[0]}` is written too; keep one of the two"
+        values.error("E111", message, ways[1])
+    only: dict[str, tuple[str, ...]] = dict.fromkeys(("offset", "span"), ("follows",))
+    only |= dict.fromkeys(("columns", "rim"), ("at", "follows"))
+    for name in values.written(*only):
+        if not values.written(*only[name]):
+            message = f"{values.context.of(name)}: only a PROXY with {' or '.join(only[name])} has "
+            values.error("E111", f"{message}this field", name)
+    if 0.0 in (values["span"] or ()):
+        message = f"{values.context.of('span')}: 0 m would move it nowhere; write a length"
+        values.error("E105", message, "span")
+
+
+def resolve(
+    module: Module, part: Part, part_names: PartNames, fields: dict[str, Any], who: str
+) -> bool:
+    """Replace names by what they reach; False after a report."""
+
+    def wrong(message: str, name: str = "of", code: str = "E304") -> bool:
+        place = module.places.get(name, module.place)
+        part_names.collector.error(code, f"{who}: {message}", place)
+        return False
+
+    if part.struck is not None:
+        return wrong("a PROXY stands in an instrument, not in a key")
+    of = [part_names.target(name, "body", who, part) for name in fields["of"] or ()]
+    follows = [part_names.target(name, "mat", who, part) for name in fields["follows"] or ()]
+    rim = fields["rim"] and part_names.target(fields["rim"], "mat", who, part)
+    found = [*of, *follows, rim] if fields["rim"] else [*of, *follows]
+    if not of or None in found:
+        return False
+    named = [target for target in found if target is not None]
+    for target in named:
+        kind = part_names.parts[target.part].modules[target.module].kind
+        if kind == "PROXY":
+            message = "is a PROXY itself; write the masses that it lies between"
+            return wrong(f"{quote(target.text)} {message}")
+    masses = [target for target in of if target is not None]
+    fields["of"], fields["follows"], fields["rim"] = tuple(masses), tuple(follows), rim
+    count = sum(target.count for target in masses)
+    if fields["shares"] is not None:
+        if len(fields["shares"]) != count:
+            written = len(fields["shares"])
+            message = f"it has {count:,} masses and {written:,} shares; write one share for each"
+            return wrong(message, "shares", "E106")
+        return True
+    columns = fields["columns"] or _columns(masses, part_names) or count
+    fields["columns"] = columns
+    if count % columns:
+        message = f"{count:,} masses do not fill rows of {columns:,}"
+        return wrong(message, "columns" if "columns" in module.places else "of", "E106")
+    sides = [side for side in _sides(count, columns, rim is not None) if side > 1] or [1]
+    way = "follows" if fields["follows"] else "at"
+    for name in (way, "offset", "span"):
+        given = len(fields[name] or ())
+        if given != len(sides) and not (name in ("offset", "span") and given == 1):
+            words = "a row and a column" if len(sides) > 1 else "one place"
+            return wrong(f"{name}: it has {given} items; write {words}", name, "E106")
+    for at, side in zip(fields["at"] or (), sides, strict=False):
+        if not 0.0 <= at <= side - 1:
+            message = f"at: {at:g} is beyond its masses, which are at 0 to {side - 1:,}"
+            return wrong(message, "at", "E105")
+    return True
+
+
+def _columns(masses: list[Target], part_names: PartNames) -> int | None:
+    """How many masses of a whole rectangle are in a row."""
+    if len(masses) != 1:
+        return None
+    module = part_names.parts[masses[0].part].modules[masses[0].module]
+    sides = module.fields.get("sides")
+    return int(sides[0]) if sides and masses[0].count == sides[0] * sides[1] else None
+
+
+def _sides(count: int, columns: int, has_rim: bool) -> tuple[int, int]:
+    """How many rows and columns there are, with the rim; a single row has it at its ends alone."""
+    rows = count // columns
+    more = 2 * has_rim
+    return (1 if rows == 1 else rows + more, columns + more)
+
+
+def add(
+    network: _core.Network,
+    name: str,
+    fields: Mapping[str, Any],
+    members: Callable[[Target], Sequence[int]],
+) -> int:
+    """Add a PROXY; the index of its MAT. Raises EngineError."""
+    mats = [mat for target in fields["of"] for mat in members(target)]
+    if fields["shares"] is not None:
+        return network.proxy(name, list(zip(mats, fields["shares"], strict=True)))
+    columns = fields["columns"]
+    rows = [mats[first : first + columns] for first in range(0, len(mats), columns)]
+    if fields["rim"] is not None:
+        held = members(fields["rim"])[0]
+        rows = [[held, *row, held] for row in rows]
+        if len(rows) > 1:
+            around = [held] * len(rows[0])
+            rows = [around, *rows, around]
+    if fields["follows"]:
+        guides = [members(target)[0] for target in fields["follows"]]
+        lengths = (_each(fields[name], len(guides)) for name in ("offset", "span"))
+        along = list(zip(guides, *lengths, strict=True))
+    else:
+        along = [(None, at, 1.0) for at in fields["at"]]
+    still = (None, 0.0, 1.0)
+    pair = along[0], along[-1]
+    if len(along) == 1:
+        pair = (still, along[0]) if len(rows) == 1 else (along[0], still)
+    all_mats = [mat for row in rows for mat in row]
+    return network.moving_proxy(name, all_mats, len(rows[0]), pair)
+
+
+def _each(values: tuple[float, ...], count: int) -> tuple[float, ...]:
+    return values if len(values) == count else values * count
+
+
+def names(fields: Mapping[str, Any]) -> list[Name]:
+    """All names that its fields hold before they are resolved."""
+    rim = [fields["rim"]] if fields["rim"] else []
+    return [*(fields["of"] or ()), *(fields["follows"] or ()), *rim]
+
+
+def targets(fields: Mapping[str, Any]) -> list[Target]:
+    """All that its fields reach."""
+    rim = [fields["rim"]] if fields["rim"] else []
+    return [*fields["of"], *fields["follows"], *rim]
