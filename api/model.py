@@ -100,7 +100,7 @@ def import_model(
     dialect: Dialect
     dialect = asked if asked == "v1" or asked == "v2" else _dialect(text, path, options)
     model = parse(text, dialect, str(path), options.values)
-    unfed = _unfed(inputs, [one.name for one in model.of("input")])
+    unfed = _unfed(inputs, model.inputs)
     score = written(model, options.laws, inputs, path.name)
     return ImportedModel(score, dialect, len(model.statements), unfed)
 

@@ -68,15 +68,24 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
         yield f"  '{word} = {' + '.join(terms) or '0.0'};"
     yield "where"
     for word, point in zip(points, network.points, strict=True):
-        yield from _state(word, point)
+        yield from _state(word, point, points)
     for word, link in zip(links, network.links, strict=True):
         yield from _force(word, link, points, called)
     ends = _ends(network)
+    passed: list[list[str]] = [[] for _ in points]  # to masses of proxies
+    for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
+        if point.shares:
+            felt = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
+            felt += [f"+ {inputs[one]}" for one in point.forces]
+            yield f"  g_{word} = 0.0 {' '.join(felt)};"
+            for mass, share in point.shares:
+                passed[mass].append(f"+ {share!r}*g_{word}")
     for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
         if _moves(point):
             terms = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
             terms += [f"+ {inputs[one]}" for one in point.forces]
             terms += [f"+ W_{word}"] if point.weight else []
+            terms += passed[number]
             yield f"  y_{word} = {_step(word, point, terms)};"
     yield "};"
 
@@ -109,7 +118,12 @@ def _link_constants(word: str, link: Link) -> Iterator[str]:
     yield f"L_{word} = {_number(link.offset)}; // [m]"
 
 
-def _state(word: str, point: Point) -> Iterator[str]:
+def _state(word: str, point: Point, points: Sequence[str]) -> Iterator[str]:
+    if point.shares:
+        for letter in "xd":
+            terms = (f"{share!r}*{letter}_{points[one]}" for one, share in point.shares)
+            yield f"  {letter}_{word} = {' + '.join(terms)};"
+        return
     if point.fed is not None:
         given = f"in_{point.fed + 1}"
         yield f"  x_{word} = {given};"

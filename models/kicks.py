@@ -31,7 +31,7 @@ def kick(law: Link, values: Mapping[str, float], a: Begin, b: Begin) -> float:
     d = b.x - a.x - values.get("thresh", 0.0)
     step, jump = b.step - a.step, b.jump - a.jump
     if law.kind == "LNL":
-        constants = {letter: values[name] for letter, name in law.fields.items()}
+        constants = {letter: values.get(name, 0.0) for letter, name in law.fields.items()}
         own = _core.Law(law.law or None, law.damping or None, constants)
         return own.force(d, step + jump) - own.force(d, step)
     if law.kind == "BUT" and d >= 0.0:

@@ -141,6 +141,9 @@ class _Writing:
             return
         name = self._name(point.name)
         self.at[number] = f"@{name}"
+        if point.shares:
+            self.refuse(point.place, f"{point.name}: a PROXY is not written yet")
+            return
         if not point.mass:
             self.lines.append(f"@{name} ground {_number(point.x0)}")
             return

@@ -45,6 +45,18 @@ class Model:
         """Statements of some families, in order."""
         return tuple(one for one in self.statements if one.family in families)
 
+    @property
+    def signals(self) -> dict[str, str]:
+        """Parameters that follow a signal, and the input of each."""
+        params = (one for one in self.statements if one.keyword == "audioParam")
+        return {one.name: one.values["input"].removeprefix("@") for one in params}
+
+    @property
+    def inputs(self) -> list[str]:
+        """All inputs, of masses and of parameters."""
+        own = (one.name for one in self.of("input"))
+        return list(dict.fromkeys((*own, *self.signals.values())))
+
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
         """A value of a statement as a number; `default` where it is left out. Raises ModelError."""
         text = statement.values.get(name)

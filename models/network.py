@@ -10,6 +10,8 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module, Output, Target
 from ergon.instruments.module_kinds import GENERATORS, LINKS
+from ergon.instruments.proxies import add as add_proxy
+from ergon.instruments.proxies import targets
 from ergon.instruments.spread import singles
 from ergon.models.errors import ModelError
 from ergon.models.first_step import last_step, ratios
@@ -57,6 +59,7 @@ class Point:
     fed: int | None = None
     forces: list[int] = field(default_factory=list)  # inputs that push it
     weight: float = 0.0  # [N] a force that never changes
+    shares: tuple[tuple[int, float], ...] = ()  # of a PROXY: points, and how much of each it is
     place: Place = NOWHERE
 
 
@@ -179,6 +182,10 @@ class _Builder:
                 self._holder(part, module)
         for part in parts:
             for module in part.modules:
+                if module.kind == "PROXY":
+                    self._proxy(part, module)
+        for part in parts:
+            for module in part.modules:
                 self._rest(part, module)
         for part in parts:
             if part.struck is not None:
@@ -216,6 +223,31 @@ class _Builder:
             self.to.points.append(point)
         elif module.kind in GENERATORS:
             self._generator(part, module, name)
+
+    def _proxy(self, part: Part, module: Module) -> None:
+        name, fields = f"{part.name}.{module.name}", module.fields
+        self.at[part.name, module.name] = [len(self.to.points)]
+        shares: list[tuple[int, float]] = []
+        if fields["follows"]:
+            self._refuse(module.place, f"{name}: a PROXY that follows a MAT is not written yet")
+        elif any((one.part, one.module) not in self.at for one in targets(fields)):
+            self._refuse(module.place, f"{name}: a PROXY between masses of another part")
+        else:
+            network, mats = _core.Network(), {}
+
+            def members(target: Target) -> list[int]:
+                for point in self._members(target):
+                    mats.setdefault(point, network.sol(f"{point}"))
+                return [mats[point] for point in self._members(target)]
+
+            proxy = add_proxy(network, name, fields, members)
+            points = {mat: point for point, mat in mats.items()}
+            shares = [(points[mat], share) for mat, share in network.shares(proxy)]
+        x0 = sum(share * self.to.points[one].x0 for one, share in shares)
+        v0 = sum(share * self.to.points[one].v0 for one, share in shares)
+        point = Point(name, x0, f"PROXY between {len(shares)} masses", v0=v0, shares=tuple(shares))
+        point.place = module.place
+        self.to.points.append(point)
 
     def _generator(self, part: Part, module: Module, name: str) -> None:
         fields, where = module.fields, (part.name, module.name)
@@ -386,7 +418,8 @@ class _Builder:
                 self._push(to, take)
             else:
                 for member in self._members(to):
-                    self.to.points[member].weight += float(source)
+                    for point, share in self.to.points[member].shares or [(member, 1.0)]:
+                        self.to.points[point].weight += share * float(source)
             return
         for member in self._members(to):
             point = self.to.points[member]
@@ -399,7 +432,7 @@ class _Builder:
 
     def _push_all(self, points: Sequence[int], text: str, take: str = "") -> None:
         members = tuple(points)
-        moved = [one for one in members if self.to.points[one].mass]
+        moved = [one for one in members if self.to.points[one].mass or self.to.points[one].shares]
         if not moved or members in self.pushes:
             return
         number = self.pushes[members] = len(self.to.inputs)
@@ -444,6 +477,9 @@ class _Builder:
             f = _pull(link, e, T * (b.v0 - a.v0))
             force[link.a] += f
             force[link.b] -= f
+        for point, f in zip(points, tuple(force), strict=True):
+            for one, share in point.shares:
+                force[one] += share * f
         for point, f in zip(points, force, strict=True):
             if point.fed is not None or not point.mass:
                 point.d0 = 0.0

@@ -99,7 +99,7 @@ class Page:
         for out in self.outs:
             row = f"{{from: model.{out.name}, to: {out.channel}{out.options}}}"
             yield f"    - {row}{behind(out.comment)}"
-        yield "accuracy: {method: ca}"
+        yield "accuracy: {method: ca, guard: off}"
         yield "render: {bits: float, tail: 10s}"
 
 

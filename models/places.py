@@ -5,11 +5,12 @@ A fixed point is a SOL of the macro's own, for a fixed point is the same whereve
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ergon.models.errors import ModelError
 from ergon.models.grammar import STRINGS
-from ergon.models.model import Model, Point, Statement
+from ergon.models.model import Statement
 from ergon.models.naming import times
 from ergon.models.refused import REFUSED
 from ergon.notation.text.errors import quote
@@ -89,23 +90,22 @@ class Macro:
         return self.edge
 
     def points(
-        self, point: Point, model: Model, *, is_2019: bool, line: int
+        self, sides: Sequence[float], *, is_2019: bool, line: int
     ) -> list[tuple[float, str]]:
         """The members that a place lies between, with the share of each. Raises ModelError.
 
         Linear along each side, so that at most four members of a mesh have a share.
         """
         is_string = self.of.keyword in STRINGS
-        sides = (self.columns,) if is_string else (self.rows, self.columns)
+        counts = (self.columns,) if is_string else (self.rows, self.columns)
         along = []
-        for text, count in zip(point.along, sides, strict=True):
-            share = model.number(text, "the place", line)
+        for share, count in zip(sides, counts, strict=True):
             if is_2019:
                 at = min(share * count, count - 1.0)
             else:
                 at = min(max(share, 0.0), 1.0) * (count - 1)
             if at < 0.0:
-                raise ModelError(f"a place on {quote(point.name)} is {share:g}, below 0", line)
+                raise ModelError(f"a place on {quote(self.of.name)} is {share:g}, below 0", line)
             low, part = int(at), at - int(at)
             if min(part, 1.0 - part) < _NEAR:
                 along.append([(round(at), 1.0)])

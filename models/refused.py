@@ -1,10 +1,6 @@
 """What a model can say and no score does yet: a sentence for each, told with its line."""
 
 REFUSED = {
-    "between": (
-        "{keyword} at a point between masses of a macro is not built yet: there a score has "
-        "springs and dampers alone"
-    ),
     "late point": (
         "in the first step a point on a macro begins at 0, wherever the macro is: with viscosity "
         "and an x0 other than 0 this gives a push that no score says"
@@ -12,7 +8,11 @@ REFUSED = {
     "pulling string": (
         "a string with a v0 pulls at its own fixed ends for ever, which no score says; write 0"
     ),
-    "signal": "a parameter that follows a signal is not built yet",
+    "signal": (
+        "{name} follows a signal, which moves points on macros alone: it is no {value} of a module"
+    ),
+    "two signals": "{text} follows two signals; a place follows one",
+    "curved": "{text} is no straight line of its signal, as a place on a macro must be",
     "macro force": "the force at a point of a macro is 0 at all times; remove this output",
     "pushed force": "the force on a mass that an input pushes too is not built yet",
     "still force": "no link ends on this mass, so that its force is 0; remove this output",

@@ -14,6 +14,7 @@ from ergon.models.laws import LINKS, Laws, Link, which
 from ergon.models.model import Model, Point, Statement
 from ergon.models.naming import Names, Params, metres
 from ergon.models.page import RATE, Input, Line, Out, Page, gain, number
+from ergon.models.proxies import Along, along, moving, signals_in, still
 from ergon.models.refused import REFUSED
 from ergon.notation.text.errors import quote
 
@@ -38,6 +39,8 @@ class _Writing:
     begins: dict[str, Begin] = field(default_factory=dict)  # of masses and inputs
     held: set[str] = field(default_factory=set)  # what no force moves
     kicks: dict[str, float] = field(default_factory=dict)  # forces in the first sample
+    proxies: dict[tuple[object, ...], str] = field(default_factory=dict)  # by where they are
+    guides: dict[str, str] = field(default_factory=dict)  # what has the value of a signal
 
     def add(self, name: str, text: str, comment: str = "") -> None:
         """A module."""
@@ -45,10 +48,15 @@ class _Writing:
 
     def text(self, one: Statement, name: str, default: str = "0") -> str:
         """A value as an expression of the score."""
-        return self.params.written(one.values.get(name, default))
+        expression = one.values.get(name, default)
+        for signal in signals_in(self.model, expression):
+            message = REFUSED["signal"].format(name=quote(signal), value=name)
+            raise ModelError(message, one.line)
+        return self.params.written(expression)
 
     def value(self, one: Statement, name: str, default: float = 0.0) -> float:
         """A value as a number."""
+        self.text(one, name)
         return self.model.value(one, name, default)
 
 
@@ -59,7 +67,8 @@ def written(
 
     `laws`: those that mi-gen had in 2019, for which older models were made, or today's.
     """
-    own = _Writing(model, laws, inputs or {}, Params(one.name for one in model.of("param")))
+    params = (one.name for one in model.of("param") if one.name not in model.signals)
+    own = _Writing(model, laws, inputs or {}, Params(params))
     try:
         for one in model.of("mass", "macro", "input"):
             _MAKERS[one.keyword](own, one)
@@ -70,8 +79,6 @@ def written(
             _link(own, one, heard)
         for one in model.of("output"):
             _output(own, one)
-        for one in model.of("param"):
-            _signal(model, one)
     except ModelError as error:
         error.file = model.file
         raise
@@ -181,17 +188,23 @@ def _input(own: _Writing, one: Statement) -> None:
     if one.keyword == "frcInput":
         return
     fed = own.inputs.get(one.name)
-    name = own.targets[one.name] = own.names.new(one.name)
+    name = own.targets[one.name] = _fed(own, one.name, one.name)
     first = 0.0 if fed is None else fed.first
     own.held.add(name)
     own.begins[one.name] = Begin(first, jump=first - own.value(one, "x0"))
+
+
+def _fed(own: _Writing, wanted: str, source: str) -> str:
+    """A point that has the values of an input; its name."""
+    fed, name = own.inputs.get(source), own.names.new(wanted)
     if fed is None:
         own.add(name, "SOL: {}", "an input that nothing is connected to is 0")
-        return
+        return name
     x0 = "" if fed.first == 0.0 else f", X0: {fed.first!r}m"
     own.add(name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed")
     path = own.names.new(f"{name}_path")
-    own.add(path, f"ENX: {{to: {name}, from: {one.name}, at: 0s}}")
+    own.add(path, f"ENX: {{to: {name}, from: {source}, at: 0s}}")
+    return name
 
 
 def _push(own: _Writing, one: Statement) -> None:
@@ -202,11 +215,6 @@ def _push(own: _Writing, one: Statement) -> None:
             name = own.names.new(f"{one.name}_push")
             scale = "" if share == 1.0 else f", scale: {share!r}"
             own.add(name, f"ENF: {{to: {target}, from: {one.name}, at: 0s{scale}}}")
-
-
-def _signal(model: Model, one: Statement) -> None:
-    if one.keyword == "audioParam":
-        raise ModelError(REFUSED["signal"], one.line)
 
 
 _MAKERS = {
@@ -224,7 +232,54 @@ def _points(own: _Writing, one: Statement, point: Point) -> list[tuple[float, st
     macro = own.macros.get(point.name)
     if macro is None:
         return [(1.0, own.targets[point.name])]
-    return macro.points(point, own.model, is_2019=own.laws == "2019", line=one.line)
+    sides = along(own.model, point, one.line)
+    if any(side.signal for side in sides):
+        return [(1.0, _moving(own, macro, sides))]
+    return _shares(own, one, point)
+
+
+def _shares(own: _Writing, one: Statement, point: Point) -> list[tuple[float, str]]:
+    """The masses that feel what happens at a point in the first step."""
+    macro = own.macros.get(point.name)
+    if macro is None:
+        return [(1.0, own.targets[point.name])]
+    firsts = {
+        signal: own.inputs[source].first if source in own.inputs else 0.0
+        for signal, source in own.model.signals.items()
+    }
+    sides = [
+        side.start + side.slope * firsts.get(side.signal or "", 0.0)
+        for side in along(own.model, point, one.line)
+    ]
+    return macro.points(sides, is_2019=own.laws == "2019", line=one.line)
+
+
+def _moving(own: _Writing, macro: places.Macro, sides: list[Along]) -> str:
+    """A point that signals move; its name."""
+    guides = []
+    for side in sides:
+        known = side.signal or f"a place at {side.start!r}"
+        if known not in own.guides and side.signal:
+            own.guides[known] = _fed(own, known, own.model.signals[known])
+        elif known not in own.guides:
+            own.guides[known] = own.names.new(f"{macro.name}_place")
+            own.add(own.guides[known], f"SOL: {{X0: {side.start!r}m}}")
+        guides.append(own.guides[known])
+    key = (macro.name, *sides)
+    if key not in own.proxies:
+        own.proxies[key] = own.names.new(f"{macro.name}_point")
+        text = moving(macro, sides, guides, is_2019=own.laws == "2019")
+        own.add(own.proxies[key], text, f"a point of {macro.name}, which a signal moves")
+    return own.proxies[key]
+
+
+def _still(own: _Writing, point: Point, shares: list[tuple[float, str]]) -> str:
+    """A point between masses; its name."""
+    key = tuple(shares)
+    if key not in own.proxies:
+        own.proxies[key] = own.names.new(f"{own.macros[point.name].name}_point")
+        own.add(own.proxies[key], still(shares), f"a point of {point.name}")
+    return own.proxies[key]
 
 
 def _link(own: _Writing, one: Statement, heard: Mapping[int, str]) -> None:
@@ -239,14 +294,21 @@ def _link(own: _Writing, one: Statement, heard: Mapping[int, str]) -> None:
     twice = own.model.dialect == "v1" and one.keyword == "nlSpring3"
     if law.damping or values.get("Z"):
         _first_step(own, one)
-        a, b = (_begin(own, *end) for end in zip(one.points, points, strict=True))
+        felt = [_shares(own, one, point) for point in one.points]
+        a, b = (_begin(own, *end) for end in zip(one.points, felt, strict=True))
         force = kick(law, values, a, b)
-        _strike(own, points, 2.0 * force if twice else force)
+        _strike(own, felt, 2.0 * force if twice else force)
     share = "2*" if twice else ""
     fields = {}
     for letter, name in law.fields.items():
         text = own.text(one, name)
         fields[letter] = f"{share}({text})" if twice else text
+    if law.kind in ("LNL", "BUT"):
+        ends_of = zip(one.points, points, strict=True)
+        points = [
+            [(1.0, _still(own, point, shares))] if len(shares) > 1 else shares
+            for point, shares in ends_of
+        ]
     if max(map(len, points)) > 1:
         _between(own, one, law, points, heard.get(id(one), ""))
         return
@@ -280,8 +342,6 @@ def _between(
     Its force K·Σcx, with c the share of a mass in the first point less that in the second, is
     divided by the same shares: -c_i·K·Σcx is the sum of springs -c_i·c_j·K, for the c add up to 0.
     """
-    if law.kind == "LNL" or law.kind == "BUT":
-        raise ModelError(REFUSED["between"].format(keyword=one.keyword), one.line)
     shares: dict[str, float] = {}
     for sign, targets in zip((1.0, -1.0), points, strict=True):
         for share, target in targets:
@@ -381,7 +441,8 @@ def _page(own: _Writing, title: str) -> Page:
     model = own.model
     of = "2019" if own.laws == "2019" else "today"
     params = {one.name: float(model.params[one.name].number) for one in model.of("param")}
-    fed = [one.name for one in model.of("input") if one.name in own.inputs]
+    params = {name: value for name, value in params.items() if name not in model.signals}
+    fed = [name for name in model.inputs if name in own.inputs]
     return Page(
         head=[
             f"From {title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of {of}.",

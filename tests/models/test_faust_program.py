@@ -276,3 +276,44 @@ def test_too_many_resonators_are_refused(capsys: pytest.CaptureFixture[str]) -> 
     )
     assert app.run(["export", "s.yaml", "a", "--to", "faust", "-o", "d"]) == 2
     assert "at most 2,000 resonators are written" in capsys.readouterr().err
+
+
+PROXIES = """
+ergon: 1
+instruments:
+  i:
+    modules:
+      a: {MAS: {M: 2g, X0: 1mm}}
+      b: {CEL: {M: 3g, K: 900N/m, V0: 0.3m/s}}
+      ab: {RES: {between: [a, b], K: 700N/m}}
+      h: {MAS: {M: 4g, X0: -0.5mm, V0: 0.5m/s}}
+      p: {PROXY: {of: [a, b], shares: [0.5, 0.75]}}
+      q: {PROXY: {of: [a, b], at: 0.25}}
+      hit: {BUT: {between: [h, p], K: 3kN/m, Z: 0.2Ns/m}}
+      rub: {LNL: {between: [h, q], law: "300*d + 4e6*d**3", damping: "0.1*v"}}
+      push: {ENF: {to: q, from: 20mN}}
+    out: {a: {SOX: a}, h: {SOX: h}, p: {SOV: p}, f: {SOF: rub}}
+render: {tail: 50ms}
+"""
+
+
+@needs_faust
+def test_points_between_masses() -> None:
+    Path("s.yaml").write_text(PROXIES)
+    exact = played(PROXIES, method="ca")
+    (made,) = faust_programs("s.yaml")
+    Path("s.dsp").write_text(made.text)
+    sound = heard(Path("s.dsp"), np.zeros((len(exact), 0)), RATE)
+    assert np.abs(exact).max(axis=0).min() > 0
+    assert off_db(sound, exact) < -220
+
+
+def test_a_point_that_a_mass_moves_is_not_written(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("s.yaml").write_text(PROXIES.replace("at: 0.25", "follows: h"))
+    assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
+    assert "s.yaml:11: i.q: a PROXY that follows a MAT is not written yet" in (
+        capsys.readouterr().err
+    )
+    Path("s.yaml").write_text(PROXIES)
+    assert app.run(["export", "s.yaml", "--to", "mdl", "-o", "d"]) == 2
+    assert "i.p: a PROXY is not written yet" in capsys.readouterr().err

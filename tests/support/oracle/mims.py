@@ -25,6 +25,7 @@ class Played:
     laws: str
     inputs: Mapping[str, Sequence[float]]
     params: dict[str, float] = field(default_factory=dict)
+    signals: dict[str, str] = field(default_factory=dict)  # parameters, and the input of each
     masses: dict[str, Mass] = field(default_factory=dict)
     macros: dict[str, tuple[str, int, int, list[Mass]]] = field(default_factory=dict)
     reads: list[Callable[[int], None]] = field(default_factory=list)  # inputs
@@ -48,14 +49,19 @@ class Played:
     def proxy(self, name: str, along: Sequence[str]) -> Mass:
         kind, length, width, data = self.macros[name]
         own = [0.0, 0.0, 0.0]
-        weights = self.weights(kind, length, width, [self.value(a) for a in along])
+        places = self.weights(kind, length, width, [self.value(a) for a in along])
+
+        def weights() -> list[tuple[int, float]]:
+            if not self.signals:
+                return places
+            return self.weights(kind, length, width, [self.value(a) for a in along])
 
         def read() -> None:
-            before, own[0] = own[0], sum(w * data[i][0] for i, w in weights)
+            before, own[0] = own[0], sum(w * data[i][0] for i, w in weights())
             own[1] = own[0] - before
 
         def spread() -> None:
-            for i, w in weights:
+            for i, w in weights():
                 data[i][2] += own[2] * w
             own[2] = 0.0
 
@@ -94,6 +100,8 @@ def played(
     for name, word, *rest in rows:
         if word == "param":
             own.params[name[1:]] = own.value(rest[0])
+        if word == "audioParam":
+            own.params[name[1:]], own.signals[name[1:]] = 0.0, rest[0].lstrip("@")
     own.params |= given or {}
     for row in rows:
         _matter(own, *row)
@@ -104,6 +112,9 @@ def played(
     frames = round(seconds * RATE)
     sound = np.zeros((frames, max(own.outs)))
     for n in range(frames):
+        for name, source in own.signals.items():
+            signal = own.inputs.get(source, ())
+            own.params[name] = signal[n] if n < len(signal) else 0.0
         for read in own.reads:
             read(n)
         for step in (*own.moves, *proxies, *own.pulls):
