@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ergon import _core
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import ListOf, Name, Shape
+from ergon.notation.tables.shapes import ListOf, Shape
 from ergon.notation.text.errors import quote
 
 if TYPE_CHECKING:
@@ -104,6 +104,13 @@ def resolve(
             message = f"it has {count:,} masses and {written:,} shares; write one share for each"
             return wrong(message, "shares", "E106")
         return True
+    for target in masses:
+        shape = part_names.parts[target.part].modules[target.module].fields.get("shape")
+        if shape not in (None, "rectangle"):
+            message = (
+                f"{quote(target.text)} is a {shape}, whose masses lie in no rows; write shares"
+            )
+            return wrong(message)
     columns = fields["columns"] or _columns(masses, part_names) or count
     fields["columns"] = columns
     if count % columns:
@@ -173,12 +180,6 @@ def add(
 
 def _each(values: tuple[float, ...], count: int) -> tuple[float, ...]:
     return values if len(values) == count else values * count
-
-
-def names(fields: Mapping[str, Any]) -> list[Name]:
-    """All names that its fields hold before they are resolved."""
-    rim = [fields["rim"]] if fields["rim"] else []
-    return [*(fields["of"] or ()), *(fields["follows"] or ()), *rim]
 
 
 def targets(fields: Mapping[str, Any]) -> list[Target]:

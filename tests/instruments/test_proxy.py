@@ -212,6 +212,10 @@ WRONG = {
         "q: {PROXY: {of: s, at: 1}}\np: {PROXY: {of: [q, s.3], shares: [1, 1]}}",
         "is a PROXY itself",
     ),
+    "no rows": (
+        "d: {PLATE: {shape: disc, radius: 3, M: 9g, f: 90Hz}}\np: {PROXY: {of: d, at: 1.5}}",
+        "is a disc, whose masses lie in no rows",
+    ),
     "imposed": ("p: {PROXY: {of: s, at: 1}}\nx: {ENX: {to: p, from: 1mm}}", "impose"),
     "no span": ("p: {PROXY: {of: s, follows: wall, span: 0m}}", "move it nowhere"),
     "only": ("p: {PROXY: {of: s, at: 1, span: 2m}}", "only a PROXY with follows"),

@@ -229,8 +229,10 @@ impl Network {
         let mats = &self.mats;
         let at = |mat: usize| mats.x0[mat];
         let (x0, v0) = (own.sum(at, at), own.sum(at, |mat| mats.v0[mat]));
+        let place = [0, 1].map(|axis| own.sum(at, |mat| mats.place[mat][axis]));
         let numbers = [0.0, 0.0, 0.0, 0.0, x0, v0];
         let mat = self.add_mat(name, MatKind::Proxy, numbers)?;
+        self.mats.place[mat] = place;
         self.proxies.push(own);
         Ok(mat)
     }
