@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from ergon.instruments.spread import MAX_SPREAD
 from ergon.models.errors import ModelError
 from ergon.models.grammar import STRINGS
 from ergon.models.model import Statement
@@ -72,11 +73,13 @@ class Macro:
 
     @property
     def moving(self) -> list[str]:
-        """All that moves, a range for each module."""
+        """All that moves, a range for each module, or several for as many as a link may have."""
         rows = [row for row in range(self.rows) if self.span(row)[1]]
         if not self.is_whole or len(rows) == 1:
             return [self.member(row, *self.span(row)) for row in rows]
-        return [f"{self.name}.0..{len(rows) * self.span(rows[0])[1] - 1}"]
+        count = len(rows) * self.span(rows[0])[1]
+        firsts = range(0, count, MAX_SPREAD)
+        return [f"{self.name}.{a}..{min(a + MAX_SPREAD, count) - 1}" for a in firsts]
 
     def row(self, row: int) -> str:
         """The name of the module of one row."""

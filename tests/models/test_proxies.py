@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from checked import check
 from imported import rendered
 from oracle import mims
 
@@ -122,3 +123,11 @@ def test_what_a_signal_cannot_move_is_refused_at_its_line(name: str):
     with pytest.raises(ModelError, match=message) as raised:
         written(parse(model("string", lines), "v2", "m.mdl"))
     assert raised.value.line == line
+
+
+def test_a_mesh_of_more_masses_than_a_link_has_points():
+    """Its air is several links; the score is read."""
+    text = "@s closedMesh 105 103 1 0.2 0.002 0.0001 0 0\n@in1 frcInput [@s 0.5 0.5]\n"
+    score = written(parse(text + "@out1 posOutput [@s 0.31 0.7]\n", "v2", "m.mdl"))
+    assert score.count("FRO") == 2
+    assert check(score).piece is not None
