@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::realtime::Granted;
+use crate::device::Ending;
 use crate::{audio, stop};
 
 /// Flags that the physics thread shares with others.
@@ -17,6 +18,8 @@ pub(super) struct SharedFlags {
     pub(super) release: AtomicBool,
     /// Whether the last frame was computed.
     pub(super) done: AtomicBool,
+    /// What ends the waits for each device.
+    pub(super) endings: Vec<Ending>,
     /// What the system granted the physics thread: bit 0 memory locked, bit 2 set, from bit 8 on priority + 1; 0: not known.
     granted: AtomicU64,
 }
@@ -66,6 +69,8 @@ impl Control {
     /// End the performance: zero force at once, silence within 5 ms.
     pub fn stop(&self) {
         self.flags.stop.store(true, Ordering::Release);
+        // In lockstep a device that is away would be waited for as long as its address says.
+        self.flags.endings.iter().for_each(Ending::end);
         self.sound.panic();
     }
 }

@@ -12,7 +12,7 @@ use ergon_engine::timeline::{DriveKind, HandWay, SoundInSettings, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
-use crate::device::Url;
+use crate::device::{Ending, Url};
 use crate::recording::{Axis, flag, read};
 
 pub(super) mod unplugged;
@@ -34,6 +34,7 @@ fn keyboard(hand: usize, left: u32) -> Keyboard {
         calibration: Vec::new(),
         most: None,
         period: EVERY as f64 / RATE,
+        ending: Ending::default(),
     };
     Keyboard::around(brief, known, vec![(0, hand)])
 }
