@@ -19,12 +19,19 @@ pub(super) struct SharedFlags {
     /// Whether the last frame was computed.
     pub(super) done: AtomicBool,
     /// What ends the waits for each device.
-    pub(super) endings: Vec<Ending>,
+    endings: Vec<Ending>,
     /// What the system granted the physics thread: bit 0 memory locked, bit 2 set, from bit 8 on priority + 1; 0: not known.
     granted: AtomicU64,
 }
 
 impl SharedFlags {
+    pub(super) fn new(endings: Vec<Ending>) -> Self {
+        Self {
+            endings,
+            ..Self::default()
+        }
+    }
+
     pub(super) fn set_granted(&self, granted: Granted) {
         let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
         let value = 4 | priority << 8 | u64::from(granted.locked);

@@ -199,7 +199,7 @@ fn changes_are_done_at_their_frames() {
     );
     player.connections.feed.close();
     drop(player);
-    this.close(Duration::from_secs(10)).unwrap();
+    this.close(PATIENCE).unwrap();
 
     let mut sound = Vec::new();
     let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
@@ -270,7 +270,7 @@ fn a_fold_sounds_to_its_end() {
     assert_eq!(violation_count(), 0);
     player.connections.feed.close();
     drop(player);
-    this.close(Duration::from_secs(10)).unwrap();
+    this.close(PATIENCE).unwrap();
 
     let mut limiter = Limiter::new(RATE, 3, 1.0).unwrap();
     let n_heard = n_frames + fold.tail();
@@ -423,7 +423,7 @@ fn an_input_is_what_its_recording_says() {
     player.connections.feed.close();
     drop(player);
     drop(handle);
-    this.close(Duration::from_secs(10)).unwrap();
+    this.close(PATIENCE).unwrap();
     let floats = |path: &std::path::Path, n: usize| -> Vec<f32> {
         let bytes = std::fs::read(path).unwrap();
         std::fs::remove_file(path).unwrap();
@@ -507,7 +507,7 @@ fn a_key_is_led_and_let_go() {
     assert_eq!(violation_count(), 0);
     let status = this.status();
     drop(player);
-    this.close(Duration::from_secs(10)).unwrap();
+    this.close(PATIENCE).unwrap();
     assert!(x[..500].iter().all(|x| *x == 0.0));
     assert!((x[1_990] - 4e-3).abs() < 1e-5, "{}", x[1_990]);
     // The second change took the steps of the first away.
@@ -558,7 +558,7 @@ fn what_is_computed_finer_is_told_once() {
     assert_eq!(events, [EventKind::Finer]);
     assert_eq!((this.status().finer, this.status().muted), (1, 0));
     drop(player);
-    this.close(Duration::from_secs(10)).unwrap();
+    this.close(PATIENCE).unwrap();
 }
 
 /// Strikes that were not known act in the tick after they came; what is heard goes into a file for so many ticks.
@@ -613,7 +613,7 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     assert_eq!(status.first, Some(100 * every - latency));
     assert_eq!((status.frames, status.missing), (50 * every, 0));
     drop(player);
-    this.close(Duration::from_secs(10)).unwrap();
+    this.close(PATIENCE).unwrap();
     std::fs::remove_file(&path).unwrap();
 }
 
@@ -681,7 +681,7 @@ fn a_tick_does_not_allocate() {
         ]
     );
     drop(player);
-    this.close(Duration::from_secs(10)).unwrap();
+    this.close(PATIENCE).unwrap();
     let recording = read(&path, None).unwrap();
     std::fs::remove_file(path).unwrap();
     assert_eq!(recording.dropped, 0);

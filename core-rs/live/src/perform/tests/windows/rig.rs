@@ -239,7 +239,7 @@ impl Shown {
 
     pub(super) fn end(self) {
         drop(self.player);
-        self.this.close(Duration::from_secs(10)).unwrap();
+        self.this.close(PATIENCE).unwrap();
     }
 }
 
