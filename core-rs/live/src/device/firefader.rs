@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
-use super::port::Port;
 use super::ending::next_look;
+use super::port::Port;
 use super::{
-    ASK_AGAIN, Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
-    Sample, Spec, Stats, Unit, Url,
+    ASK_AGAIN, Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort,
+    MAX_AXES, Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
 use crate::wire::{Inbox, firefader as wire};

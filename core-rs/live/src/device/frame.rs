@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use super::port::Port;
 use super::ending::next_look;
+use super::port::Port;
 use super::{
     ASK_AGAIN, Device, DeviceError, Ending, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
     MAX_AXES, Sample, Spec, Stats, Unit, Url,

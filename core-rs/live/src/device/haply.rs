@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use super::ending::next_look;
 use super::{
-    Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
-    Stats, Unit, Url,
+    Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
+    Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::Sent;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use crate::realtime::Granted;
 use crate::device::Ending;
+use crate::realtime::Granted;
 use crate::{audio, stop};
 
 /// Flags that the physics thread shares with others.

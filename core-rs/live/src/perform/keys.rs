@@ -178,7 +178,10 @@ impl Keyboard {
 
 impl DeviceConfig {
     fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
-        let device = calibrate::applied(device::open_until(&self.url, &self.ending)?, &self.calibration);
+        let device = calibrate::applied(
+            device::open_until(&self.url, &self.ending)?,
+            &self.calibration,
+        );
         if device.spec().unit == Unit::Radian {
             return Err(self
                 .url

@@ -9,8 +9,6 @@ use ergon_engine::simulation::Look;
 use super::*;
 
 pub(super) const FPS: f64 = 60.0;
-/// After which a test gives up; nothing is judged by it.
-pub(super) const PATIENCE: Duration = Duration::from_secs(120);
 pub(super) const CELLS: usize = 12;
 
 /// Cells that swing freely, and a skin that a hammer falls on.
@@ -163,15 +161,6 @@ pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
         hands: Vec::new(),
         is_seen,
         ..stage()
-    }
-}
-
-pub(super) fn config(audio: &str) -> PlaybackConfig {
-    PlaybackConfig {
-        audio: audio.parse().unwrap(),
-        input: InputConfig::default(),
-        ahead: None,
-        record: None,
     }
 }
 
