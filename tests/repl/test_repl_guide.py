@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -10,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from paced_board import Paced, paced
-from patience import until
+from patience import PATIENCE, until
 from tests.repl.test_repl_live import ok
 
 from ergon.live.boards import Board
@@ -191,10 +193,21 @@ def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
         own.board.leave()
         until(lambda: "remi" in own.session.commits.engine.status().away, "the key is gone")
         assert "the device of remi's key is gone" in own.session.submit("guide remi ada").text
-        # A session that closes while a device is away waits out the patience of its address: 300 s.
-        own.board.free()
-        own.board.come()
-        until(lambda: not own.session.commits.engine.status().away, "the key is back")
+
+
+@pytest.mark.parametrize("is_away", [True, False])
+def test_a_session_that_closes_waits_for_no_board(tmp_path: Path, is_away: bool):
+    """It is searched for, or its reply is waited for: by its address for longer than a test lasts."""
+    with led(tmp_path) as own:
+        if is_away:
+            own.board.leave()
+            until(lambda: "remi" in own.session.commits.engine.status().away, "the key is gone")
+            time.sleep(0.3)  # by now it is searched for; if not, closing has less to end
+        closes = threading.Thread(target=own.session.close, daemon=True)
+        closes.start()
+        closes.join(PATIENCE)
+        assert not closes.is_alive()
+        assert is_away or not [said for said in own.session.messages() if "gone" in said]
 
 
 def test_a_path_that_is_made_again_goes_on_where_the_first_went(tmp_path: Path):

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from patience import until
+from patience import PATIENCE, until
 
 PAGE = Path(__file__).parents[2] / "docs" / "cluster.md"
 
@@ -70,7 +70,7 @@ class DocumentedCluster:
     def end(self) -> None:
         for process in self.processes:
             os.killpg(process.pid, 15)
-        end = time.monotonic() + 20.0
+        end = time.monotonic() + PATIENCE
         for process in self.processes:
             try:
                 process.wait(max(0.0, end - time.monotonic()))

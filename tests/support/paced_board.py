@@ -24,9 +24,9 @@ class Paced:
         self.board = Board(ways, lockstep=True)
         self._wire = self._bound(0)
         self._port = self._wire.getsockname()[1]
-        # The host waits as long as the test does: it tells a board that is held from none by the
+        # The host waits longer than any test does: it tells a board that is held from none by the
         # address, where none listens.
-        self.url = f"frame+udp:127.0.0.1:{self._port}?lockstep&patience={PATIENCE}"
+        self.url = f"frame+udp:127.0.0.1:{self._port}?lockstep&patience={10 * PATIENCE}"
         self._is_away = False
         self._host: object = None
         self._may = 0  # periods that are still to be given

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from patience import until
+from patience import PATIENCE, until
 
 PACKAGES = {"jackd": "jackd2", "pulseaudio": "pulseaudio", "parec": "pulseaudio-utils"}
 
@@ -40,7 +40,7 @@ def running(command: list[str], **how: object) -> Iterator[subprocess.Popen[byte
     finally:
         process.terminate()
         try:
-            process.wait(5)
+            process.wait(PATIENCE)  # a JACK server that is killed keeps its name
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -8,7 +8,7 @@ use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::quiet::FadeFinder;
 use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
-use ergon_live::device::Url;
+use ergon_live::device::{Ending, Url};
 use ergon_live::perform::{
     self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard,
     MeasuredKey, PlaybackConfig, Stage, Stem,
@@ -418,6 +418,7 @@ fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
             .collect::<PyResult<_>>()?,
         most,
         period,
+        ending: Ending::default(),
     };
     Keyboard::open(known, axes).map_err(said)
 }

@@ -4,6 +4,7 @@
 
 pub mod calibrate;
 mod emulated;
+mod ending;
 mod firefader;
 mod frame;
 pub(crate) mod haply;
@@ -16,6 +17,7 @@ mod url;
 pub use crate::safety::contract::{Device, Gone, Histogram, LastResort, Sample, Spec, Stats, Unit};
 pub use crate::wire::MAX_AXES;
 pub use emulated::{Emulated, open_board};
+pub use ending::Ending;
 pub use haply::guardian;
 pub(crate) use port::InProcess;
 pub use url::{Kind, Url, UrlError};
@@ -67,10 +69,18 @@ pub enum DeviceError {
 /// # Errors
 /// [`DeviceError`] says what is not there, or what it cannot do.
 pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
+    open_until(url, &Ending::default())
+}
+
+/// As [`open`], until nobody waits for the device any more; nor does the device then wait for replies.
+///
+/// # Errors
+/// As of [`open`].
+pub fn open_until(url: &Url, ending: &Ending) -> Result<Box<dyn Device>, DeviceError> {
     let device: Box<dyn Device> = match url.kind {
-        Kind::FireFader => Box::new(firefader::FireFader::open(url)?),
-        Kind::Frame | Kind::FrameUdp => Box::new(frame::Frame::open(url)?),
-        Kind::Haply => Box::new(haply::Haply::open(url)?),
+        Kind::FireFader => Box::new(firefader::FireFader::open(url, ending)?),
+        Kind::Frame | Kind::FrameUdp => Box::new(frame::Frame::open(url, ending)?),
+        Kind::Haply => Box::new(haply::Haply::open(url, ending)?),
         Kind::Emul => Box::new(Emulated::open(url)?),
     };
     if url.axis.is_some_and(|axis| axis >= device.spec().dof) {
@@ -90,10 +100,10 @@ pub(crate) fn open_in_process(
 ) -> Result<Box<dyn Device>, DeviceError> {
     let mut url = Url::in_process(kind);
     url.lockstep = lockstep;
-    let port = port::Port::InProcess(board);
+    let (port, ending) = (port::Port::InProcess(board), Ending::default());
     Ok(match kind {
-        Kind::Frame => Box::new(frame::Frame::over(port, &url)?),
-        Kind::FireFader => Box::new(firefader::FireFader::over(port, &url)?),
+        Kind::Frame => Box::new(frame::Frame::over(port, &url, &ending)?),
+        Kind::FireFader => Box::new(firefader::FireFader::over(port, &url, &ending)?),
         _ => return Err(url.cannot("this kind of device has no wire in the process")),
     })
 }

@@ -67,7 +67,8 @@ function lastErgon(story, point, t) {
   const speed = Number.isFinite(last.speed) ? ` at ${si(last.speed, "m/s")}` : "";
   const lines = [`last ergon ${si(last.impulse, "N·s")}${speed}, ${last.t.toFixed(3)} s`];
   const source = story.model.source(last.source);
-  if (source) lines.push(source.line ? `${source.name}, ${source.file}:${source.line}` : source.name);
+  const place = source?.line ? `${source.file}:${source.line}` : "";
+  if (source) lines.push([source.name, place].filter((word) => word).join(", ")); // a part that plays a key has no name
   return lines;
 }
 

@@ -2,10 +2,11 @@
 
 use std::time::Instant;
 
+use super::ending::next_look;
 use super::port::Port;
 use super::{
-    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
-    Sample, Spec, Stats, Unit, Url,
+    ASK_AGAIN, Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort,
+    MAX_AXES, Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
 use crate::wire::{Inbox, firefader as wire};
@@ -17,6 +18,7 @@ pub(super) struct FireFader {
     port: Port,
     spec: Spec,
     lockstep: bool,
+    ending: Ending,
     inbox: Inbox<64>,
     last: Option<wire::Reply>,
     /// Replies that are still to come, and when the latest request was sent.
@@ -51,20 +53,21 @@ fn spec() -> Spec {
 }
 
 impl FireFader {
-    pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
         if url.wide {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
         let baud = url.number("baud", f64::from(BAUD))? as u32;
-        Self::over(Port::serial(url, baud)?, url)
+        Self::over(Port::serial(url, baud)?, url, ending)
     }
 
     /// The device at the other end of a port.
-    pub(super) fn over(port: Port, url: &Url) -> Result<Self, DeviceError> {
+    pub(super) fn over(port: Port, url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
         let mut this = Self {
             port,
             spec: spec(),
             lockstep: url.lockstep,
+            ending: ending.clone(),
             inbox: Inbox::new(),
             last: None,
             waiting: 0,
@@ -89,7 +92,7 @@ impl FireFader {
         } else {
             ASK_AGAIN
         };
-        while self.last.is_none() && Instant::now() < patience {
+        while self.last.is_none() && self.ending.still_waits(patience) {
             self.put([0.0; 2])?;
             self.take(Instant::now() + again)?;
         }
@@ -161,7 +164,7 @@ impl Device for FireFader {
         into.fresh = if self.lockstep && self.waiting > 0 {
             let patience = Instant::now() + LOCKSTEP_PATIENCE;
             while self.waiting > 0 {
-                if !self.take(patience)? {
+                if !self.take(next_look(patience))? && !self.ending.still_waits(patience) {
                     return Err(Gone::Silent);
                 }
             }

@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use super::ending::next_look;
 use super::port::Port;
 use super::{
-    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
+    ASK_AGAIN, Device, DeviceError, Ending, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
     MAX_AXES, Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
@@ -23,6 +24,7 @@ pub(super) struct Frame {
     lockstep: bool,
     /// How long a reply is waited for in lockstep.
     patience: Duration,
+    ending: Ending,
     wide: bool,
     inbox: Inbox<512>,
     sent: Sent,
@@ -65,17 +67,17 @@ fn spec(who: &wire::DeviceInfo) -> Option<Spec> {
 }
 
 impl Frame {
-    pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
         let port = match url.kind {
             Kind::FrameUdp => Port::udp(url)?,
             _ => Port::serial(url, url.number("baud", f64::from(BAUD))? as u32)?,
         };
-        Self::over(port, url)
+        Self::over(port, url, ending)
     }
 
     /// The device at the other end of a port.
-    pub(super) fn over(mut port: Port, url: &Url) -> Result<Self, DeviceError> {
-        let who = ask(&mut port, first_reply(url)?).map_err(|gone| url.closed(gone))?;
+    pub(super) fn over(mut port: Port, url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
+        let who = ask(&mut port, first_reply(url)?, ending).map_err(|gone| url.closed(gone))?;
         let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&who).ok_or_else(|| {
             url.cannot("the numbers that the device tells of itself are impossible")
@@ -96,6 +98,7 @@ impl Frame {
             spec,
             lockstep: url.lockstep,
             patience,
+            ending: ending.clone(),
             wide: url.wide,
             inbox: Inbox::new(),
             sent: Sent::default(),
@@ -108,7 +111,7 @@ impl Frame {
         };
         // Where it is before the first force: X(0).
         let patience = Instant::now() + first_reply(url)?;
-        while this.last.is_none() && Instant::now() < patience {
+        while this.last.is_none() && ending.still_waits(patience) {
             this.put([0.0; MAX_AXES], flag::ASK)
                 .and_then(|()| this.take(Instant::now() + ASK_AGAIN))
                 .map_err(|gone| url.closed(gone))?;
@@ -207,12 +210,16 @@ fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
 }
 
 /// Ask who is there until somebody says so.
-fn ask(port: &mut Port, patience: Duration) -> Result<Option<wire::DeviceInfo>, Gone> {
+fn ask(
+    port: &mut Port,
+    patience: Duration,
+    ending: &Ending,
+) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + patience;
     let mut inbox = Inbox::<512>::new();
     let (mut bytes, mut packet, mut who) = ([0; 512], [0; wire::LONGEST], None);
     let mut seq = 0;
-    while who.is_none() && Instant::now() < patience {
+    while who.is_none() && ending.still_waits(patience) {
         let request = wire::Request {
             seq,
             ..wire::Request::default()
@@ -261,7 +268,7 @@ impl Device for Frame {
             let patience = Instant::now() + self.patience;
             into.fresh = self.new || !latest(&self.last, self.latest);
             while !latest(&self.last, self.latest) {
-                if !self.take(patience)? {
+                if !self.take(next_look(patience))? && !self.ending.still_waits(patience) {
                     return Err(Gone::Silent);
                 }
             }

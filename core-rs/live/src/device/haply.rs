@@ -12,9 +12,10 @@ mod start;
 
 use std::time::{Duration, Instant};
 
+use super::ending::next_look;
 use super::{
-    Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
-    Stats, Unit, Url,
+    Device, DeviceError, Ending, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
+    Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::Sent;
@@ -29,6 +30,7 @@ const START: Duration = Duration::from_secs(10);
 pub(super) struct Haply {
     spec: Spec,
     lockstep: bool,
+    ending: Ending,
     // Closed before the guardian's end is waited for.
     line: Line,
     _guardian: start::Started,
@@ -65,7 +67,7 @@ pub(crate) fn spec() -> Spec {
 }
 
 impl Haply {
-    pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &Url, ending: &Ending) -> Result<Self, DeviceError> {
         if url.wide {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
@@ -95,6 +97,7 @@ impl Haply {
         Ok(Self {
             spec: spec(),
             lockstep: url.lockstep,
+            ending: ending.clone(),
             line: Line::new(stream).map_err(closed)?,
             _guardian: guardian,
             sent: Sent::default(),
@@ -177,7 +180,7 @@ impl Device for Haply {
             let patience = Instant::now() + LOCKSTEP_PATIENCE;
             into.fresh = self.answered != self.latest;
             while self.answered != self.latest {
-                if !self.take(patience)? {
+                if !self.take(next_look(patience))? && !self.ending.still_waits(patience) {
                     return Err(Gone::Silent);
                 }
             }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use crate::device::Ending;
 use crate::realtime::Granted;
 use crate::{audio, stop};
 
@@ -17,11 +18,20 @@ pub(super) struct SharedFlags {
     pub(super) release: AtomicBool,
     /// Whether the last frame was computed.
     pub(super) done: AtomicBool,
+    /// What ends the waits for each device.
+    endings: Vec<Ending>,
     /// What the system granted the physics thread: bit 0 memory locked, bit 2 set, from bit 8 on priority + 1; 0: not known.
     granted: AtomicU64,
 }
 
 impl SharedFlags {
+    pub(super) fn new(endings: Vec<Ending>) -> Self {
+        Self {
+            endings,
+            ..Self::default()
+        }
+    }
+
     pub(super) fn set_granted(&self, granted: Granted) {
         let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
         let value = 4 | priority << 8 | u64::from(granted.locked);
@@ -66,6 +76,8 @@ impl Control {
     /// End the performance: zero force at once, silence within 5 ms.
     pub fn stop(&self) {
         self.flags.stop.store(true, Ordering::Release);
+        // In lockstep a device that is away would be waited for as long as its address says.
+        self.flags.endings.iter().for_each(Ending::end);
         self.sound.panic();
     }
 }

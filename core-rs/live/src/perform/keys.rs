@@ -10,7 +10,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::Command;
 use super::hand_limit::{self, MeasuredKey};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url, ports};
+use crate::device::{self, Device, Ending, MAX_AXES, Sample, Unit, Url, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// Time between two attempts to open a lost device.
@@ -42,6 +42,8 @@ pub struct DeviceConfig {
     pub most: Option<f64>,
     /// Length of a tick [s].
     pub period: f64,
+    /// Ends the search for the device, and its waits for replies.
+    pub ending: Ending,
 }
 
 impl DeviceConfig {
@@ -77,7 +79,7 @@ pub struct Slot {
 /// The thread that may wait: it opens the device again and frees lost ones.
 pub(super) struct Reconnector {
     thread: Option<JoinHandle<()>>,
-    stop: Arc<AtomicBool>,
+    ending: Ending,
 }
 
 impl Keyboard {
@@ -110,6 +112,11 @@ impl Keyboard {
         }
     }
 
+    /// What ends the waits for the device.
+    pub(super) fn ending(&self) -> Ending {
+        self.known.ending.clone()
+    }
+
     /// The key of the device, without hand or piece.
     pub(super) fn key(&self, measured: Option<MeasuredKey>) -> stiffness::Key {
         self.known.key(&self.guarded, measured)
@@ -130,7 +137,7 @@ impl Keyboard {
         index: usize,
         commands: Arc<Mutex<Producer<Command>>>,
     ) -> (Slot, Reconnector) {
-        let (gone, stop) = (Arc::default(), Arc::default());
+        let (gone, ending) = (Arc::default(), self.known.ending.clone());
         // A device may be lost while an earlier one is still to be freed.
         let (grave, graves) = RingBuffer::new(4);
         let [low, high] = self.guarded.spec().pos_range;
@@ -158,7 +165,6 @@ impl Keyboard {
             known: self.known,
             index,
             gone,
-            stop: Arc::clone(&stop),
             graves,
             commands,
         };
@@ -166,13 +172,16 @@ impl Keyboard {
             .name("ergon keys".into())
             .spawn(move || search.run())
             .ok();
-        (slot, Reconnector { thread, stop })
+        (slot, Reconnector { thread, ending })
     }
 }
 
 impl DeviceConfig {
     fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
-        let device = calibrate::applied(device::open(&self.url)?, &self.calibration);
+        let device = calibrate::applied(
+            device::open_until(&self.url, &self.ending)?,
+            &self.calibration,
+        );
         if device.spec().unit == Unit::Radian {
             return Err(self
                 .url
@@ -318,7 +327,6 @@ struct ReconnectLoop {
     identity: Option<String>,
     index: usize,
     gone: Arc<AtomicBool>,
-    stop: Arc<AtomicBool>,
     graves: Consumer<Box<Guarded>>,
     commands: Arc<Mutex<Producer<Command>>>,
 }
@@ -327,7 +335,7 @@ impl ReconnectLoop {
     fn run(mut self) {
         let mut next = Instant::now();
         let mut memory = None;
-        while !self.stop.load(Ordering::Acquire) {
+        while !self.known.ending.is_over() {
             std::thread::park_timeout(LOOK);
             let is_gone = self.gone.load(Ordering::Acquire);
             // A lost device sends its last zeros and closes its port before the port is opened again.
@@ -367,7 +375,7 @@ impl ReconnectLoop {
 
 impl Drop for Reconnector {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Release);
+        self.ending.end();
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
             // A panic there has freed its device.

@@ -13,6 +13,7 @@ fn a_device_that_comes_back_is_still_hot() {
         calibration: Vec::new(),
         most: None,
         period: 1e-3,
+        ending: Ending::default(),
     };
     let brief = Box::new(Unplugged { key, left: 5_000 });
     let keyboard = Keyboard::around(brief, known, vec![(0, 0)]);

@@ -1,5 +1,7 @@
 //! Keys and hands in a tick: forces go out, positions come in, and each hand goes to its next place.
 
+use std::sync::atomic::Ordering;
+
 use super::Player;
 use crate::perform::keys::Slot;
 use crate::perform::status::EventKind;
@@ -68,7 +70,10 @@ impl Player {
         if there {
             return;
         }
-        self.tell(EventKind::Gone(slot));
+        // A performance that ends waits for no reply: that one did not come says nothing of the device then.
+        if !self.connections.flags.stop.load(Ordering::Acquire) {
+            self.tell(EventKind::Gone(slot));
+        }
         self.returns_at[slot] = None;
         for at in 0..self.slots[slot].axes.len() {
             let (_, hand) = self.slots[slot].axes[at];

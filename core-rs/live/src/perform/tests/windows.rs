@@ -7,8 +7,10 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Sender, channel};
 
+use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::But;
+use ergon_engine::simulation::Takeover;
 use ergon_view::motion::{self, MAGIC};
 use ergon_view::payload::kind;
 use ergon_view::read::MotionFile;

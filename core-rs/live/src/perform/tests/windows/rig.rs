@@ -9,8 +9,6 @@ use ergon_engine::simulation::Look;
 use super::*;
 
 pub(super) const FPS: f64 = 60.0;
-/// After which a test gives up; nothing is judged by it.
-pub(super) const PATIENCE: Duration = Duration::from_secs(120);
 pub(super) const CELLS: usize = 12;
 
 /// Cells that swing freely, and a skin that a hammer falls on.
@@ -166,15 +164,6 @@ pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
     }
 }
 
-pub(super) fn config(audio: &str) -> PlaybackConfig {
-    PlaybackConfig {
-        audio: audio.parse().unwrap(),
-        input: InputConfig::default(),
-        ahead: None,
-        record: None,
-    }
-}
-
 pub(super) fn served(limits: Limits) -> Arc<Server> {
     let options = ergon_view::serve::Options {
         at: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
@@ -239,7 +228,7 @@ impl Shown {
 
     pub(super) fn end(self) {
         drop(self.player);
-        self.this.close(Duration::from_secs(10)).unwrap();
+        self.this.close(PATIENCE).unwrap();
     }
 }
 

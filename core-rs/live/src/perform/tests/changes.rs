@@ -1,0 +1,153 @@
+//! Versions that take over, and frames that are computed finer.
+
+use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
+use ergon_engine::law::Law;
+use ergon_engine::simulation::Takeover;
+
+use super::*;
+
+/// Versions that strike otherwise, one of them too late: what is heard is what a replay of them gives, and no tick
+/// allocates.
+#[test]
+fn changes_are_done_at_their_frames() {
+    let path = std::env::temp_dir().join(format!("ergon-changes-{}.wav", std::process::id()));
+    let config = config(&format!("file:{}", path.display()));
+    let (every, n_ticks) = (EVERY as u64, 600_u64);
+    let mut offline = simulation(&[], 0);
+    let stage = Stage {
+        simulation: offline.fork(),
+        n_frames: Some(n_ticks * every),
+        ..stage()
+    };
+    let mixer = |gain: f64| {
+        let mut mixer = Mixer::new(RATE, 1, 2);
+        mixer.route(0, 0, gain, None).unwrap();
+        mixer.route(0, 1, 0.5, Some(8.0)).unwrap();
+        mixer
+    };
+    let frames = [100, 250, 90, 300].map(|tick| tick * every);
+    let struck = [&[0.15][..], &[0.15, 0.3, 0.35], &[0.2], &[0.4]];
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    let versions = frames.map(|from| {
+        simulation(
+            struck[frames.iter().position(|at| *at == from).unwrap()],
+            from,
+        )
+    });
+    player.begin();
+    reset_violation_count();
+    let mut tick_by_hand = |ticks: u64| {
+        assert_no_alloc(|| (0..ticks).for_each(|_| assert!(player.tick())));
+    };
+    tick_by_hand(50);
+    let change = |at: usize, old: &Simulation, gain: f64| Change {
+        simulation: Some((versions[at].fork(), Takeover::new(old, &versions[at]))),
+        mixer: Some(mixer(gain)),
+        gain: Some(0.7),
+        bars: Some(vec![0, 1_000]),
+        ..Change::default()
+    };
+    let first = this.change(frames[0], change(0, &offline, 0.9)).unwrap();
+    tick_by_hand(70);
+    let late = this
+        .change(frames[2], change(2, &versions[0], 0.1))
+        .unwrap();
+    let second = this
+        .change(frames[1], change(1, &versions[0], 0.4))
+        .unwrap();
+    let of_another = this
+        .change(frames[3], change(3, &simulation(&[], 0), 0.2))
+        .unwrap();
+    assert!(this.change(frames[1] + 1, Change::default()).is_err());
+    assert!(
+        this.change(frames[1], change(0, &offline, 1.0)).is_err(),
+        "begins elsewhere"
+    );
+    tick_by_hand(n_ticks - 120);
+    while player.tick() {}
+    assert_eq!(violation_count(), 0);
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| (event.frame, event.kind))
+        .collect();
+    assert_eq!(
+        events,
+        [
+            (frames[0], EventKind::Changed(first)),
+            (120 * every, EventKind::Late(late)),
+            (frames[1], EventKind::Changed(second)),
+            (frames[3], EventKind::Late(of_another)),
+        ]
+    );
+    player.connections.feed.close();
+    drop(player);
+    this.close(PATIENCE).unwrap();
+
+    let mut sound = Vec::new();
+    let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
+    let (mut mix, mut gain) = (mixer(1.0), ergon_engine::mix::glide::Glide::new(RATE, 1.0));
+    for tick in 0..n_ticks {
+        for (at, part) in [(0, 0.9), (1, 0.4)] {
+            if tick * every == frames[at] {
+                let mut next = versions[at].fork();
+                let mut takeover = Takeover::new(&offline, &next);
+                assert!(next.take_over(&mut offline, &mut takeover));
+                offline = next;
+                let mut other = mixer(part);
+                other.take_over(&mut mix, None);
+                mix = other;
+                gain.set(0.7);
+            }
+        }
+        for hand in 0..2 {
+            offline.hold(hand, 1e-6 * (tick % 1_000) as f64, None);
+        }
+        let (mut heard, mut mixed) = (vec![0.0; EVERY], vec![0.0; 2 * EVERY]);
+        offline.process(&mut heard).unwrap();
+        mix.process(&heard, &mut mixed);
+        gain.apply(tick * every, &mut mixed, 2);
+        limiter.process(&mut mixed);
+        sound.extend(mixed.iter().map(|x| (*x as f32).to_bits()));
+    }
+    let latency = 2 * limiter.latency();
+    let played = taken(&path, sound.len());
+    assert_eq!(played[..sound.len() - latency], sound[latency..]);
+    assert!(played.iter().any(|x| *x != 0));
+}
+
+/// A spring that is struck until it stiffens beyond what a frame bears: it plays on, and it is told once.
+#[test]
+fn what_is_computed_finer_is_told_once() {
+    let mut network = Network::new();
+    network.part("stiff", None);
+    let wall = network.sol("wall", 0.0).unwrap();
+    let mass = network.mas("m", 1e-3, 0.0, 0.0).unwrap();
+    let law = Arc::new(Law::hardening(500.0, 1e10, 0.05).unwrap());
+    network.lnl("l", wall, mass, law, 0.0).unwrap();
+    let (first, len, weight) = (mass, 1, 1.0);
+    let term = Term::Position { first, len, weight };
+    network.listen("out", vec![term]).unwrap();
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    timeline.open();
+    for at in [0.01, 0.5] {
+        timeline.strike(&network, mass, at, 1.0, 0).unwrap();
+    }
+    let plan = Plan::plain(Arc::new(network), &timeline, false).unwrap();
+    let stage = Stage {
+        simulation: Simulation::planned(Arc::new(plan), OPTIONS).unwrap(),
+        hands: Vec::new(),
+        ..stage()
+    };
+    let config = config("null:fast");
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    player.begin();
+    reset_violation_count();
+    assert_no_alloc(|| (0..1_000).for_each(|_| assert!(player.tick())));
+    assert_eq!(violation_count(), 0);
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| event.kind)
+        .collect();
+    assert_eq!(events, [EventKind::Finer]);
+    assert_eq!((this.status().finer, this.status().muted), (1, 0));
+    drop(player);
+    this.close(PATIENCE).unwrap();
+}

@@ -1,0 +1,204 @@
+//! Keys: what they bear, what leads them, and how they are lost and found.
+
+use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
+
+use super::*;
+use crate::recording::{Axis, flag, read};
+
+/// What may lead a hand counts before it does: a key that could not bear it gets less force.
+#[test]
+fn a_loose_guide_is_borne() {
+    let scale = |guidance: Option<(f64, bool)>| {
+        let hand = Hand {
+            guidance: guidance.map(|(k, loose)| Guidance { k, z: 0.0, loose }),
+            response: vec![0.0; 400],
+            ..Hand::default()
+        };
+        let response = hand.response.clone();
+        HandKey::all(&keyboard(0, 0), &[hand])[0]
+            .limit(&response)
+            .scale
+    };
+    assert_eq!(scale(None), 1.0);
+    assert_eq!(scale(Some((100.0, true))), 1.0);
+    // The key bears 2b/T = 2 kN/m.
+    let least = scale(Some((5e3, true)));
+    assert!((0.3..0.5).contains(&least), "{least}");
+    assert_eq!(least, scale(Some((5e3, false))));
+}
+
+/// What a calibration says of a key counts where its device tells nothing, and where less is stable by it.
+#[test]
+fn a_measured_key_bears_what_it_was_measured_for() {
+    let limit = |measured: Option<MeasuredKey>| {
+        let hand = Hand {
+            response: vec![4e3; 1],
+            measured,
+            ..Hand::default()
+        };
+        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&hand))[0].limit(&hand.response)
+    };
+    let measured = |mass, damping, delay| {
+        limit(Some(MeasuredKey {
+            mass,
+            damping,
+            delay,
+        }))
+        .limit
+    };
+    let told = limit(None).limit;
+    // The device tells 1 N·s/m and no delay; a file does not make it safer than that.
+    assert_eq!(measured(0.05, 2.0, None), told);
+    assert_eq!(measured(10.0, 1.0, Some(0.0)), told);
+    assert!(measured(0.05, 0.5, None) < 0.6 * told);
+    assert!(measured(0.05, 1.0, Some(1e-3)) < 0.5 * told);
+    // A delay that was measured as a little more than a tick is that tick.
+    let ticks = |delay| measured(0.05, 1.0, Some(delay));
+    assert_eq!(ticks(1.01e-3), ticks(0.99e-3));
+    assert!(ticks(2e-3) < ticks(1e-3));
+}
+
+/// A guide that is taken up and let go: the key goes where it leads, and back.
+#[test]
+fn a_key_is_led_and_let_go() {
+    let config = config("null:fast");
+    let mut stage = stage();
+    for hand in &mut stage.hands {
+        hand.standin = vec![0.0];
+        hand.reach = 0.0; // the scene is out of it
+        hand.guidance = Some(Guidance {
+            k: 500.0,
+            z: 1.0,
+            loose: true,
+        });
+    }
+    let (mut this, mut player) =
+        Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
+    player.begin();
+    let step = |at, share| GuidanceStep { at, share };
+    let all = GuidanceShare { k: 1.0, z: 1.0 };
+    let change = |x: f64, steps: Vec<GuidanceStep>| Change {
+        standins: Some(vec![vec![x], vec![0.0]]),
+        guidance_steps: Some(vec![steps, Vec::new()]),
+        ..Change::default()
+    };
+    let at = |tick: u64| tick * EVERY as u64;
+    let led = change(
+        4e-3,
+        vec![step(0, all), step(3_000, GuidanceShare::default())],
+    );
+    this.change(at(500), led).unwrap();
+    this.change(at(2_000), change(-3e-3, vec![step(0, all)]))
+        .unwrap();
+    this.change(
+        at(4_000),
+        change(-3e-3, vec![step(0, GuidanceShare::default())]),
+    )
+    .unwrap();
+    let mut x = Vec::new();
+    reset_violation_count();
+    for _ in 0..TICKS {
+        assert!(assert_no_alloc(|| player.tick()));
+        x.push(player.movers[0].x);
+    }
+    assert_eq!(violation_count(), 0);
+    let status = this.status();
+    drop(player);
+    this.close(PATIENCE).unwrap();
+    assert!(x[..500].iter().all(|x| *x == 0.0));
+    assert!((x[1_990] - 4e-3).abs() < 1e-5, "{}", x[1_990]);
+    // The second change took the steps of the first away.
+    assert!((x[3_990] + 3e-3).abs() < 1e-5, "{}", x[3_990]);
+    // Nothing but the lead moves it: it stays, and gets no force.
+    assert!((x[5_990] - x[4_300]).abs() < 1e-5, "{}", x[5_990]);
+    assert_eq!(status.hands[0].sent, 0.0);
+    assert!(status.hands[0].real);
+}
+
+/// A key is pulled out and comes back, a panic is called and taken back, the gain changes, all is recorded.
+#[test]
+fn a_tick_does_not_allocate() {
+    let path = std::env::temp_dir().join(format!("ergon-ticks-{}.take", std::process::id()));
+    let axis = |player: &str| Axis {
+        player: player.into(),
+        key: "k".into(),
+    };
+    let header = Header {
+        rate: RATE,
+        frames: EVERY as u32,
+        axes: vec![axis("ada"), axis("remi")],
+        about: "{}".into(),
+    };
+    let config = PlaybackConfig {
+        record: Some((path.clone(), header)),
+        ..config("null:fast")
+    };
+    let boards = vec![keyboard(0, u32::MAX), keyboard(1, 1_000)];
+    let (mut this, mut player) = Performance::prepare(stage(), boards, config).unwrap();
+    player.begin();
+    // From here on the second key gets no force: nor does the one that comes back in its place.
+    let none = vec![Bound { at: 0, scale: 0.0 }];
+    let change = Change {
+        bounds: Some(vec![Vec::new(), none]),
+        ..Change::default()
+    };
+    this.change(500 * EVERY as u64, change).unwrap();
+    reset_violation_count();
+    assert_no_alloc(|| {
+        for tick in 0..TICKS {
+            assert!(player.tick());
+            match tick {
+                // The key is looked for by a thread that waits; ticks here do not, until it is found.
+                2_000 => {
+                    while !player.slots[1].is_there() && player.connections.commands.is_empty() {
+                        std::thread::yield_now();
+                    }
+                }
+                3_000 => assert!(this.gain(0.5)),
+                4_000 => this.panic(),
+                4_500 => this.release(),
+                _ => {}
+            }
+        }
+    });
+    assert_eq!(violation_count(), 0);
+    assert_eq!(this.status().ticks, TICKS);
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| event.kind)
+        .collect();
+    let changed = EventKind::Changed(1);
+    assert_eq!(
+        events,
+        [
+            changed,
+            EventKind::Gone(1),
+            EventKind::Back(1),
+            EventKind::TookOver(1)
+        ]
+    );
+    drop(player);
+    this.close(PATIENCE).unwrap();
+    let recording = read(&path, None).unwrap();
+    std::fs::remove_file(path).unwrap();
+    assert_eq!(recording.dropped, 0);
+    assert_eq!(recording.ticks.len() as u64, TICKS);
+    let stood_in: Vec<_> = recording
+        .samples
+        .chunks(2)
+        .map(|row| {
+            row.iter()
+                .map(|axis| axis.flags & flag::STAND_IN)
+                .sum::<u8>()
+        })
+        .collect();
+    let from = stood_in.iter().position(|stood| *stood != 0).unwrap();
+    let to = stood_in.iter().rposition(|stood| *stood != 0).unwrap();
+    // The first position comes without a force; a bar is 4,410 frames.
+    assert_eq!(from, 1_001);
+    assert!((to + 1) * EVERY % 4_410 < EVERY, "{to}");
+    assert!(stood_in[from..=to].iter().all(|stood| *stood != 0));
+    assert!(recording.samples.iter().any(|axis| axis.sent.abs() > 1e-3));
+    let second = recording.samples.iter().skip(1).step_by(2);
+    assert!(second.clone().take(480).any(|axis| axis.sent != 0.0));
+    assert!(second.skip(501).all(|axis| axis.sent == 0.0));
+}
