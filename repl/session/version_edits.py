@@ -34,6 +34,7 @@ from ergon.scores.edits import (
 )
 from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
+from ergon.scores.gesture import space_path
 from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
@@ -343,6 +344,10 @@ def summary(command: c.Command, made: Running, where: str) -> str:
 
 def _defined(command: c.Define, made: Running) -> str:
     piece = made.version.piece
+    axes = [name for name in space_path.names(command.name, 3) if name in piece.gestures]
+    if command.name not in piece.gestures:
+        n_points = max(len(piece.gestures[name].points) for name in axes)
+        return f"{command.name}: a path in space of {n_points} points, played by {', '.join(axes)}"
     gesture = piece.gestures[command.name]
     said = f"{command.name}: {len(gesture.points)} points"
     last = gesture.points[-1].at
