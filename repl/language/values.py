@@ -158,7 +158,8 @@ OTHER_PLAYER = another(PLAYER, "player")
 SOUNDING = name("an instrument or a player", "instruments", "players")
 ANYTHING = name(
     "a name of this score",
-    *("gestures", "phrases", "takes", "players", "keys", "instruments", "marks", "blocks"),
+    *("gestures", "paths", "phrases", "takes", "players", "keys", "instruments", "marks"),
+    "blocks",
 )
 MOVING = name("a player, a key or an instrument", "players", "keys", "instruments")
 GESTURE_NAME = Value("a name", _defined, lambda context: listed(context.scope.gestures))

@@ -219,5 +219,5 @@ def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
 
 def _spans(node: Scalar, name: str, play: words.PlayWords, called: list[int]) -> Iterator[Span]:
     """First and last character of a name in a play, whose pattern calls it at some offsets."""
-    for offset in [play.what.offset] if play.what.text == name else sorted({*called}):
+    for offset in [play.what.offset] if _is_named(play.what.text, name) else sorted({*called}):
         yield _span(node, offset, len(name))

@@ -7,7 +7,7 @@ what is wrong in it is told of by the same sentences.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -43,9 +43,9 @@ def axes(text: str) -> int:
     return 1 if found is None else found[1].count(",") + 1
 
 
-def names(name: str, n_axes: int) -> tuple[str, ...]:
-    """What the gesture along each axis is called: `pour.x`, `pour.y`."""
-    return tuple(f"{name}.{axis}" for axis in AXES[:n_axes])
+def played(name: str, known: Container[str]) -> tuple[str, ...]:
+    """The names by which a gesture is played: its own, or of a path those of its axes, `pour.x`."""
+    return tuple(one for one in (name, *(f"{name}.{axis}" for axis in AXES)) if one in known)
 
 
 def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> tuple[Notation, ...]:

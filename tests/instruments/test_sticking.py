@@ -5,7 +5,7 @@ import pytest
 from checked import check, found
 from oracle import matter
 
-from ergon.scores.staging.stage import stage
+from ergon.scores.staging.stage import StageError, stage
 
 RATE = 44_100
 
@@ -76,7 +76,6 @@ def test_what_sticks_parts_where_the_work_is_there():
     at = TWO.replace("[13mm, 2mm]", f"[{1e3 * (GAP - PULL / STIFF)}mm, 0]")
     for share, parts in ((0.99, False), (1.01, True)):
         sound = heard(at % (f"{share * border}m/s", "a, b", "0Ns/m", ""))
-        assert (sound[-1, 2] - sound[-1, 0] > GAP + REACH) is parts or not parts
         assert bool(np.any(sound[:, 2] - sound[:, 0] > GAP + REACH)) is parts
 
 
@@ -89,29 +88,26 @@ instruments:
     %s
     modules:
       middle: {SOL: {X0: [0, 0, 2cm]}}
-      grains: {GRAINS: {count: 30, M: 15g, from: [-2cm, -2cm, 2mm], to: [2cm, 2cm, 3cm],
+      grains: {GRAINS: {count: 30, M: 15g, from: [-1cm, -1cm, 0], to: [1cm, 1cm, 3cm],
         scatter: 30%%, V0: [0.1m/s, 0, 0]}}
       meet: {BUT: {between: [grains.all, grains.all], K: 1kN/m, gap: 8mm, exponent: %s,
         friction: %s, cohesion: 30mN, reach: 1mm}}
-    out: {meet: {SOF: meet}}
+    out: {meet: {SOF: meet}, x: {SOX: grains.all.x}}
 render: {bits: float, tail: 0.2s}
 """
 
 
 @pytest.mark.parametrize(("exponent", "friction"), [(1, 0), (1.5, 0), (1, 0.4)])
 def test_momentum_and_the_ledger_close(exponent: float, friction: float):
-    made = stage(check(HEAP % ("", exponent, friction)).piece, planned=False)
+    made = stage(check(HEAP % ("", exponent, friction)).piece, planned=False, ledger=True)
     sound = np.empty((made.n_frames, made.simulation.n_out))
     made.simulation.process(sound)
-    network = made.built.network
-    simulation = made.simulation
-    names = [network.name_of(i) for i in range(network.n_mat)]
-    x_axis = [i for i, name in enumerate(names) if ".grains." in name and name.endswith(".x")]
-    speed = np.array(simulation.steps)[x_axis].sum() * made.rate / len(x_axis)
-    assert speed == pytest.approx(0.1, rel=1e-9)
-    ledger = simulation.ledger()
-    whole = ledger.start + ledger.injected + ledger.produced - ledger.stored - ledger.lost
-    assert abs(whole) < 1e-9 * max(abs(ledger.start), abs(ledger.lost), abs(ledger.stored))
+    speed = np.diff(sound[:, 1]) * made.rate / 30
+    np.testing.assert_allclose(speed, 0.1, 1e-8)
+    assert np.abs(sound[:, 0]).max() > 0.01
+    energy = made.simulation.energy()
+    whole = energy.start + energy.injected + energy.produced - energy.stored - energy.lost
+    assert abs(whole) < 1e-9 * max(abs(energy.start), abs(energy.lost), abs(energy.stored))
 
 
 def test_what_sticks_hangs():
@@ -133,7 +129,7 @@ render: {bits: float, tail: 1s}
     z, push = heard(text % "0.2N")[-1]
     weight = 0.01 * 9.81
     assert z == pytest.approx(-0.005 + (0.2 - weight) / 500.0, abs=1e-9)
-    assert push == pytest.approx(weight, rel=1e-6)  # downwards is what a plane above pushes
+    assert push == pytest.approx(-weight, rel=1e-6)  # it pulls
     assert heard(text % "0.09N")[-1, 0] < -1.0
 
 
@@ -196,7 +192,7 @@ HEAD += "      c: {BUT: {between: [nail, bob], K: 1, gap: 1cm, %s}}\n"
         ("box: [1m, 1m, 2cm]", "E105", "wider than twice the gap"),
         ("box: [1m, 1m, 1m], normal: [0, 0, 1]", "E111", "`box` is written too"),
         ("box: [1m, 1m, 1m], side: inside", "E111", "`box` is written too"),
-        ("box: [1m, 1m, 0]", "E105", "box"),
+        ("box: [1m, 1m, 0]", "E202", "box"),
     ],
 )
 def test_mistakes_have_a_sentence(fields: str, code: str, said: str):
@@ -205,8 +201,5 @@ def test_mistakes_have_a_sentence(fields: str, code: str, said: str):
 
 
 def test_too_strong_a_pull_is_refused_with_its_module():
-    from ergon._core import EngineError
-
-    with pytest.raises(EngineError, match="more than K times the gap") as refused:
+    with pytest.raises(StageError, match=r"b\.c: its pull is more than K times the gap"):
         stage(check(HEAD % "cohesion: 11mN, reach: 1mm").piece)
-    assert refused.value.module == "b.c"
