@@ -21,12 +21,13 @@ from ergon.instruments.space.fields import (
     WIDTHS,
 )
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Shape
 
 _Fields = dict[str, Any]
 
 
 # What stands for a list that is refused; 0 elsewhere.
-_FILLED = {COUNTS: 1, WIDTHS: math.inf}
+_FILLED: dict[Shape, float] = {COUNTS: 1, WIDTHS: math.inf}
 
 
 def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:

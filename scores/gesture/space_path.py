@@ -89,7 +89,8 @@ def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
 
 def _along(text: str, points: Sequence[_Brackets], axis: int, curve: str, most: int) -> Notation:
     """The notation along one axis, with places where they are written."""
-    pieces, end = [], 0
+    pieces: list[str] = []
+    end = 0
     # Where each position stands in what is read, beside its brackets and itself as written.
     begins: dict[int, _Stood] = {}
     for start, stop, parts in points:
