@@ -36,6 +36,8 @@ class Assembly:
     mats: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> first MAT
     # (part, module) -> LIAs of a link (of one over a range, and of each in it) or of a generator.
     links: dict[tuple[str, str], range] = field(default_factory=dict)
+    # (part, module) -> LIAs of a box, a range for each wall
+    walls: dict[tuple[str, str], list[range]] = field(default_factory=dict)
     bodies: dict[tuple[str, str], range] = field(default_factory=dict)
     seed: int = 0
     # (part, module) in space -> the MATs of its first point, axis by axis
@@ -128,15 +130,18 @@ class Assembly:
                 continue
             first = self.network.n_lia
             with self._gathering():
-                for one in singles(module):
+                own = list(singles(module))
+                for one in own:
                     self.link(name, one, *one.fields["between"], reach=reach)
+                if module.fields.get("box") is not None:
+                    self.walls[name, module.name] = [self.links[name, one.name] for one in own]
             self.links[name, module.name] = range(first, self.network.n_lia)
 
     def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
         """Add one link between two <M> points, or two points in space; returns its index."""
         if a.points and b.points:
             index = self._link_in_space(module, a, b)
-            self.links[part, module.name] = range(index, index + 1)
+            self.links[part, module.name] = range(index, self.network.n_lia)
             return index
         make = _LINKS[module.kind]
         ends = self.mat(a), self.mat(b)
@@ -150,11 +155,12 @@ class Assembly:
         if is_pairwise(module.kind, fields, (a, b)):
             groups = sorted(((first, a.count), (second, b.count)), key=lambda group: group[1])
             own = _pick(fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core")
+            own |= _pick(fields, "cohesion", "reach")
             own["inside"] = fields.get("side") == "inside"
             own["normal"] = unit(fields.get("normal"))
             return self.network.pairwise(module.name, *groups, **own)
         if module.kind == "BUT":
-            own = _pick(fields, "K", "Z", "gap", "exponent", "clamp")
+            own = _pick(fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach")
             return self.network.space_but(module.name, first, second, **own)
         rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")
         if rest is None:

@@ -100,7 +100,8 @@ class Output:
     """What is heard: a sum of positions (SOX), speeds (SOV), accelerations (SOA) or forces (SOF).
 
     `name` is "" for a lone one. With `nearest`, every member's force goes to the loudspeaker that
-    lies nearest.
+    lies nearest. Where it `is_distance` two points in space are its targets, and how far they are
+    from each other is heard.
     """
 
     name: str
@@ -108,11 +109,12 @@ class Output:
     targets: tuple[Target, ...]
     nearest: Layout | None
     place: Place
+    is_distance: bool = field(default=False, metadata={"hash_omits_empty": True})
 
     @property
     def is_movement(self) -> bool:
-        """Whether masses are heard, not links."""
-        return self.kind != "SOF"
+        """Whether masses are heard, not what lies between them."""
+        return self.kind != "SOF" and not self.is_distance
 
     @property
     def order(self) -> int:

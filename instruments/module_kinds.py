@@ -419,6 +419,9 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "friction": 0.0,
     "apart": None,
     "stretch": 0.0,
+    "box": None,
+    "cohesion": None,
+    "reach": None,
 }
 
 

@@ -58,6 +58,7 @@ class Listening:
     names: tuple[Name, ...]
     nearest: str | None
     place: Place
+    is_distance: bool
 
 
 _HEARD = ListOf(Reference("a module, or several in brackets", ("modules",)), least=1, single=True)
@@ -67,10 +68,16 @@ _SOF = Record(
     (Field("nearest", k.PATH, "a layout of loudspeakers"),),
     kinds={kind: _HEARD for kind in tables("si")},
 )
+DISTANCE = Record(
+    "distance",
+    "the distance of two points in space, of which the position, speed or acceleration is heard",
+    (Field("between", ListOf(_HEARD.item, 2, 2), "two points in space", required=True),),
+)
+_MOVEMENT = Either(_HEARD.item, DISTANCE, _HEARD)
 _LISTENERS: dict[str, Shape] = {
-    "SOX": _HEARD,
-    "SOV": _HEARD,
-    "SOA": _HEARD,
+    "SOX": _MOVEMENT,
+    "SOV": _MOVEMENT,
+    "SOA": _MOVEMENT,
     "SOF": Either(_HEARD.item, _SOF, _HEARD),
 }
 
@@ -80,7 +87,10 @@ def _listening(values: Values) -> Any:
     if value is MISSING:
         return MISSING
     nearest = None
-    if isinstance(value, Values):  # SOF: {BUT: b} or {nearest: file}
+    is_distance = isinstance(value, Values) and value.record is DISTANCE
+    if is_distance:
+        value = value["between"] or ()
+    elif isinstance(value, Values):  # SOF: {BUT: b} or {nearest: file}
         nearest = value["nearest"]
         if (nearest is None) == (not value.kind):
             values.error("E111", "SOF names a link by its kind, or a layout: nearest", values.kind)
@@ -88,7 +98,7 @@ def _listening(values: Values) -> Any:
         value = value.given.get(value.kind, ()) if value.kind else ()
     names = (value,) if isinstance(value, Name) else value
     place = values.place_of(values.kind)
-    return Listening(values.context.name, values.kind, names, nearest, place)
+    return Listening(values.context.name, values.kind, names, nearest, place, is_distance)
 
 
 _LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
@@ -501,7 +511,14 @@ def instrument(values: Values) -> Instrument:
         )
         values.error("E111", message, "modules")
     outputs = tuple(
-        Output(output.name, output.kind, output.names, output.nearest, output.place)
+        Output(
+            output.name,
+            output.kind,
+            output.names,
+            output.nearest,
+            output.place,
+            output.is_distance,
+        )
         for output in values["out"] or ()
     )
     pitch = None if values.kind else named_pitch(values)

@@ -178,11 +178,13 @@ def outputs(
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
         who = f"{output.kind} of {quote(called)}"
-        family = "mats" if output.is_movement else "links"
+        family = "point" if output.is_distance else "mats" if output.is_movement else "links"
         names: tuple[Any, ...] = output.targets
         each = (one for name in names for one in _each(name, part, part_names))
         found = (_output_target(name, family, who, part, part_names) for name in each)
         targets = tuple(target for target in found if target is not None)
+        if output.is_distance and not _is_distance(targets, who, part_names):
+            continue
         room = None
         if isinstance(output.nearest, str):
             room = layout(output.nearest, output.place)
@@ -191,6 +193,22 @@ def outputs(
                 part_names.collector.error("E304", message, output.place)
         result.append(replace(output, targets=targets, nearest=room))
     return tuple(result)
+
+
+def _is_distance(targets: tuple[Target, ...], who: str, part_names: PartNames) -> bool:
+    """Whether there are two points of one space, which have a distance; reports."""
+    if len(targets) != 2:
+        return False
+    a, b = targets
+    axes = [part_names.parts[end.part].axes for end in targets]
+    problem = ""
+    if _point(a) == _point(b):
+        problem = f"both points are {b.text}; a distance is that of two different points"
+    elif axes[0] != axes[1]:
+        problem = f"{quote(a.text)} has {axes[0]} axes and {quote(b.text)} {axes[1]}"
+    if problem:
+        part_names.collector.error("E304", f"{who}: {problem}", b.place)
+    return not problem
 
 
 def _each(name: Name, part: Part, part_names: PartNames) -> list[Name]:

@@ -14,6 +14,7 @@ from ergon import _core
 from ergon.instruments.members import PATTERN
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
+from ergon.instruments.space import AXES
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Either, ListOf
@@ -83,17 +84,21 @@ def is_pairwise(kind: str, fields: Mapping[str, Any], ends: Sequence[Target]) ->
 
 
 def has_wall(fields: Mapping[str, Any]) -> bool:
-    """Whether the first end of a contact in space is a plane, or a sphere around the other."""
-    return fields.get("normal") is not None or fields.get("side") == "inside"
+    """Whether the first end of a contact in space is a plane, or a sphere or a box around."""
+    is_plane = fields.get("normal") is not None or fields.get("box") is not None
+    return is_plane or fields.get("side") == "inside"
 
 
 def singles(module: Module) -> Iterator[Module]:
     """The links of which a link over a range is made, `bridge.0` and so on; itself if it is one.
 
-    What acts between all points of two ranges is one link.
+    What acts between all points of two ranges is one link; a box is one for each wall.
     """
     ends = module.fields["between"]
     n, gap = size(ends), module.fields.get("gap")
+    if module.fields.get("box") is not None:
+        yield from _walls(module)
+        return
     if n == 1 or is_pairwise(module.kind, module.fields, ends):
         yield module
         return
@@ -102,6 +107,17 @@ def singles(module: Module) -> Iterator[Module]:
         if isinstance(gap, tuple):
             fields["gap"] = gap[i]
         yield replace(module, name=f"{module.name}.{i}", fields=fields)
+
+
+def _walls(module: Module) -> Iterator[Module]:
+    """The walls of a box, two for each axis: planes that face its middle."""
+    widths = module.fields["box"]
+    for axis, width in enumerate(widths):
+        for sign, side in ((1.0, "from"), (-1.0, "to")):
+            normal = tuple(sign if other == axis else 0.0 for other in range(len(widths)))
+            own = {"box": None, "normal": normal, "gap": module.fields["gap"] - 0.5 * width}
+            name = f"{module.name} {side} {AXES[axis]}"
+            yield replace(module, name=name, fields={**module.fields, **own})
 
 
 def _member(end: Target, i: int) -> Target:

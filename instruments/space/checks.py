@@ -5,6 +5,7 @@ Each check reports, and leaves fields of which a module can be built.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -17,10 +18,16 @@ from ergon.instruments.space.fields import (
     MIDDLE,
     PLACE,
     VELOCITY,
+    WIDTHS,
 )
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Shape
 
 _Fields = dict[str, Any]
+
+
+# What stands for a list that is refused; 0 elsewhere.
+_FILLED: dict[Shape, float] = {COUNTS: 1, WIDTHS: math.inf}
 
 
 def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
@@ -28,12 +35,12 @@ def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
     for field in values.record.fields:
         value = fields[field.name]
         wanted = axes - 1 if field.shape == MIDDLE else axes
-        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE, COUNTS)
+        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE, COUNTS, WIDTHS)
         if is_vector and value is not None and len(value) != wanted:
             called = " and ".join(filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1])))
             message = f"{values.context.of(field.name)}: the number of items is {len(value)}, but "
             values.error("E106", f"{message}must be {wanted}: {called}", field.name)
-            fields[field.name] = (1,) * wanted if field.shape == COUNTS else (0.0,) * wanted
+            fields[field.name] = (_FILLED.get(field.shape, 0.0),) * wanted
     if kind in _CHECKS:
         _CHECKS[kind](fields, values)
     if "sides" in fields or "span" in fields:
@@ -53,7 +60,7 @@ def _size(kind: str, fields: _Fields, values: Values) -> None:
 
 
 def _wall(fields: _Fields, values: Values) -> None:
-    """Only a plane has a gap below 0; its normal has a direction, and it has no inside."""
+    """Walls have what they need; only a plane has a gap below 0. What sticks says how far."""
     if fields["normal"] is None:
         if (fields["gap"] or 0.0) < 0.0:
             values.error("E105", f"{values.context.of('gap')}: it must not be negative", "gap")
@@ -61,6 +68,24 @@ def _wall(fields: _Fields, values: Values) -> None:
     elif _has_direction(fields, values) and fields["side"] == "inside":
         message = f"{values.context.of('side')}: a plane has no inside; turn its normal round"
         values.error("E111", message, "side")
+    if fields["box"] is not None:
+        _box(fields, values)
+    alone = [name for name in ("cohesion", "reach") if fields[name] is None]
+    if len(alone) == 1:
+        written = "reach" if alone == ["cohesion"] else "cohesion"
+        message = f"{values.context.of(written)}: `{alone[0]}` is missing; a contact that sticks "
+        values.error("E103", f"{message}has both", written)
+        fields.update(cohesion=None, reach=None)
+
+
+def _box(fields: _Fields, values: Values) -> None:
+    """A box is the only wall of its contact, and wider than what touches it."""
+    if extra := values.written("normal", "side"):
+        message = f"{values.context.of(extra[0])}: `box` is written too; keep one of the two"
+        values.error("E111", message, extra[0])
+    if any(width <= 2 * (fields["gap"] or 0.0) for width in fields["box"]):
+        message = f"{values.context.of('box')}: it must be wider than twice the gap"
+        values.error("E105", message, "box")
 
 
 def _grains(fields: _Fields, values: Values) -> None:

@@ -16,6 +16,7 @@ PLACE = ListOf(k.POSITION, 2, 3)
 MIDDLE = ListOf(k.POSITION, 1, 2)
 VELOCITY = ListOf(k.SPEED, 2, 3)
 DIRECTION = ListOf(k.NUMBER, 2, 3)
+WIDTHS = ListOf(k.SIZE, 2, 3)
 SIDES = ListOf(k.integer(1, 2_000, "40"), 2, 2)
 COUNTS = ListOf(k.integer(1, 2_000, "8"), 2, 3)
 
@@ -145,7 +146,8 @@ def tables(
         Field(
             "file",
             k.PATH,
-            "a Wavefront OBJ file: its vertices are points, edges of its faces and lines springs",
+            "a Wavefront OBJ or a glTF file: its vertices are points, edges of its faces and lines "
+            "springs",
             required=True,
         ),
         whole,
@@ -232,6 +234,13 @@ def tables(
             "the second",
             shown="a sphere",
         ),
+        Field(
+            "box",
+            WIDTHS,
+            "the second end is held in a box around the first: how wide it is along each axis; gap "
+            "is the distance of a wall at which they touch",
+            shown="none",
+        ),
         Field("exponent", k.EXPONENT, "power of the depth (1.5: Hertz)", 1.0),
         Field("clamp", k.TRUTH, "never pull at the exit", False),
         Field(
@@ -240,6 +249,18 @@ def tables(
             "coefficient of dry friction across the line of the contact: its greatest force as a "
             "share of the push",
             0.0,
+        ),
+        Field(
+            "cohesion",
+            k.FORCE,
+            "how strongly the contact also pulls: what has touched sticks",
+            shown="none",
+        ),
+        Field(
+            "reach",
+            k.SIZE,
+            "how far beyond touching it pulls, evenly less and less",
+            shown="needed with cohesion",
         ),
     )
     return {

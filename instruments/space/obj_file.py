@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
 from itertools import pairwise
 
-from ergon.notation.tables.fields import Values
+from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mistake, ObjMesh
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
-
-MAX_POINTS = 100_000
-MAX_EDGES = 300_000
-MOST = 1e6  # of a coordinate, in units of the file
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
@@ -22,39 +17,11 @@ _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
 _OTHER = frozenset(["vt", "vn", "o", "g", "s", "usemtl", "mtllib"])
 
 
-@dataclass(frozen=True, slots=True)
-class ObjMesh:
-    """Points (n, 3), in units of the file, and edges (n_edges, 2), each once, in their order."""
+class Reader:
+    """Reads a file line by line."""
 
-    points: tuple[tuple[float, float, float], ...]
-    edges: tuple[tuple[int, int], ...]
-
-
-def from_file(
-    values: Values, read: Callable[[str, Place], Document | None], collector: Collector
-) -> Values:
-    """The fields of a MESH with the mesh of the file that it names; reports."""
-    name = values.given.get("file")
-    if not isinstance(name, str):
-        return values
-    document = read(name, values.place_of("file"))
-    mesh = None
-    if document is not None:
-        mesh = _Reader(document, values.context.of("file"), collector).mesh(values.place_of("file"))
-    given = {field: value for field, value in values.given.items() if field != "file"}
-    return replace(values, given=given if mesh is None else {**given, "file": mesh})
-
-
-class _Mistake(Exception):
-    """What is wrong with a line, and the code of the mistake."""
-
-    def __init__(self, message: str, code: str = "E106") -> None:
-        super().__init__(message)
-        self.code = code
-
-
-class _Reader:
     def __init__(self, document: Document, who: str, collector: Collector) -> None:
+        """Of a document; `who` begins its reports."""
         self._document, self._who, self._collector = document, who, collector
         self._points: list[tuple[float, float, float]] = []
         self._edges: dict[tuple[int, int], None] = {}
@@ -64,7 +31,7 @@ class _Reader:
         for number, line in self._lines():
             try:
                 self._line(line.split())
-            except _Mistake as mistake:
+            except Mistake as mistake:
                 place = Place(self._document.file, number, 1)
                 self._collector.error(mistake.code, f"{self._who}: {mistake}", place)
                 return None
@@ -97,31 +64,31 @@ class _Reader:
         elif kind in ("f", "l"):
             self._edges_of(kind, words[1:])
         elif kind and kind not in _OTHER:
-            raise _Mistake(
+            raise Mistake(
                 f"{quote(kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )
 
     def _vertex(self, words: list[str]) -> None:
         if len(words) < 3 or not all(map(_NUMBER.fullmatch, words[:3])):
-            raise _Mistake("a vertex has three numbers, such as v 0 0.5 1")
+            raise Mistake("a vertex has three numbers, such as v 0 0.5 1")
         x, y, z = map(float, words[:3])
         if max(abs(x), abs(y), abs(z)) > MOST:
-            raise _Mistake(f"a coordinate is at most {MOST:,.0f}", "E105")
+            raise Mistake(f"a coordinate is at most {MOST:,.0f}", "E105")
         if len(self._points) == MAX_POINTS:
-            raise _Mistake(f"the file has more than {MAX_POINTS:,} vertices", "E105")
+            raise Mistake(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         self._points.append((x, y, z))
 
     def _edges_of(self, kind: str, words: list[str]) -> None:
         corners = [self._corner(word) for word in words]
         if len(corners) < (3 if kind == "f" else 2):
-            raise _Mistake("a face has three corners or more, a line two")
+            raise Mistake("a face has three corners or more, a line two")
         ends = [*corners, corners[0]] if kind == "f" else corners
         for a, b in pairwise(ends):
             if a == b:
-                raise _Mistake(f"vertex {a + 1} stands twice in a row")
+                raise Mistake(f"vertex {a + 1} stands twice in a row")
             self._edges[min(a, b), max(a, b)] = None
         if len(self._edges) > MAX_EDGES:
-            raise _Mistake(f"the file has more than {MAX_EDGES:,} edges", "E105")
+            raise Mistake(f"the file has more than {MAX_EDGES:,} edges", "E105")
 
     def _corner(self, word: str) -> int:
         """The number of a vertex, from 0 on: counted from 1, or back from the last with a minus."""
@@ -129,7 +96,7 @@ class _Reader:
         number = int(found[1][:20]) if found else 0
         index = number - 1 if number > 0 else len(self._points) + number
         if number == 0 or not 0 <= index < len(self._points):
-            raise _Mistake(
+            raise Mistake(
                 f"{quote(word)} is no vertex that stands before; there are {len(self._points):,}"
             )
         return index

@@ -13,6 +13,7 @@ from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.spread import GAP
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
+from ergon.scores.gesture import space_path
 from ergon.scores.reading.leads import FACTOR, PARAMETERS, whole
 from ergon.scores.reading.piece import Gesture, Piece
 
@@ -40,6 +41,7 @@ class Scope:
     blocks: Mapping[str, str] = field(default_factory=dict)
     rooms: Mapping[str, str] = field(default_factory=dict)
     phrases: Mapping[str, str] = field(default_factory=dict)
+    paths: Mapping[str, str] = field(default_factory=dict)  # in space: their axes are gestures
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -73,6 +75,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         strikes={one.name: "strikes" for one in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},
+        paths=dict.fromkeys(filter(None, map(_path_of, piece.gestures.values())), "path in space"),
         blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
     )
 
@@ -88,6 +91,12 @@ def with_name(scope: Scope, section: str, name: str) -> Scope:
 
 def _lines(block: Sequence[str]) -> str:
     return f"{len(block)} line{'s' if len(block) > 1 else ''}"
+
+
+def _path_of(gesture: Gesture) -> str:
+    """The name of the path in space of which a gesture is an axis; "" where it is none."""
+    is_path = gesture.written is not None and space_path.axes(gesture.written.text) > 1
+    return gesture.name.rpartition(".")[0] if is_path else ""
 
 
 def _about(gesture: Gesture) -> str:

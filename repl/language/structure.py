@@ -176,6 +176,7 @@ def _removable(scope: Scope) -> dict[str, str]:
     sections = (
         scope.players,
         scope.gestures,
+        scope.paths,
         scope.takes,
         scope.instruments,
         scope.marks,
@@ -211,5 +212,5 @@ REMOVABLE = Value(
 )
 RENAMED = v.name(
     "a gesture, a phrase, a take, a player, a block, a key or an instrument",
-    *("gestures", "phrases", "takes", "players", "blocks", "keys", "instruments"),
+    *("gestures", "paths", "phrases", "takes", "players", "blocks", "keys", "instruments"),
 )

@@ -16,7 +16,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
 from ergon.repl.language.notes import note_number
 from ergon.repl.language.scope import Scope, scores_in
-from ergon.scores.gesture import notation
+from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
 from ergon.scores.pattern.words import OPTIONS
@@ -158,7 +158,8 @@ OTHER_PLAYER = another(PLAYER, "player")
 SOUNDING = name("an instrument or a player", "instruments", "players")
 ANYTHING = name(
     "a name of this score",
-    *("gestures", "phrases", "takes", "players", "keys", "instruments", "marks", "blocks"),
+    *("gestures", "paths", "phrases", "takes", "players", "keys", "instruments", "marks"),
+    "blocks",
 )
 MOVING = name("a player, a key or an instrument", "players", "keys", "instruments")
 GESTURE_NAME = Value("a name", _defined, lambda context: listed(context.scope.gestures))
@@ -445,10 +446,17 @@ def transforms(context: CompletionContext) -> Iterator[Completion]:
         yield from (Completion(word, f"for instance {EXAMPLES[word]}") for word in ARITY)
 
 
+def _notation(text: str) -> notation.Notation:
+    """A gesture; of a path in space that along its first axis."""
+    if space_path.axes(text) > 1:
+        return space_path.parse(text, most=MAX_POINTS)[0]
+    return notation.parse(text, most=MAX_POINTS)
+
+
 _METRES = [unit for unit in METRE if unit and unit.isascii()]
 NOTATION = Value(
     "a gesture, such as 0@0 6@1/8 0@1/4",
-    lambda text, *_: notation.parse(text, most=MAX_POINTS),
+    lambda text, *_: _notation(text),
     _points,
 )
 DO = Value(

@@ -15,6 +15,7 @@ from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits import entries
 from ergon.scores.edits.matter import said
 from ergon.scores.edits.positions import END
+from ergon.scores.gesture import space_path
 from ergon.scores.reading import leads
 from ergon.scores.staging.automating import value_on
 from ergon.scores.staging.leading import Led
@@ -58,6 +59,9 @@ def drawn(version: Version, name: str, sounding: Piece, now: float) -> list[str]
     from ergon.view.motion import asked_and_done
 
     piece = version.piece
+    axes = space_path.played(name, piece.gestures)
+    if name not in piece.gestures and axes:
+        return [line for axis in axes for line in drawn(version, axis, sounding, now)]
     if name not in piece.gestures and name not in piece.takes:
         return defined(version, name, sounding, now)
     if not piece.keys:

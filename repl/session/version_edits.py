@@ -34,6 +34,7 @@ from ergon.scores.edits import (
 )
 from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
+from ergon.scores.gesture import space_path
 from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
@@ -214,7 +215,8 @@ def _define_rehearsed(command: c.Define) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         made = with_texts(version, _define(command, version, beat))
-        rehearse(made.piece, command.name)
+        for name in space_path.played(command.name, made.piece.gestures):
+            rehearse(made.piece, name)
         return made
 
     return edit
@@ -343,6 +345,10 @@ def summary(command: c.Command, made: Running, where: str) -> str:
 
 def _defined(command: c.Define, made: Running) -> str:
     piece = made.version.piece
+    if command.name not in piece.gestures:
+        axes = space_path.played(command.name, piece.gestures)
+        n_points = max(len(piece.gestures[name].points) for name in axes)
+        return f"{command.name}: a path in space of {n_points} points, played by {', '.join(axes)}"
     gesture = piece.gestures[command.name]
     said = f"{command.name}: {len(gesture.points)} points"
     last = gesture.points[-1].at

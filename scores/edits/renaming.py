@@ -7,6 +7,7 @@ from collections.abc import Callable, Container, Iterator
 from dataclasses import replace
 
 from ergon.instruments.members import PATTERN
+from ergon.instruments.space import AXES
 from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import Reference, Shape
 from ergon.notation.text import document
@@ -180,8 +181,14 @@ def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
 
 
 def _same(node: Node | None, name: str) -> Iterator[Span]:
-    if isinstance(node, Scalar) and node.text == name:
-        yield node.start, node.end
+    if isinstance(node, Scalar) and _is_named(node.text, name):
+        yield node.start, node.end - len(node.text) + len(name)
+
+
+def _is_named(word: str, name: str) -> bool:
+    """Whether a word is a name, or an axis of what it names: `pour.x`."""
+    head, _, axis = word.rpartition(".")
+    return word == name or (head == name and axis in AXES)
 
 
 def _in_table(part: Scalar, name: str) -> Iterator[Span]:
@@ -203,7 +210,7 @@ def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
     """Note where a name stands in a pattern."""
 
     def note(word: str, at: int) -> str:
-        if word == name:
+        if _is_named(word, name):
             called.append(at)
         return word
 
@@ -212,5 +219,5 @@ def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
 
 def _spans(node: Scalar, name: str, play: words.PlayWords, called: list[int]) -> Iterator[Span]:
     """First and last character of a name in a play, whose pattern calls it at some offsets."""
-    for offset in [play.what.offset] if play.what.text == name else sorted({*called}):
+    for offset in [play.what.offset] if _is_named(play.what.text, name) else sorted({*called}):
         yield _span(node, offset, len(name))

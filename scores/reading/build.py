@@ -10,6 +10,7 @@ from typing import Any, Literal
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
+from ergon.instruments.space import AXES
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.expressions import with_names
@@ -19,7 +20,7 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.gesture import midi_file, notation, take_file
+from ergon.scores.gesture import midi_file, notation, space_path, take_file
 from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import calibration, mixing
@@ -99,28 +100,32 @@ def key(values: Values, files: Files) -> Key:
     return Key(*own, measured=known)
 
 
-def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:
-    """A gesture with its points, at most `room`; None after a report."""
+def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
+    """A gesture with its points, at most `room`, by "" or, of a path in space, by each axis.
+
+    None after a report.
+    """
     if not _one_of(values, ("notation",), ("points",)):
         return None
     name = values.written("notation", "points")[0]
     text = values.given.get(name)
     if not isinstance(text, Scalar):
         return None
-    parse = notation.parse if name == "notation" else notation.parse_table
+
+    def parse(said: str) -> tuple[notation.Notation, ...]:
+        if name == "notation" and space_path.axes(said) > 1:
+            return space_path.parse(said, values["curve"], room)
+        parse_one = notation.parse if name == "notation" else notation.parse_table
+        return (parse_one(said, values["curve"], room),)
+
     try:
-        read = with_names(
-            text, lambda said: _at_start(parse(said, values["curve"], room), said, text)
-        )
+        read = with_names(text, lambda said: [_at_start(one, said, text) for one in parse(said)])
     except TextError as error:
         values.context.text_error(error, text, name, inside=True)
         return None
-    do = values["do"] or ()
-    manner_of_gesture = manner(values.given)
-    context = values.context
-    return Gesture(
-        context.name, read.points, read.bar_checks, do, manner_of_gesture, values.place, text
-    )
+    own = values["do"] or (), manner(values.given), values.place, text
+    made = [Gesture(values.context.name, one.points, one.bar_checks, *own) for one in read]
+    return {"": made[0]} if len(made) == 1 else dict(zip(AXES, made, strict=False))
 
 
 _HIGHPASS = 20.0  # of an input [Hz]

@@ -12,7 +12,7 @@ from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.module_kinds import member_count
 from ergon.instruments.names import Part, PartNames
 from ergon.instruments.read import instrument
-from ergon.instruments.space import obj_file
+from ergon.instruments.space import mesh_file
 from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import lets
 from ergon.notation.tables.fields import Values
@@ -105,7 +105,7 @@ class Matter:
             if owner.kind in ("BANK", "MODES") and body.written("modes"):
                 said = modal.from_file(body, read, moved, self._collector)
             elif owner.kind == "MESH" and body.written("file"):
-                said = obj_file.from_file(body, read, self._collector)
+                said = mesh_file.from_file(body, read, self._collector)
             else:
                 return owner
             return replace(owner, given={**owner.given, owner.kind: said})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ergon.instruments.space import AXES
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import quote
@@ -21,6 +22,7 @@ class Movements:
         self._uses = uses
         self._collector = uses.collector
         self._made: dict[str, Gesture | None] = {}
+        self._paths: dict[str, tuple[str, ...]] = {}  # gestures in space: the names of their axes
         self._room = MAX_EVENTS  # points that gestures may still have
         self.takes: dict[str, TakeFile] = {}
 
@@ -48,6 +50,8 @@ class Movements:
         gestures, takes = self._tables["gestures"], self._tables["takes"]
         if name in gestures:
             self._gesture(name, gestures[name])
+        elif self._is_axis(name):
+            pass
         elif name in takes and melodies.is_midi(takes[name].values):
             self._pressed(name, takes[name])
         elif name in takes:
@@ -59,9 +63,13 @@ class Movements:
     def reach(self, name: Name, who: str) -> bool:
         """Make what `who` plays; False after a report that there is none of that name."""
         is_there = self.play(name)
-        if not is_there:
+        if name in self._paths:
+            axes = ", ".join(self._paths[name])
+            message = f"{who}: {quote(name)} is a path in space; play one of its axes: {axes}"
+            self._collector.error("E304", message, name.place)
+        elif not is_there:
             message = f"{who}: no gesture or take is called {quote(name)}"
-            names = (*self._tables["gestures"], *self._tables["takes"])
+            names = (*self._tables["gestures"], *self.gestures, *self._tables["takes"])
             self._collector.error("E301", message, name.place, word=str(name), names=names)
         return is_there
 
@@ -75,8 +83,22 @@ class Movements:
     def _gesture(self, name: str, entry: Entry) -> None:
         if name not in self._made:
             values, _ = self._uses.resolved("gestures", entry)
-            made = build.gesture(values, self._room) if values is not None else None
-            self._keep(name, made)
+            made = build.gestures(values, self._room) if values is not None else None
+            self._keep(name, (made or {}).get(""))
+            axes = {f"{name}.{axis}": one for axis, one in (made or {}).items() if axis}
+            for called_so, one in axes.items():
+                self._keep(called_so, one)
+            if axes:
+                self._paths[name] = tuple(axes)
+
+    def _is_axis(self, name: str) -> bool:
+        """Whether a name is that of an axis of a path in space, or of one that has mistakes."""
+        head, _, axis = name.rpartition(".")
+        entry = self._tables["gestures"].get(head)
+        if entry is None or axis not in AXES:
+            return False
+        self._gesture(head, entry)
+        return name in self._made or (self._made[head] is None and head not in self._paths)
 
     def _pressed(self, name: str, entry: Entry) -> None:
         """A MIDI take that a hand plays is a gesture."""

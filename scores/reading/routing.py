@@ -70,7 +70,10 @@ def _treated(
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
         help = "listen by SOA: the pressure of a small source goes by its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
-    if route.to == "nearest" and any(out.kind == "SOF" and out.nearest is None for out in heard):
-        message = f"route: `nearest` takes masses, which lie somewhere, and {route.part} gives SOF"
+    if route.to == "nearest" and any(not out.is_movement and out.nearest is None for out in heard):
+        given = "SOF" if any(out.kind == "SOF" for out in heard) else "a distance"
+        message = (
+            f"route: `nearest` takes masses, which lie somewhere, and {route.part} gives {given}"
+        )
         help = "name channels, `to: [1, 2]`, or listen to masses by SOX, SOV or SOA"
         part_names.collector.error("E304", message, route.place, help=help)

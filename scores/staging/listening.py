@@ -214,12 +214,17 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
     positions: list[_Range] = []
     forces: list[_Range] = []
     ground: list[_Range] = []
-    for target in output.targets if name[0] not in listening.silent else ():
+    lengths: list[_Range] = []
+    is_silent = name[0] in listening.silent
+    if output.is_distance and not is_silent:
+        lengths.append((_gauge(assembly, name, output.targets), 1, 1.0))
+    for target in output.targets if not (is_silent or output.is_distance) else ():
         if output.is_movement:
             positions.append(_range(assembly, target))
         elif (target.part, target.module) in assembly.links:
-            links = assembly.links[target.part, target.module]
-            forces.append((links.start + int(target.first), target.count, 1.0))
+            where = target.part, target.module
+            for links in assembly.walls.get(where, [assembly.links[where]]):
+                forces.append((links.start + int(target.first), target.count, 1.0))
         elif (target.part, target.module) in assembly.points:  # a net: all its springs
             springs = assembly.bodies[target.part, target.module]
             forces.append((springs.start, len(springs), 1.0))
@@ -231,8 +236,17 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
         positions=positions,
         forces=forces,
         ground_forces=ground,
+        lengths=lengths,
         order=output.order,
     )
+
+
+def _gauge(assembly: Assembly, name: tuple[str, str], ends: Sequence[Target]) -> int:
+    """A link that does nothing, by whose length a distance is heard; its index."""
+    part, own = name
+    assembly.network.part(part)
+    a, b = (assembly.coordinates(end) for end in ends)
+    return assembly.network.gauge(" ".join(filter(None, (own, "distance"))), a, b)
 
 
 def _range(assembly: Assembly, target: Target) -> _Range:

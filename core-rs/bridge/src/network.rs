@@ -100,13 +100,14 @@ impl Network {
     }
 
     /// An output: a weighted sum over ranges of modules; its speed (order 1) or acceleration (2).
-    #[pyo3(signature = (name, *, positions=Vec::new(), forces=Vec::new(), ground_forces=Vec::new(), order=0))]
+    #[pyo3(signature = (name, *, positions=Vec::new(), forces=Vec::new(), ground_forces=Vec::new(), lengths=Vec::new(), order=0))]
     fn listen(
         &mut self,
         name: &str,
         positions: Ranges,
         forces: Ranges,
         ground_forces: Ranges,
+        lengths: Ranges,
         order: u8,
     ) -> PyResult<usize> {
         let terms =
@@ -122,6 +123,11 @@ impl Network {
             weight,
         }))
         .chain(terms(ground_forces, |(first, len, weight)| Term::Ground {
+            first,
+            len,
+            weight,
+        }))
+        .chain(terms(lengths, |(first, len, weight)| Term::Length {
             first,
             len,
             weight,

@@ -531,10 +531,19 @@ class Network:
         Z: float = 0.0,
         exponent: float = 1.0,
         clamp: bool = False,
+        cohesion: float | None = None,
+        reach: float = 0.0,
     ) -> int:
         """Contacts of points nearer than `gap` [m]; ends and result as `space_ref` has them.
 
-        They push by K·p^exponent + Z·dp/dt at depth p [m]; with `clamp` they never pull.
+        They push by K·p^exponent + Z·dp/dt at depth p [m]; with `clamp` that never pulls. With
+        `cohesion` [N] they pull by that as well, evenly less and less until they are `reach` [m]
+        farther apart than `gap`.
+        """
+    def gauge(self, name: str, a: Sequence[int], b: Sequence[int]) -> int:
+        """A link between two points in space that does nothing, to listen to its length; its index.
+
+        Ends are those of `space_ref`. Raises EngineError where they cannot be joined.
         """
     def pairwise(
         self,
@@ -551,6 +560,8 @@ class Network:
         normal: Sequence[float] | None = None,
         friction: float = 0.0,
         core: float | None = None,
+        cohesion: float | None = None,
+        reach: float = 0.0,
     ) -> int:
         """Contacts between all points of two groups; the index of the first, one for each of `b`.
 
@@ -697,6 +708,7 @@ class Network:
         positions: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         ground_forces: Sequence[ModuleRange | tuple[int, int, float]] = ...,
+        lengths: Sequence[ModuleRange | tuple[int, int, float]] = ...,
         order: int = ...,
     ) -> int:
         """An output; its index.
@@ -704,7 +716,7 @@ class Network:
         It is differentiated `order` times by time: 0, 1 (speed, 7.5 frames late) or 2 (acceleration, 8 frames late).
 
         The output is the sum of weight · position [m] of MATs, weight · force [N] of LIAs on their
-        second point, and weight · K·(x - rest) [N] of CELs.
+        second point, weight · K·(x - rest) [N] of CELs, and weight · length [m] of LIAs in space.
         """
     def name_of(self, index: int) -> str:
         """The name of a MAT as in the score, e.g. `gong.12`."""

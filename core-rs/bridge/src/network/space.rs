@@ -27,6 +27,19 @@ fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)>
     Ok((ends, axes))
 }
 
+/// A contact of power `exponent` and stiffness `k`; with a pull `cohesion` [N] one that sticks.
+fn contact([exponent, k]: [f64; 2], clamp: bool, cohesion: Option<f64>, reach: f64) -> SpaceLaw {
+    match cohesion {
+        None => SpaceLaw::Contact { exponent, clamp },
+        Some(pull) => SpaceLaw::Cohesive {
+            exponent,
+            clamp,
+            sink: pull / k,
+            reach,
+        },
+    }
+}
+
 #[pymethods]
 impl Network {
     /// The distance of two points in space at the beginning [m]; each is the MATs that are its coordinates.
@@ -71,8 +84,14 @@ impl Network {
         self.space(name, [&a, &b], count, law, [K, Z, rest])
     }
 
+    /// A link between two points in space that does nothing: its length can be listened to.
+    fn gauge(&mut self, name: &str, a: Vec<usize>, b: Vec<usize>) -> PyResult<usize> {
+        self.space(name, [&a, &b], 1, SpaceLaw::Gauge, [0.0; 3])
+    }
+
     /// Contacts between `count` pairs of points in space that follow one another, closed where they are nearer than `gap`.
-    #[pyo3(signature = (name, a, b, *, gap, count=1, K=0.0, Z=0.0, exponent=1.0, clamp=false))]
+    /// With `cohesion` [N] they pull as well, until the ends are `reach` [m] farther apart than that.
+    #[pyo3(signature = (name, a, b, *, gap, count=1, K=0.0, Z=0.0, exponent=1.0, clamp=false, cohesion=None, reach=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn space_but(
         &mut self,
@@ -85,9 +104,12 @@ impl Network {
         Z: f64,
         exponent: f64,
         clamp: bool,
+        cohesion: Option<f64>,
+        reach: f64,
     ) -> PyResult<usize> {
-        let law = SpaceLaw::Contact { exponent, clamp };
-        self.space(name, [&a, &b], count, law, [K, Z, gap])
+        let law = contact([exponent, K], clamp, cohesion, reach);
+        let rest = gap + law.reach();
+        self.space(name, [&a, &b], count, law, [K, Z, rest])
     }
 
     /// A law of distance − `rest` between two points in space.
@@ -109,8 +131,8 @@ impl Network {
     /// Contacts between all points of two groups, each (coordinates of its first point, count); the same group twice: between
     /// all its points. With `normal` they touch planes through the points of the first group, with `inside` they are held
     /// in spheres around these. `friction` is the coefficient of dry friction across a contact. With `core` [m] they attract
-    /// each other.
-    #[pyo3(signature = (name, a, b, *, gap=0.0, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None, friction=0.0, core=None))]
+    /// each other. With `cohesion` [N] they pull as well, until the ends are `reach` [m] farther apart than where they touch.
+    #[pyo3(signature = (name, a, b, *, gap=0.0, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None, friction=0.0, core=None, cohesion=None, reach=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn pairwise(
         &mut self,
@@ -126,10 +148,12 @@ impl Network {
         normal: Option<[f64; 3]>,
         friction: f64,
         core: Option<f64>,
+        cohesion: Option<f64>,
+        reach: f64,
     ) -> PyResult<usize> {
         let law = match core {
             Some(core) => SpaceLaw::Attraction { core },
-            None => SpaceLaw::Contact { exponent, clamp },
+            None => contact([exponent, K], clamp, cohesion, reach),
         };
         let measure = match normal {
             Some(normal) => Measure::Plane(normal),

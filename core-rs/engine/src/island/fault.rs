@@ -237,7 +237,9 @@ impl Island {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                     ours[first..first + len].contains(&true)
                 }
-                Term::Force { first, len, .. } => cut[first..first + len].contains(&true),
+                Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
+                    cut[first..first + len].contains(&true)
+                }
             });
             if listens {
                 since.get_or_insert(n);

@@ -123,7 +123,7 @@ impl Gains {
                 Kind::Pairwise { .. } => false, // they have one account together
                 Kind::But(_) => true,
                 Kind::Space(space) => match &space.law {
-                    SpaceLaw::Contact { .. } => true,
+                    law if law.is_contact() => true,
                     SpaceLaw::Lnl { law, .. } => !law.is_active(ACTIVE.0, ACTIVE.1),
                     _ => run.len <= LONGEST,
                 },

@@ -61,7 +61,7 @@ pub(super) fn work(
                 apart: link.between(ends, then),
                 moved: moved[0],
             };
-            let across = contact.sliding(&run.pairs, by[1]);
+            let across = contact.sliding(&run.pairs, by);
             let (force, _) = across.force(history.find(run.points(ends)));
             for (axis, force) in force.into_iter().enumerate() {
                 work.given += 0.5 * (moved[0][axis] + moved[1][axis]) * force;
@@ -80,9 +80,12 @@ pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body)
         if e >= 0.0 {
             return 0.0;
         }
+        let Some([k, _]) = link.law.pressed(k, e, link.law.elastic(k, e)) else {
+            return 0.0;
+        };
         let stretch = difference(link.between(ends, |mat| body.x[mat]), anchor);
         let square: f64 = stretch.iter().map(|part| part * part).sum();
-        0.5 * (link.law.elastic(k, e) / e) * square
+        0.5 * k * square
     };
     history.pairs().map(of).sum()
 }

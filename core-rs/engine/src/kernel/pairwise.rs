@@ -148,7 +148,7 @@ impl Neighbours {
                     + along[1] * (there[1] - step_here[1])
                     + along[2] * (there[2] - step_here[2]);
                 let elastic = law.elastic(by[0], e);
-                let f = law.damped(elastic, by[1] * step);
+                let f = law.damped([by[0], e], elastic, by[1] * step);
                 let mut part = [f * along[0], f * along[1], f * along[2], -share * f];
                 if HAS_FRICTION {
                     let contact = Contact {
@@ -159,8 +159,7 @@ impl Neighbours {
                         apart: difference(self.x[j], here),
                         moved: difference(there, step_here),
                     };
-                    let pull =
-                        contact.pull_across(&run.pairs, by[1], [i as u32, j as u32], history);
+                    let pull = contact.pull_across(&run.pairs, by, [i as u32, j as u32], history);
                     for axis in 0..AXES_MAX {
                         part[axis] += pull[axis];
                     }
@@ -342,12 +341,14 @@ pub(crate) struct Contact {
 }
 
 impl Contact {
-    /// Its friction, where Z of the contact is `z`.
+    /// Its friction, where K and Z of the contact are these: none where it only pulls.
     #[inline(always)]
-    pub(crate) fn sliding(&self, pairs: &Pairwise, z: f64) -> Sliding {
+    pub(crate) fn sliding(&self, pairs: &Pairwise, [k, z]: [f64; 2]) -> Sliding {
+        let pressed = pairs.link.law.pressed(k, self.e, self.elastic);
+        let (limit, k) = pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.f).max(0.0), k));
         Sliding {
-            limit: pairs.friction * (-self.f).max(0.0),
-            by: [self.elastic / self.e, z],
+            limit: pairs.friction * limit,
+            by: [k, z],
             apart: self.apart,
             along: self.along,
             moved: self.moved,
@@ -358,11 +359,11 @@ impl Contact {
     fn pull_across(
         &self,
         pairs: &Pairwise,
-        z: f64,
+        by: [f64; 2],
         points: [u32; 2],
         history: &mut ContactHistory,
     ) -> Vector {
-        let (force, anchor) = self.sliding(pairs, z).force(history.anchor(points));
+        let (force, anchor) = self.sliding(pairs, by).force(history.anchor(points));
         history.keep(points, anchor);
         force
     }
@@ -417,7 +418,7 @@ pub(super) fn forces(
             |ends, e, along| {
                 let step = link.stretch(ends, along, |mat| d[mat]);
                 let elastic = link.law.elastic(by[0], e);
-                let f = link.law.damped(elastic, by[1] * step);
+                let f = link.law.damped([by[0], e], elastic, by[1] * step);
                 let mut pull = along.map(|along| f * along);
                 if has_friction {
                     let contact = Contact {
@@ -428,8 +429,7 @@ pub(super) fn forces(
                         apart: link.between(ends, |mat| x[mat]),
                         moved: link.between(ends, |mat| d[mat]),
                     };
-                    let across =
-                        contact.pull_across(&pairs.pairs, by[1], pairs.points(ends), history);
+                    let across = contact.pull_across(&pairs.pairs, by, pairs.points(ends), history);
                     pull = std::array::from_fn(|axis| pull[axis] + across[axis]);
                 }
                 for (axis, pull) in pull.into_iter().enumerate().take(link.n_axes) {

@@ -11,6 +11,11 @@ pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
         let value = |tap: &Tap| match tap {
             Tap::Term(term) => value(scheme, body, term),
             Tap::Scattered { mats, weight } => weight * scattered(&body.x, mats),
+            Tap::Lengths { links, weight } => {
+                let lengths = links.iter();
+                let lengths = lengths.map(|(ends, link)| link.line(*ends, |mat| body.x[mat]).0);
+                weight * lengths.sum::<f64>()
+            }
         };
         *sample = taps.iter().map(value).sum();
     }
@@ -19,6 +24,7 @@ pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
 fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
     match *term {
         Term::Position { first, len, weight } => weight * sum(&body.x[first..first + len]),
+        Term::Length { .. } => 0.0, // a tap of its own
         // The force of a link on its second point is −f.
         Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {

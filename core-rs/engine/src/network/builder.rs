@@ -146,7 +146,9 @@ impl Network {
                 Term::Position { first, len, weight } | Term::Ground { first, len, weight } => {
                     (first, len, weight, self.n_mat())
                 }
-                Term::Force { first, len, weight } => (first, len, weight, self.n_lia),
+                Term::Force { first, len, weight } | Term::Length { first, len, weight } => {
+                    (first, len, weight, self.n_lia)
+                }
             };
             if first.checked_add(len).is_none_or(|end| end > most) {
                 return Err(self.refused(name, "listens to a module that does not exist"));

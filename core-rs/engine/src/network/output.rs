@@ -1,4 +1,4 @@
-//! Outputs: weighted sums of positions and forces.
+//! Outputs: weighted sums of positions, distances and forces.
 
 /// One term of an output: a weight on a range of like modules.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +14,15 @@ pub enum Term {
     },
     /// Forces that LIAs put on their second points [N] (SOF).
     Force {
+        /// First LIA.
+        first: usize,
+        /// How many.
+        len: usize,
+        /// Factor of their sum.
+        weight: f64,
+    },
+    /// What LIAs in space measure, their distance [m] (SOX of a distance).
+    Length {
         /// First LIA.
         first: usize,
         /// How many.
@@ -38,6 +47,7 @@ impl Term {
         match *self {
             Self::Position { weight, .. } => Self::Position { first, len, weight },
             Self::Force { weight, .. } => Self::Force { first, len, weight },
+            Self::Length { weight, .. } => Self::Length { first, len, weight },
             Self::Ground { weight, .. } => Self::Ground { first, len, weight },
         }
     }

@@ -2,7 +2,7 @@
 
 use super::checks::Rule;
 use super::error::Error;
-use super::space::{AXES_MAX, Measure, SpaceLaw, SpaceLink, SpacePoint};
+use super::space::{AXES_MAX, Measure, SINKS, SpaceLaw, SpaceLink, SpacePoint};
 use super::{LinkKind, Network, Run};
 
 /// Contacts or attractions between all pairs of two groups of points. Link i tells of the i-th point of the second group:
@@ -127,8 +127,7 @@ impl Pairwise {
 
     /// Whether pairs are found by where points are; all of them are looked at where they are few, or act from afar.
     pub(crate) fn is_searched(&self) -> bool {
-        let is_contact = matches!(self.link.law, SpaceLaw::Contact { .. });
-        is_contact && self.link.measure == Measure::Distance && self.n_first > 1
+        self.link.law.is_contact() && self.link.measure == Measure::Distance && self.n_first > 1
     }
 
     /// Which points of the second group a point of the first may meet, where all pairs are looked at.
@@ -193,6 +192,7 @@ impl Network {
         }
         self.room(name, b.n)?;
         let first = self.n_lia;
+        let reach = own.law.reach();
         let link = SpaceLink::of(own.law, measure, n_axes, [a.first, b.first]);
         let pairs = Pairwise {
             link,
@@ -203,7 +203,7 @@ impl Network {
         let rest = match measure {
             Measure::Within => -gap,
             Measure::Distance | Measure::Plane(_) => gap,
-        };
+        } + reach;
         let (kind, ends) = (LinkKind::Pairwise(pairs), (a.first.first, b.first.first));
         self.add_run(kind, ends.0, ends.1, b.n, [k, z, rest]);
         let name = self.full_name(name);
@@ -220,7 +220,7 @@ fn refusal(
     gap: f64,
 ) -> Option<&'static str> {
     let (law, measure, friction) = (&own.law, own.measure, own.friction);
-    let is_contact = matches!(law, SpaceLaw::Contact { .. });
+    let is_contact = law.is_contact();
     let attracts = matches!(law, SpaceLaw::Attraction { .. });
     let length = |normal: [f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
     // No two axes share a MAT.
@@ -248,6 +248,8 @@ fn refusal(
         Some("an attraction acts along a distance, without a gap and without friction")
     } else if is_contact && measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")
+    } else if measure == Measure::Distance && law.sinks_beyond(gap) {
+        Some(SINKS)
     } else if matches!(measure, Measure::Plane(normal) if (length(normal) - 1.0).abs() > 1e-9
         || (n_axes == 2 && normal[2] != 0.0))
     {

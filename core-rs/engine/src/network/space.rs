@@ -40,6 +40,20 @@ pub enum SpaceLaw {
         /// Whether it never pulls.
         clamp: bool,
     },
+    /// A contact that sticks: beside its push it pulls by K·sink, and less and less until its ends are `reach` farther than
+    /// where they touch. `rest` is where it lets go.
+    Cohesive {
+        /// Power of the depth, from 1 on.
+        exponent: f64,
+        /// Whether its damping never pulls.
+        clamp: bool,
+        /// Its pull over K [m^exponent]: for an exponent of 1 the depth at which it rests.
+        sink: f64,
+        /// How far beyond touching it pulls [m].
+        reach: f64,
+    },
+    /// Nothing: it is there to be measured.
+    Gauge,
     /// A law of distance − rest and its rate. K and Z of its run are what it is stiff and viscous where it begins, at most.
     Lnl {
         /// The law.
@@ -120,6 +134,10 @@ pub struct SpacePoints<'a> {
     pub z: f64,
 }
 
+/// Why a contact that sticks is refused.
+pub(super) const SINKS: &str =
+    "its pull is more than K times the gap: its ends would rest in each other's place";
+
 /// Distance − rest of a link that is broken.
 const BROKEN: f64 = f64::NEG_INFINITY;
 
@@ -146,10 +164,42 @@ impl SpaceLaw {
         }
     }
 
+    /// Whether it is a contact.
+    #[inline(always)]
+    pub(crate) fn is_contact(&self) -> bool {
+        matches!(self, Self::Contact { .. } | Self::Cohesive { .. })
+    }
+
+    /// How far beyond touching it acts [m].
+    pub fn reach(&self) -> f64 {
+        match self {
+            Self::Cohesive { reach, .. } => *reach,
+            _ => 0.0,
+        }
+    }
+
+    /// Whether it rests deeper than its ends are apart where they touch [m]: then it is stiffer across than along its line.
+    pub(super) fn sinks_beyond(&self, gap: f64) -> bool {
+        matches!(self, Self::Cohesive { exponent: 1.0, sink, .. } if *sink > gap)
+    }
+
     /// Whether it acts at distance − rest `e` [m].
     #[inline(always)]
     pub(crate) fn acts(&self, e: f64) -> bool {
-        !matches!(self, Self::Contact { .. }) || e < 0.0
+        !self.is_contact() || e < 0.0
+    }
+
+    /// Of a contact at distance − rest `e` [m]: how stiffly it pushes for its depth [N/m], and what it pulls beside that
+    /// [N], where its elastic force is `elastic` [N]. `None` where it does not touch.
+    #[inline(always)]
+    pub(crate) fn pressed(&self, k: f64, e: f64, elastic: f64) -> Option<[f64; 2]> {
+        match self {
+            Self::Cohesive { sink, reach, .. } => {
+                let (deep, pull) = (e + reach, k * sink);
+                (deep < 0.0).then(|| [(elastic - pull) / deep, pull])
+            }
+            _ => Some([elastic / e, 0.0]),
+        }
     }
 
     /// Force that pulls the ends together [N], without damping, at distance − rest [m].
@@ -164,6 +214,15 @@ impl SpaceLaw {
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => -k * power_law(-e, *exponent),
+            Self::Cohesive { .. } if e >= 0.0 => 0.0,
+            Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => k * sink * (-e / reach),
+            Self::Cohesive {
+                exponent,
+                sink,
+                reach,
+                ..
+            } => k * (sink - power_law(-(e + reach), *exponent)),
+            Self::Gauge => 0.0,
             Self::Lnl { law, .. } => spring_of(law, e),
         }
     }
@@ -175,16 +234,26 @@ impl SpaceLaw {
             Self::Spring | Self::Yielding { .. } => k * e + z * step,
             Self::Attraction { .. } => self.elastic(k, e) + z * step,
             Self::Contact { .. } if e >= 0.0 => 0.0,
-            Self::Contact { .. } => self.damped(self.elastic(k, e), z * step),
+            Self::Contact { .. } | Self::Cohesive { .. } => {
+                self.damped([k, e], self.elastic(k, e), z * step)
+            }
+            Self::Gauge => 0.0,
             Self::Lnl { law, rate, .. } => force_of(law, e, step * rate),
         }
     }
 
-    /// Force of a contact that pulls the ends together [N], from its elastic and its damping part.
-    pub(crate) fn damped(&self, elastic: f64, damping: f64) -> f64 {
+    /// Force of a contact of stiffness `k` at distance − rest `e` [m] that pulls the ends together [N], from its elastic and
+    /// its damping part.
+    #[inline(always)]
+    pub(crate) fn damped(&self, [k, e]: [f64; 2], elastic: f64, damping: f64) -> f64 {
         let pull = elastic + damping;
         match self {
             Self::Contact { clamp: true, .. } => pull.min(0.0),
+            // What only pulls has no damper.
+            Self::Cohesive { reach, .. } if e + reach >= 0.0 => elastic,
+            Self::Cohesive {
+                clamp: true, sink, ..
+            } => pull.min(k * sink),
             _ => pull,
         }
     }
@@ -201,6 +270,21 @@ impl SpaceLaw {
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => k * power_law(-e, exponent + 1.0) / (exponent + 1.0),
+            // 0 where it has let go, and below 0 where it holds.
+            Self::Cohesive { .. } if e >= 0.0 => 0.0,
+            Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => {
+                -0.5 * k * sink * (e * e) / reach
+            }
+            Self::Cohesive {
+                exponent,
+                sink,
+                reach,
+                ..
+            } => {
+                let (deep, power) = (-(e + reach), exponent + 1.0);
+                k * (power_law(deep, power) / power - sink * (0.5 * reach + deep))
+            }
+            Self::Gauge => 0.0,
             Self::Lnl { law, from, .. } => law.work(*from, e),
         }
     }
@@ -339,7 +423,10 @@ impl LinkKind {
     /// Whether it is seen between its ends: neither a contact nor an attraction.
     pub fn is_drawn(&self) -> bool {
         match self {
-            Self::Space(space) if matches!(space.law, SpaceLaw::Attraction { .. }) => false,
+            Self::Space(SpaceLink {
+                law: SpaceLaw::Attraction { .. } | SpaceLaw::Gauge,
+                ..
+            }) => false,
             Self::Pairwise(_) => false,
             _ => !self.is_contact(),
         }
@@ -361,8 +448,8 @@ impl LinkKind {
     pub fn is_contact(&self) -> bool {
         match self {
             Self::But(_) => true,
-            Self::Space(space) => matches!(space.law, SpaceLaw::Contact { .. }),
-            Self::Pairwise(pairs) => matches!(pairs.link.law, SpaceLaw::Contact { .. }),
+            Self::Space(space) => space.law.is_contact(),
+            Self::Pairwise(pairs) => pairs.link.law.is_contact(),
             _ => false,
         }
     }
@@ -460,6 +547,9 @@ impl Network {
         [k, z, rest]: [f64; 3],
     ) -> Result<usize, Error> {
         self.check_space(name, n_axes, &law, [k, z, rest])?;
+        if law.sinks_beyond(rest - law.reach()) {
+            return Err(self.refused(name, SINKS));
+        }
         if n == 0 || !self.has_points(a, n, n_axes) || !self.has_points(b, n, n_axes) {
             return Err(self.refused(name, "joins a module that does not exist"));
         }
@@ -540,10 +630,17 @@ impl Network {
         {
             return Err(self.refused(name, "the core of an attraction must be above 0"));
         }
-        if let SpaceLaw::Contact { exponent, .. } = law
+        if let SpaceLaw::Contact { exponent, .. } | SpaceLaw::Cohesive { exponent, .. } = law
             && !(1.0..=8.0).contains(exponent)
         {
             return Err(self.refused(name, "the exponent of a contact must be from 1 to 8"));
+        }
+        if let SpaceLaw::Cohesive { sink, reach, .. } = law {
+            let is_number = |value: f64| value > 0.0 && value.is_finite();
+            if !is_number(*sink) || !is_number(*reach) {
+                let message = "a contact that sticks has a stiffness, a pull and a reach above 0";
+                return Err(self.refused(name, message));
+            }
         }
         if !(2..=AXES_MAX).contains(&n_axes) {
             return Err(self.refused(name, "a link in space has two or three axes"));

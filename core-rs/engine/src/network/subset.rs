@@ -292,7 +292,9 @@ impl Subset {
             Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                 (&self.mats, guests, first, len)
             }
-            Term::Force { first, len, .. } => (&self.links, &[][..], first, len),
+            Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
+                (&self.links, &[][..], first, len)
+            }
         };
         // Indices rise, so what lies in the range lies together.
         let local = |whole: usize| known.partition_point(|&index| (index as usize) < whole);

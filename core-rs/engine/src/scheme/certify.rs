@@ -84,8 +84,11 @@ fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
         | SpaceLaw::Yielding { .. }
         | SpaceLaw::Attraction { .. }
         | SpaceLaw::Lnl { .. }
+        // Where a contact pulls it is softer than K along its line, and across it as long as it sinks in by less than a gap.
+        | SpaceLaw::Cohesive { exponent: 1.0, .. }
         | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
-        SpaceLaw::Contact { .. } => c * run.z,
+        SpaceLaw::Contact { .. } | SpaceLaw::Cohesive { .. } => c * run.z,
+        SpaceLaw::Gauge => 0.0,
     }
 }
 

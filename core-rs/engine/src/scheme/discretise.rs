@@ -36,7 +36,9 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         exact: Vec::new(),
         exact_coupled: false,
         outputs: network.outputs().to_vec(),
-        taps: network.outputs().iter().map(super::listen::taps).collect(),
+        taps: (network.outputs().iter())
+            .map(|output| super::listen::taps(network, output))
+            .collect(),
         n_lia: network.n_lia(),
         n_parts: network.parts().len(),
         linear: true,

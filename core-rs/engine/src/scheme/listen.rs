@@ -1,6 +1,6 @@
 //! Terms of outputs → what is summed at every frame: single MATs lie together in one list.
 
-use crate::network::{Output, Term};
+use crate::network::{LinkKind, Network, Output, SpaceLink, Term};
 
 /// Fewer single MATs than this are as quick one by one.
 const TOGETHER: usize = 8;
@@ -14,10 +14,15 @@ pub(crate) enum Tap {
         mats: Vec<u32>,
         weight: f64,
     },
+    /// weight · Σ of the distances of the ends of links, by their first coordinates.
+    Lengths {
+        links: Vec<((usize, usize), SpaceLink)>,
+        weight: f64,
+    },
 }
 
 /// The taps of one output, in the order of its terms.
-pub(super) fn taps(output: &Output) -> Vec<Tap> {
+pub(super) fn taps(network: &Network, output: &Output) -> Vec<Tap> {
     let single = |term: &Term| match *term {
         Term::Position {
             first,
@@ -41,8 +46,26 @@ pub(super) fn taps(output: &Output) -> Vec<Tap> {
                     .collect();
                 taps.push(Tap::Scattered { mats, weight });
             }
-            _ => taps.extend(group.iter().copied().map(Tap::Term)),
+            _ => taps.extend(group.iter().map(|term| tap(network, term))),
         }
     }
     taps
+}
+
+fn tap(network: &Network, term: &Term) -> Tap {
+    let Term::Length { first, len, weight } = *term else {
+        return Tap::Term(*term);
+    };
+    let all = first..first + len;
+    let links = network.runs().iter().flat_map(|run| {
+        let links = run.first.max(all.start)..(run.first + run.len).min(all.end);
+        links.filter_map(move |link| match &run.kind {
+            LinkKind::Space(space) => Some((run.pair(link - run.first, 0), space.clone())),
+            _ => None,
+        })
+    });
+    Tap::Lengths {
+        links: links.collect(),
+        weight,
+    }
 }

@@ -74,7 +74,7 @@ pub(in crate::plan) fn oscillators(
             let (first, len, weight, is_force) = match *term {
                 Term::Position { first, len, weight } => (first, len, weight, false),
                 Term::Ground { first, len, weight } => (first, len, weight, true),
-                Term::Force { .. } => continue,
+                Term::Force { .. } | Term::Length { .. } => continue,
             };
             for (i, own) in all.iter_mut().enumerate().skip(first).take(len) {
                 let weight = weight * if is_force { mats.k[i] } else { 1.0 };

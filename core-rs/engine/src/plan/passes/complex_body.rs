@@ -81,6 +81,7 @@ fn heard(network: &Network) -> (Vec<Sum>, Vec<f64>) {
                         still -= weight * mats.k[i] * mats.rest[i];
                     }
                 }
+                Term::Length { .. } => {} // no links of space are in a body
                 Term::Force { first, len, weight } => {
                     for run in network.runs() {
                         let links = run.first.max(first)..(run.first + run.len).min(first + len);

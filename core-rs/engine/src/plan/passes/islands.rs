@@ -140,7 +140,9 @@ impl ListenedMats {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                     heard.mats[first..first + len].fill(true);
                 }
-                Term::Force { first, len, .. } => heard.links[first..first + len].fill(true),
+                Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
+                    heard.links[first..first + len].fill(true);
+                }
             }
         }
         // What a hand feels is as good as heard.

@@ -119,7 +119,7 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         match *term {
             Term::Force { first, len, .. } => is_inner[first..first + len].fill(false),
             Term::Ground { first, len, .. } => may[first..first + len].fill(false),
-            Term::Position { .. } => {}
+            Term::Position { .. } | Term::Length { .. } => {}
         }
     }
     let mut is_driven = vec![false; n];

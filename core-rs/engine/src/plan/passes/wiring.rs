@@ -85,7 +85,7 @@ impl Wiring {
             match *term {
                 Term::Force { first, len, .. } => (first..first + len).for_each(&mut outer),
                 Term::Ground { first, len, .. } => may[first..first + len].fill(false),
-                Term::Position { .. } => {}
+                Term::Position { .. } | Term::Length { .. } => {}
             }
         }
         Self {

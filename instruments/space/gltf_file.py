@@ -1,0 +1,202 @@
+"""Meshes of glTF files (Khronos, glTF 2.0): vertices are points, edges of triangles springs.
+
+Only files that hold everything themselves (glTF Embedded) are read: a score's texts are all that
+a session and its journal keep. Programs write a vertex several times where its colour or normal
+changes; vertices at one place are one point.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import math
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mistake, ObjMesh
+
+_Point = tuple[float, float, float]
+# Rows of a matrix: what a point's coordinates become, and what is added to them.
+_Matrix = tuple[tuple[float, float, float, float], ...]
+
+MAX_NODES = 10_000
+_WHOLE: _Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+_EMBEDDED = "data:"
+_FLOAT = 5126
+_INDICES = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
+
+
+def read(text: str) -> ObjMesh:
+    """The mesh of a file's scene, its y, which is up, as z. Raises Mistake."""
+    try:
+        root = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise Mistake("it is not the JSON of a glTF file") from error
+    try:
+        return _Reader(root).mesh()
+    except (KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
+        raise Mistake("it is not whole: something that it names is not there") from error
+
+
+class _Reader:
+    def __init__(self, root: Any) -> None:
+        self._root = root
+        version = str(root["asset"]["version"])
+        if version.partition(".")[0] != "2":
+            raise Mistake(f"glTF 2 is read, not version {version[:20]}")
+        for needed in root.get("extensionsRequired", ()):
+            raise Mistake(f"it needs the extension {str(needed)[:60]}, which is not read")
+        self._buffers: dict[int, bytes] = {}
+        self._numbers: dict[_Point, int] = {}
+        self._edges: dict[tuple[int, int], None] = {}
+
+    def mesh(self) -> ObjMesh:
+        """All meshes of the scene as one."""
+        nodes = self._root.get("nodes", [])
+        scenes = self._root.get("scenes")
+        tops = scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
+        waiting = [(_index(top), _WHOLE) for top in (range(len(nodes)) if tops is None else tops)]
+        n_seen = 0
+        while waiting:
+            number, outer = waiting.pop()
+            n_seen += 1
+            if n_seen > MAX_NODES:
+                raise Mistake(f"the scene has more than {MAX_NODES:,} nodes, or contains itself")
+            node = nodes[number]
+            matrix = _product(outer, _placed(node))
+            if "mesh" in node:
+                for part in self._root["meshes"][_index(node["mesh"])]["primitives"]:
+                    self._part(part, matrix)
+            if scenes is not None:
+                waiting += [(_index(child), matrix) for child in node.get("children", ())]
+        if not self._edges:
+            raise Mistake("the scene has no edges; a mesh has triangles or lines")
+        return ObjMesh(tuple(self._numbers), tuple(self._edges))
+
+    def _part(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
+        points = [_moved(matrix, point) for point in self._positions(part)]
+        numbers = [self._number(point) for point in points]
+        corners = self._indices(part["indices"]) if "indices" in part else list(range(len(numbers)))
+        for a, b in _edges(part.get("mode", 4), corners):
+            one, other = numbers[a], numbers[b]
+            if one != other:
+                self._edges[min(one, other), max(one, other)] = None
+        if len(self._edges) > MAX_EDGES:
+            raise Mistake(f"the file has more than {MAX_EDGES:,} edges", "E105")
+
+    def _number(self, point: _Point) -> int:
+        if not max(map(abs, point)) <= MOST:
+            raise Mistake(f"a coordinate is at most {MOST:,.0f}", "E105")
+        number = self._numbers.setdefault(point, len(self._numbers))
+        if number >= MAX_POINTS:
+            raise Mistake(f"the file has more than {MAX_POINTS:,} vertices", "E105")
+        return number
+
+    def _positions(self, part: Mapping[str, Any]) -> Iterator[_Point]:
+        accessor = self._root["accessors"][_index(part["attributes"]["POSITION"])]
+        if (accessor["type"], accessor["componentType"]) != ("VEC3", _FLOAT):
+            raise Mistake("positions are three floats each")
+        yield from self._items(accessor, "<3f", 12)
+
+    def _indices(self, number: Any) -> list[int]:
+        accessor = self._root["accessors"][_index(number)]
+        letter, size = _INDICES[accessor["componentType"]]
+        return [index for (index,) in self._items(accessor, f"<{letter}", size)]
+
+    def _items(self, accessor: Mapping[str, Any], form: str, size: int) -> Iterator[Any]:
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise Mistake("it has sparse values, which are not read")
+        view = self._root["bufferViews"][_index(accessor["bufferView"])]
+        begin = _index(view.get("byteOffset", 0))
+        data = self._buffer(_index(view["buffer"]))[begin : begin + _index(view["byteLength"])]
+        count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
+        if count > 3 * MAX_EDGES:
+            raise Mistake(f"the file has more than {MAX_EDGES:,} edges", "E105")
+        begin = _index(accessor.get("byteOffset", 0))
+        return (struct.unpack_from(form, data, begin + i * step) for i in range(count))
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self._buffers:
+            address = str(self._root["buffers"][number].get("uri", ""))
+            head, comma, data = address.partition(",")
+            if not head.startswith(_EMBEDDED) or not comma or not head.endswith(";base64"):
+                raise Mistake(
+                    "its data is in another file; write it as one file: glTF Embedded (.gltf)"
+                )
+            try:
+                self._buffers[number] = base64.b64decode(data, validate=True)
+            except (binascii.Error, ValueError) as error:
+                raise Mistake("its data is not base64") from error
+        return self._buffers[number]
+
+
+def _index(value: Any) -> int:
+    """A number that counts something; a list is never counted from its end."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise TypeError
+    return value
+
+
+def _edges(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Edges of points, lines, a loop, a row of lines, triangles, a strip or a fan of them."""
+    n = len(corners)
+    if mode == 1:
+        yield from zip(corners[::2], corners[1::2], strict=False)
+    elif mode in (2, 3):
+        yield from pairwise(corners)
+        if mode == 2 and n:
+            yield corners[-1], corners[0]
+    elif mode == 4:
+        for i in range(0, n - n % 3, 3):
+            a, b, c = corners[i : i + 3]
+            yield from ((a, b), (b, c), (c, a))
+    elif mode == 5:
+        yield from pairwise(corners)
+        yield from zip(corners, corners[2:], strict=False)
+    elif mode == 6:
+        yield from pairwise(corners)
+        yield from ((corners[0], corner) for corner in corners[2:])
+    elif mode != 0:
+        raise TypeError
+
+
+def _placed(node: Mapping[str, Any]) -> _Matrix:
+    """Where a node puts its points."""
+    if "matrix" in node:  # by columns
+        m = _floats(node["matrix"], 16)
+        return tuple((m[row], m[4 + row], m[8 + row], m[12 + row]) for row in range(3))
+    x, y, z, w = _floats(node.get("rotation", (0, 0, 0, 1)), 4)
+    scale = _floats(node.get("scale", (1, 1, 1)), 3)
+    to = _floats(node.get("translation", (0, 0, 0)), 3)
+    turn = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    )
+    return tuple(
+        (row[0] * scale[0], row[1] * scale[1], row[2] * scale[2], beside)
+        for row, beside in zip(turn, to, strict=True)
+    )
+
+
+def _floats(values: Any, n: int) -> list[float]:
+    found = [float(value) for value in values]
+    if len(found) != n or not all(map(math.isfinite, found)):
+        raise TypeError
+    return found
+
+
+def _product(a: _Matrix, b: _Matrix) -> _Matrix:
+    rows = []
+    for own in a:
+        row = [sum(own[k] * b[k][column] for k in range(3)) for column in range(4)]
+        rows.append((row[0], row[1], row[2], row[3] + own[3]))
+    return tuple(rows)
+
+
+def _moved(matrix: _Matrix, point: Sequence[float]) -> _Point:
+    x, y, z = (row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3] for row in matrix)
+    return x, 0.0 - z, y

@@ -1,0 +1,114 @@
+"""Paths of a point in space: `(0, 0, 0)@0 smooth (6, 0, 2)@1/4` is a gesture for each axis.
+
+A point has a position for each axis, in brackets; all else is that of the notation of one axis, and
+what is wrong in it is told of by the same sentences.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from ergon.instruments.space import AXES
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture import notation
+from ergon.scores.gesture.notation import MAX_EVENTS, Notation
+
+# Brackets without a time in them, which is what a group has, and with a comma.
+_POSITIONS = re.compile(r"\(([^()|@]*,[^()|@]*)\)")
+_ALONE = re.compile(r"[^\s()|@]*@\S*")
+
+
+class _Brackets(NamedTuple):
+    """The positions of one point: where they begin and end, and where each of them lies."""
+
+    start: int
+    stop: int
+    parts: tuple[tuple[int, str], ...]
+
+
+class _Stood(NamedTuple):
+    """A position: where its brackets begin, where it begins itself, and its length."""
+
+    start: int
+    at: int
+    length: int
+
+
+def axes(text: str) -> int:
+    """How many positions the points of a notation have: 1 where it is no path in space."""
+    found = _POSITIONS.search(text)
+    return 1 if found is None else found[1].count(",") + 1
+
+
+def played(name: str, known: Container[str]) -> tuple[str, ...]:
+    """The names by which a gesture is played: its own, or of a path those of its axes, `pour.x`."""
+    return tuple(one for one in (name, *(f"{name}.{axis}" for axis in AXES)) if one in known)
+
+
+def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> tuple[Notation, ...]:
+    """Read a path in space, axis by axis; `curve` and `most` are those of `notation.parse`.
+
+    Raises TextError with the characters at fault.
+    """
+    points = [_brackets(match) for match in _POSITIONS.finditer(text)]
+    n_axes = axes(text)
+    _check(text, points, n_axes)
+    return tuple(_along(text, points, axis, curve, most // n_axes) for axis in range(n_axes))
+
+
+def _brackets(match: re.Match[str]) -> _Brackets:
+    parts, at = [], match.start(1)
+    for part in match[1].split(","):
+        parts.append((at + len(part) - len(part.lstrip()), part.strip()))
+        at += len(part) + 1
+    return _Brackets(match.start(), match.end(), tuple(parts))
+
+
+def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
+    """Each point has as many positions as the first, two or three, and a time."""
+    for start, stop, parts in points:
+        written = text[start:stop]
+        if not 2 <= len(parts) <= len(AXES):
+            message = f"a point in space has two or three positions, not {len(parts)}"
+            raise TextError(message, offset=start, length=stop - start)
+        if len(parts) != n_axes:
+            message = f"this point has {len(parts)} positions, and the first has {n_axes}"
+            raise TextError(message, offset=start, length=stop - start)
+        if text[stop : stop + 1] != "@":
+            message = f"'{written[:40]}' has no time; write {written[:40]}@1/4"
+            raise TextError(message, offset=start, length=stop - start)
+    for match in _ALONE.finditer(text):
+        if text[match.start() - 1 : match.start()] != ")" or match[0][0] != "@":
+            example = ", ".join(("0mm",) * n_axes)
+            message = f"this point has one position; write one for each axis: ({example})@…"
+            raise TextError(message, offset=match.start(), length=len(match[0]))
+
+
+def _along(text: str, points: Sequence[_Brackets], axis: int, curve: str, most: int) -> Notation:
+    """The notation along one axis, with places where they are written."""
+    pieces: list[str] = []
+    end = 0
+    # Where each position stands in what is read, beside its brackets and itself as written.
+    begins: dict[int, _Stood] = {}
+    for start, stop, parts in points:
+        at, part = parts[axis]
+        # Of the same length, the position next to its time: so all other places stay.
+        pieces += (text[end:start], part.rjust(stop - start))
+        begins[stop - len(part)] = _Stood(start, at, len(part))
+        end = stop
+    try:
+        read = notation.parse("".join((*pieces, text[end:])), curve, most)
+    except TextError as error:
+        begin = max((one for one in begins if one <= error.offset), default=-1)
+        if begin >= 0 and error.offset <= begin + max(0, begins[begin].length - 1):
+            error.offset += begins[begin].at - begin
+        raise
+    found = []
+    for point in read.points:
+        start = begins[point.offset].start
+        length = point.offset + point.length - start
+        found.append(replace(point, offset=start, length=length))
+    return replace(read, points=tuple(found))

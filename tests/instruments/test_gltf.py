@@ -1,0 +1,150 @@
+"""Meshes of glTF files: places by hand, edges of every mode, what is refused."""
+
+import base64
+import json
+import struct
+from typing import Any
+
+import pytest
+
+from ergon.instruments.space import gltf_file
+from ergon.instruments.space.mesh import Mistake
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, 1, 0), (0, 0, 1)]
+
+
+def made(mode: int = 4, indices: tuple[int, ...] = (0, 1, 2, 3, 4, 5), **node: Any) -> dict:
+    """A tetrahedron without one of its faces, whose vertices stand for each face anew."""
+    data = struct.pack("<18f", *(part for corner in CORNERS for part in corner))
+    data += struct.pack(f"<{len(indices)}H", *indices)
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    views = [{"buffer": 0, "byteLength": 72}, {"buffer": 0, "byteOffset": 72, "byteLength": 99}]
+    accessors = [
+        {"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5123, "count": len(indices), "type": "SCALAR"},
+    ]
+    part = {"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}
+    return {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"children": [1], "translation": [10, 0, 0]}, {"mesh": 0, **node}],
+        "meshes": [{"primitives": [part]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data), "uri": uri}],
+    }
+
+
+def test_vertices_at_one_place_are_one_point():
+    mesh = gltf_file.read(json.dumps(made()))
+    # What is up, y, is z; the x axis stays.
+    assert mesh.points == ((10, 0, 0), (11, 0, 0), (10, 0, 1), (10, -1, 0))
+    assert sorted(mesh.edges) == [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)]
+
+
+def test_nodes_turn_stretch_and_move():
+    half = 0.5**0.5
+    # A quarter of a turn around what is up takes x to -z, twice as long, ten away.
+    turned = gltf_file.read(json.dumps(made(scale=[2, 2, 2], rotation=[0, half, 0, half])))
+    columns = [0, 0, -2, 0, 0, 2, 0, 0, 2, 0, 0, 0, 0, 0, 0, 1]
+    by_matrix = gltf_file.read(json.dumps(made(matrix=columns)))
+    wanted = ((10, 0, 0), (10, 2, 0), (10, 0, 2), (12, 0, 0))
+    for mesh in (turned, by_matrix):
+        for place, exact in zip(mesh.points, wanted, strict=True):
+            assert place == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mode", "indices", "edges"),
+    [
+        (1, (0, 1, 2, 5), [(0, 1), (2, 3)]),
+        (2, (0, 1, 2), [(0, 1), (0, 2), (1, 2)]),
+        (3, (0, 1, 2), [(0, 1), (1, 2)]),
+        (5, (0, 1, 2, 5), [(0, 1), (0, 2), (1, 2), (1, 3), (2, 3)]),
+        (6, (0, 1, 2, 5), [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)]),
+    ],
+)
+def test_edges_are_those_of_the_mode(mode: int, indices: tuple[int, ...], edges: list):
+    assert sorted(gltf_file.read(json.dumps(made(mode, indices))).edges) == edges
+
+
+def _without(*path: str | int) -> str:
+    root = made()
+    holder: Any = root
+    for word in path[:-1]:
+        holder = holder[word]
+    del holder[path[-1]]
+    return json.dumps(root)
+
+
+def _with(value: Any, *path: str | int) -> str:
+    root = made()
+    holder: Any = root
+    for word in path[:-1]:
+        holder = holder[word]
+    holder[path[-1]] = value
+    return json.dumps(root)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "not the JSON of a glTF file"),
+        ("[" * 100_000, "not the JSON of a glTF file"),
+        ("[]", "it is not whole"),
+        (_without("asset"), "it is not whole"),
+        (_without("meshes"), "it is not whole"),
+        (_without("accessors", 1), "it is not whole"),
+        (_with("1.0", "asset", "version"), "not version 1.0"),
+        (_with(["KHR_draco_mesh_compression"], "extensionsRequired"), "KHR_draco_mesh_compression"),
+        (_with("mesh.bin", "buffers", 0, "uri"), "write it as one file: glTF Embedded"),
+        (_with("data:x;base64,!", "buffers", 0, "uri"), "its data is not base64"),
+        (_with([0], "nodes", 1, "children"), "contains itself"),
+        (_with(-1, "nodes", 1, "mesh"), "it is not whole"),
+        (_with(10**9, "accessors", 0, "count"), "more than"),
+        (_with(7, "accessors", 0, "count"), "it is not whole"),
+        (_with([float("nan"), 0, 0], "nodes", 1, "translation"), "it is not whole"),
+        (_with([1e9, 0, 0], "nodes", 1, "translation"), "at most 1,000,000"),
+        (_with([], "nodes", 0, "children"), "the scene has no edges"),
+        (_with({}, "accessors", 0, "sparse"), "sparse"),
+    ],
+)
+def test_what_is_wrong_is_said(text: str, said: str):
+    with pytest.raises(Mistake) as refused:
+        gltf_file.read(text)
+    assert said in str(refused.value)
+
+
+SCORE = """\
+ergon: 1
+instruments:
+  a:
+    space: 3
+    gravity: 9.81m/s2
+    modules:
+      rock: {MESH: {file: %s, at: [0, 0, 0], scale: 1cm, M: 8g, K: 1kN/m, held: top}}
+    out: {SOX: rock.0.z}
+render: {tail: 0.1s}
+"""
+
+
+def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
+    (tmp_path / "rock.gltf").write_text(json.dumps(made()))
+    (tmp_path / "s.yaml").write_text(SCORE % "rock.gltf")
+    piece = load(str(tmp_path / "s.yaml")).piece
+    network = stage(piece).built.network
+    assert (network.n_mat, network.n_lia) == (12, 5)
+
+
+@pytest.mark.parametrize(
+    ("file", "code", "said"),
+    [("rock.glb", "E206", "glTF Embedded (.gltf)"), ("rock.gltf", "E106", "it is not whole")],
+)
+def test_a_score_tells_what_is_wrong_with_its_file(tmp_path, file: str, code: str, said: str):
+    (tmp_path / file).write_text("{}")
+    (tmp_path / "s.yaml").write_text(SCORE % file)
+    reports = load(str(tmp_path / "s.yaml")).diagnostics
+    assert [(one.code, said in one.message) for one in reports] == [(code, True)]
