@@ -9,7 +9,7 @@ use crate::maths::{decibels, log10};
 use crate::network::Error;
 use crate::plan::passes::assemble::{Assembled, Shape};
 use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::trial::allowance::unless_spent;
+use crate::plan::trial::allowance::{TrialError, unless_spent};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{is_worth, play};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
@@ -30,11 +30,15 @@ pub(in crate::plan) const SHARE: f64 = 0.25;
 /// Errors above this tell nothing of how fast they fall [dB].
 const ROUGH: f64 = -25.0;
 /// Two runs are compared over the pilot; of the same budget so much is left for what comes after [dB].
-const MARGIN: f64 = 0.3;
+const MARGIN: f64 = 0.1;
 /// Where errors may grow after the pilot, so much.
 const MARGIN_OF_KEYS: f64 = 3.0;
 /// A more exact run is looked for so often.
 const SHARPER: usize = 3;
+/// Contacts are computed so many times as finely to see what error they have, and by their lowest order it is so much more
+/// than what that changes [dB].
+const FINER_CONTACTS: usize = 4;
+const MORE_THAN_CHANGE: f64 = 2.5;
 
 /// An error that is made of several.
 pub(in crate::plan) fn sum(errors: impl IntoIterator<Item = f64>) -> f64 {
@@ -62,6 +66,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         (found, cost): (&Candidate, f64),
         of_contacts: Option<f64>,
     ) -> Result<Option<Candidate>, Error> {
+        let mut of_contacts = of_contacts.unwrap_or(f64::NEG_INFINITY);
+        let mut are_measured = of_contacts == f64::NEG_INFINITY;
         let margin = if horizon::may_grow(&found.island.island_plan) {
             MARGIN_OF_KEYS
         } else {
@@ -95,7 +101,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             loop {
                 let truth = best.finest();
                 let apart = difference(&run.sound, truth.0, self.spans);
-                let most = sum([apart, truth.1, of_contacts.unwrap_or(f64::NEG_INFINITY)]);
+                let most = sum([apart, truth.1, of_contacts]);
                 if most <= aim {
                     return Ok(Some(Candidate {
                         error: most,
@@ -105,6 +111,13 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                         run,
                         ..found.clone()
                     }));
+                }
+                if sum([apart, truth.1]) <= aim && !are_measured {
+                    let Some(measured) = unless_spent(self.of_contacts(found))? else {
+                        return Ok(None);
+                    };
+                    (of_contacts, are_measured) = (of_contacts.min(measured), true);
+                    continue;
                 }
                 let least = left_of(apart, truth.1);
                 if least > aim || sharper == 0 {
@@ -127,6 +140,14 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             }
         }
         Ok(None)
+    }
+
+    /// The error that contacts and laws have by how finely they are computed [dB].
+    fn of_contacts(&self, found: &Candidate) -> Result<f64, TrialError> {
+        let substeps = FINER_CONTACTS * found.contact_substeps;
+        let plan = &found.island.island_plan;
+        let finer = play(plan, substeps, self.n_frames, self.allowance)?;
+        Ok(difference(&found.run.sound, &finer.sound, self.spans) + MORE_THAN_CHANGE)
     }
 
     /// All ways to compute an island for less than that, by what they cost.
@@ -152,7 +173,9 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             let plan = &way.island_plan;
             let cost = plan.cost();
             // One that costs the same to the last bit is the same by another name.
-            let is_known = found.iter().any(|(known, _)| *known == cost);
+            let is_same =
+                |known: &Assembled| known.island_plan.contact_substeps == plan.contact_substeps;
+            let is_known = (found.iter()).any(|(known, way)| *known == cost && is_same(way));
             if !is_known && cost <= most && is_worth(plan, self.n_frames) {
                 found.push((cost, way));
             }

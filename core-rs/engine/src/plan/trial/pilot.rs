@@ -26,7 +26,9 @@ use crate::plan::trial::pilot_run::{PilotRun, length, play};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference, errors, with_kinks};
+use crate::plan::trial::waveform_error::{
+    DOUBLING, ORDERS, Spans, beside, difference, errors, with_kinks,
+};
 
 /// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
 const CONTACT: f64 = 4.0;
@@ -258,7 +260,7 @@ pub(in crate::plan) fn pilot(
             });
         }
         own.map(|own| Measured {
-            db: own.max(found.error.unwrap_or(f64::NEG_INFINITY)),
+            db: beside(own, found.error.unwrap_or(f64::NEG_INFINITY)),
             over: seconds(n_frames),
             spectral: None,
             audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
@@ -346,7 +348,11 @@ pub(in crate::plan) fn pilot(
         allowance.spend_part(&part, cheapest::SHARE);
         if let Some(cheaper) = cheaper {
             best = cheaper;
-            error = told(Some(best.error), None, None);
+            // What contacts add is in it.
+            error = error.map(|error| Measured {
+                db: best.error,
+                ..error
+            });
             let left = left_of(budget.asked(), best.error);
             let most = budget.left_out().map(|most| most.min(left));
             island = fewer(
@@ -518,6 +524,7 @@ fn contacts(
                 .map(|(own, pair)| own.again(&pair, is_finer))
         };
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
+        let last_change = last;
         let (own, left) = errors(change, last, order);
         // Once a step is another method: it tells nothing of how fast the error falls.
         let is_between = contact_substeps > 1;
@@ -570,7 +577,9 @@ fn contacts(
                 ..settled
             });
         }
-        known = Some((stated_left, told(true)));
+        // If it stays at that, no finer run has shown that contacts are as good as smooth.
+        let (_, unproved) = errors(change, last_change, order.min(ORDERS.1));
+        known = Some((stated_left.max(unproved), told(true)));
         let found = Contacts {
             contact_substeps: contact_substeps / 2,
             error: Some(stated),
