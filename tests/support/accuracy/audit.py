@@ -133,14 +133,14 @@ def look_drawn(family: str, seed: int) -> Audit:
 def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) -> float:
     """The metric of plans: ‖y - x‖/‖x - mean‖ [dB] of the worst output, up to `seconds`.
 
-    The worst of three spans, each THIRD longer than the last.
+    The worst of three spans, each THIRD longer than the last; a render may end before the last does.
     """
     if not np.isfinite(y).all():
         return inf
-    n_frames = min(len(x), round(min(seconds, 1e6) * rate))
+    n_frames = len(x) if seconds == inf else round(seconds * rate)
     worst = 0.0
     for thirds in (2, 1, 0):
-        end = n_frames - int(thirds * THIRD * rate)
+        end = min(n_frames - int(thirds * THIRD * rate), len(x))
         if end < 2:
             continue
         ours, theirs = y[:end], x[:end]
