@@ -133,7 +133,7 @@ def look_drawn(family: str, seed: int) -> Audit:
 def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) -> float:
     """The metric of plans: ‖y - x‖/‖x - mean‖ [dB] of the worst output, up to `seconds`.
 
-    The worst of three spans, each THIRD longer than the last; a render may end before the last does.
+    The worst of three spans, each THIRD longer than the last; a render may end before.
     """
     if not np.isfinite(y).all():
         return inf
