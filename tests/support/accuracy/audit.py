@@ -78,12 +78,20 @@ class Plan:
 
 @dataclass(frozen=True)
 class Plain:
-    """A method at so many times the rate for all of a scene: its real error and its cost."""
+    """A method at so many times the rate for all of a scene: its real errors and its cost.
+
+    Over the time of the pilot of each plan: of what is chaotic a plan tells a shorter one.
+    """
 
     method: str
     times: int
-    real: float
+    reals: tuple[float, ...]
     cost: float
+
+    @property
+    def real(self) -> float:
+        """The error over the longest time."""
+        return max(self.reals, default=inf)
 
 
 @dataclass(frozen=True)
@@ -98,7 +106,8 @@ class Audit:
         """The plan's cost over that of the cheapest plain setting that keeps the budget too."""
         if plan.budget is None or not plan.is_met:
             return None
-        costs = [one.cost for one in self.plain if one.real <= plan.asked]
+        at = self.plans.index(plan)
+        costs = [one.cost for one in self.plain if one.reals[at] <= plan.asked]
         return plan.cost / min(costs) if costs else None
 
 
@@ -124,14 +133,14 @@ def look_drawn(family: str, seed: int) -> Audit:
 def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) -> float:
     """The metric of plans: ‖y - x‖/‖x - mean‖ [dB] of the worst output, up to `seconds`.
 
-    The worst of three spans, each THIRD longer than the last.
+    The worst of three spans, each THIRD longer than the last; a render may end before.
     """
     if not np.isfinite(y).all():
         return inf
-    n_frames = min(len(x), round(min(seconds, 1e6) * rate))
+    n_frames = len(x) if seconds == inf else round(seconds * rate)
     worst = 0.0
     for thirds in (2, 1, 0):
-        end = n_frames - int(thirds * THIRD * rate)
+        end = min(n_frames - int(thirds * THIRD * rate), len(x))
         if end < 2:
             continue
         ours, theirs = y[:end], x[:end]
@@ -179,7 +188,7 @@ def _plan(piece: Piece, budget: float | None, exact: reference.Reference) -> Pla
 
 
 def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[Plain]:
-    pilot = min((plan.pilot for plan in plans if not plan.refused), default=inf)
+    pilots = [plan.pilot for plan in plans]
     for method, times in PLAIN:
         ready = prepare(replace(piece, rate=piece.rate * times))
         try:
@@ -187,8 +196,8 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
             sound = _play(ready, plan, times * len(exact))[::times]
         except (_core.EngineError, StageError):
             continue
-        real = error_db(sound[: len(exact)], exact, piece.rate, pilot)
-        yield Plain(method, times, real, planning.cost(plan))
+        reals = tuple(error_db(sound[: len(exact)], exact, piece.rate, own) for own in pilots)
+        yield Plain(method, times, reals, planning.cost(plan))
 
 
 def _play(ready: Ready, plan: _core.Plan, n_frames: int) -> np.ndarray:

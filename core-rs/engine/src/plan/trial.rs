@@ -3,6 +3,7 @@
 pub(in crate::plan) mod allowance;
 pub(in crate::plan) mod audible;
 pub(in crate::plan) mod chaos;
+pub(in crate::plan) mod cheapest;
 pub(in crate::plan) mod horizon;
 pub(in crate::plan) mod macrostep;
 pub(in crate::plan) mod multirate;

@@ -27,8 +27,46 @@ pub(in crate::plan) struct Assembled {
     pub(in crate::plan) because: Option<NoModes>,
     /// It has single laws that can be computed finer than a frame, as contacts are.
     pub(in crate::plan) may_collocate: bool,
+    pub(in crate::plan) shape: Shape,
+}
+
+/// What an island is put together of, at any rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::plan) enum Shape {
+    /// Of bodies by themselves and the rest.
+    Bodies,
     /// It has no bodies though it might have.
-    pub(in crate::plan) is_stepped: bool,
+    Stepped,
+    /// Of meshes where it might have modes.
+    Meshes,
+    /// Of bodies; contacts and laws go once a step.
+    Plain,
+    /// It has no bodies, and contacts and laws go once a step.
+    PlainStepped,
+}
+
+impl Shape {
+    /// As they are numbered in records.
+    pub(in crate::plan) const ALL: [Self; 5] = [
+        Self::Bodies,
+        Self::Stepped,
+        Self::Meshes,
+        Self::Plain,
+        Self::PlainStepped,
+    ];
+
+    fn of(choice: MethodChoice<'_>) -> Self {
+        match choice {
+            MethodChoice::Stepped => Self::Stepped,
+            MethodChoice::Meshes(_) => Self::Meshes,
+            MethodChoice::Plain { has_bodies: true } => Self::Plain,
+            MethodChoice::Plain { has_bodies: false } => Self::PlainStepped,
+            MethodChoice::ByBudget
+            | MethodChoice::Unconditional
+            | MethodChoice::AsBefore(_)
+            | MethodChoice::All(_) => Self::Bodies,
+        }
+    }
 }
 
 impl Assembled {
@@ -54,6 +92,10 @@ impl Assembled {
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);
+        // What was decided to go once a step does so again.
+        let is_once = pin.is_some_and(|pin| pin.contact_substeps == 1)
+            || matches!(choice, MethodChoice::Plain { .. });
+        let most = if is_once { 1 } else { Budget::STEPS_MAX };
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
         let mut found = None;
         if let Some(cut) = cut {
@@ -64,10 +106,7 @@ impl Assembled {
             let once = cut.bodies.iter().any(leaps).then_some(1);
             let timeline = &cut.own.timeline;
             let by = |most| hub(&cut.hub.network, timeline, budget, most, Refusal::Bare);
-            match once
-                .map_or_else(|| by(Budget::STEPS_MAX), by)
-                .or_else(|_| by(Budget::STEPS_MAX))
-            {
+            match once.map_or_else(|| by(most), by).or_else(|_| by(most)) {
                 Ok(stable) => found = Some((cut, stable)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
@@ -80,13 +119,7 @@ impl Assembled {
                     1 => Refusal::Explained,
                     _ => Refusal::Bare,
                 };
-                let stable = hub(
-                    &subset.network,
-                    &timeline,
-                    budget,
-                    Budget::STEPS_MAX,
-                    refusal,
-                )?;
+                let stable = hub(&subset.network, &timeline, budget, most, refusal)?;
                 (ported::whole(subset, own, timeline), stable)
             }
         };
@@ -114,7 +147,7 @@ impl Assembled {
             certificate,
             because,
             may_collocate,
-            is_stepped: matches!(choice, MethodChoice::Stepped),
+            shape: Shape::of(choice),
         })
     }
 
@@ -123,10 +156,12 @@ impl Assembled {
         &self,
         methods: &'a [Option<(MeshMethod, u32)>],
     ) -> MethodChoice<'a> {
-        if self.is_stepped {
-            MethodChoice::Stepped
-        } else {
-            MethodChoice::AsBefore(methods)
+        match (self.shape, methods.iter().flatten().next()) {
+            (Shape::Stepped, _) => MethodChoice::Stepped,
+            (Shape::Meshes, Some(&way)) => MethodChoice::Meshes(way),
+            (Shape::Plain, _) => MethodChoice::Plain { has_bodies: true },
+            (Shape::PlainStepped, _) => MethodChoice::Plain { has_bodies: false },
+            (Shape::Bodies | Shape::Meshes, _) => MethodChoice::AsBefore(methods),
         }
     }
 

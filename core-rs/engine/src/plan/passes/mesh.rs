@@ -41,6 +41,13 @@ pub(in crate::plan) enum MethodChoice<'a> {
     All((MeshMethod, u32)),
     /// Neither they nor linear bodies by themselves: all of the island module by module.
     Stepped,
+    /// All that a method can step by one method, linear bodies and small ones too.
+    Meshes((MeshMethod, u32)),
+    /// Contacts and laws once a step; linear bodies by themselves, or all of it module by module.
+    Plain {
+        /// Linear bodies by themselves.
+        has_bodies: bool,
+    },
 }
 
 /// Error of a pitch [cents] by a method, x = ωT of its steps.
@@ -76,16 +83,18 @@ pub(in crate::plan) fn mesh(
     let stiffest = greatest(&subset.network, &leads).ok()?;
     let is_led = !leads.is_empty();
     let (way, substeps) = match pin {
-        Some(&[way, substeps]) => (*MeshMethod::ALL.get(way as usize)?, substeps),
+        Some(&[way, substeps] | &[way, substeps, IN_PLACE]) => {
+            (*MeshMethod::ALL.get(way as usize)?, substeps)
+        }
         Some(_) => return None,
         None => match choice {
             MethodChoice::AsBefore(bodies) => (*bodies.get(index)?)?,
-            MethodChoice::All((way, substeps)) => {
+            MethodChoice::All((way, substeps)) | MethodChoice::Meshes((way, substeps)) => {
                 let way = if is_led { MeshMethod::Bm4 } else { way };
                 certify(&stiffest, rate, way, substeps).ok()?;
                 (way, substeps)
             }
-            MethodChoice::Stepped => return None,
+            MethodChoice::Stepped | MethodChoice::Plain { has_bodies: false } => return None,
             MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
             _ if is_led => choose_led(&stiffest, rate, budget)?,
             _ => choose(&stiffest, rate, budget, false)?,
@@ -143,6 +152,9 @@ fn is_discrete(network: &Network, own: &Network) -> bool {
         .chain(of_links)
         .any(|part| network.parts()[part].ca_rate.is_some())
 }
+
+/// After the numbers of a mesh: it goes by a method in place of its modes. (Numbers of modes rise.)
+pub(in crate::plan) const IN_PLACE: u32 = 0;
 
 /// A mesh's method, as numbers of a plan.
 pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {

@@ -50,6 +50,8 @@ pub(in crate::plan) struct PortedBody {
     pub(in crate::plan) of: usize,
     pub(in crate::plan) kept: Vec<u32>,
     pub(in crate::plan) left_out: Option<f64>,
+    /// A mesh by a method though it might go by modes.
+    pub(in crate::plan) is_in_place: bool,
 }
 
 /// Cut bodies out of an island: linear ones by their modes, other meshes by a method of their own. `None` where
@@ -66,8 +68,15 @@ pub(in crate::plan) fn cut(
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
     // What was decided before has no bodies then.
-    let has_bodies =
-        !matches!(choice, MethodChoice::Stepped) && pin.is_none_or(|pin| !pin.kept.is_empty());
+    let are_apart = !matches!(
+        choice,
+        MethodChoice::Stepped | MethodChoice::Plain { has_bodies: false }
+    );
+    let has_bodies = are_apart && pin.is_none_or(|pin| !pin.kept.is_empty());
+    let are_meshes = match pin {
+        Some(pin) => pin.kept.iter().any(|own| is_in_place(own)),
+        None => matches!(choice, MethodChoice::Meshes(_)),
+    };
     for (body, slow) in slow(network, timeline).bodies {
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
@@ -75,7 +84,7 @@ pub(in crate::plan) fn cut(
     // What slow parts do from kick to kick is certified with normal modes alone, and a session takes the motion of a body
     // from mass to mass by them.
     let takes_complex = found.is_empty() && !timeline.is_open;
-    if budget.takes_modes() && has_bodies {
+    if budget.takes_modes() && has_bodies && !are_meshes {
         for body in wiring.bodies(network, false, false) {
             let found_modes = match modal(network, timeline, &body, memo) {
                 Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
@@ -95,7 +104,7 @@ pub(in crate::plan) fn cut(
             wiring.take(&body.mats);
         }
         // One method for everything: for the smallest body too.
-        let is_asked = matches!(budget, Budget::Method(_));
+        let is_asked = are_meshes || matches!(budget, Budget::Method(_));
         for body in wiring.bodies(network, true, is_asked) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
             if let Some(mesh) =
@@ -108,7 +117,15 @@ pub(in crate::plan) fn cut(
     if found.is_empty() {
         return (None, why);
     }
-    (Some(hub(island, timeline, found)), why)
+    let mut cut = hub(island, timeline, found);
+    let bodies = cut.bodies.iter_mut();
+    bodies.for_each(|body| body.is_in_place = are_meshes);
+    (Some(cut), why)
+}
+
+/// Whether these numbers of a body say that it goes by a method in place of its modes.
+fn is_in_place(kept: &[u32]) -> bool {
+    matches!(kept, &[_, substeps, mesh::IN_PLACE] if substeps > 0)
 }
 
 /// Refuses meshes that the method which is asked for by name cannot step.
@@ -140,6 +157,9 @@ impl PortedBody {
     pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         match &self.inside {
             BodyPlan::Modal(_) => self.kept.clone(),
+            BodyPlan::Mesh(mesh) if self.is_in_place => {
+                [mesh::numbers(mesh), vec![mesh::IN_PLACE]].concat()
+            }
             BodyPlan::Mesh(mesh) => mesh::numbers(mesh),
             BodyPlan::Slow(slow) => vec![slow.flow.macrostep],
         }
@@ -431,6 +451,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
             left_out: None,
             of,
             kept: (0..of as u32).collect(),
+            is_in_place: false,
             inside,
         });
     }

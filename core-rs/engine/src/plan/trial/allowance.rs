@@ -200,6 +200,23 @@ impl Allowance {
         ((self.left() - drawn) / seconds).clamp(0.0, 1.0)
     }
 
+    /// A part of what is left (0 to 1), to be drawn from by itself.
+    pub(in crate::plan) fn part(&self, share: f64) -> Self {
+        Self::of((share * (self.left() - self.drawn.get())).max(0.0))
+    }
+
+    /// Take what was drawn from such a part: no trial ends because the part did.
+    pub(in crate::plan) fn spend_part(&self, part: &Self, share: f64) {
+        let most = match part.n_refused() {
+            0 => part.drawn.get() / share,
+            // Of more it would have taken more.
+            _ => f64::INFINITY,
+        };
+        self.needed
+            .set(self.needed.get().max(self.drawn.get() + most));
+        self.spend(part.drawn.get());
+    }
+
     /// What is left of a part of it that lies aside, to be drawn from by itself: no trial ends because of it.
     pub(in crate::plan) fn aside(&self) -> Self {
         Self::of(ASIDE * self.total - self.drawn_aside.get())

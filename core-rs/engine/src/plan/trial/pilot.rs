@@ -7,12 +7,11 @@
 use std::cell::OnceCell;
 
 use crate::island::inside::BodyPlan;
-use crate::maths::{decibels, log10};
 use crate::network::Error;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, Shape};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::PortedBody;
@@ -21,12 +20,15 @@ use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::cheapest::{self, left_of};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{PilotRun, is_worth, length, play};
+use crate::plan::trial::pilot_run::{PilotRun, length, play};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference, errors, with_kinks};
+use crate::plan::trial::waveform_error::{
+    DOUBLING, ORDERS, Spans, beside, difference, errors, with_kinks,
+};
 
 /// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
 const CONTACT: f64 = 4.0;
@@ -105,7 +107,7 @@ impl Tried {
             island_plan,
             bodies,
             because,
-            is_stepped,
+            shape,
             ..
         } = &self.piloted.island;
         let beyond = self.beyond.as_ref();
@@ -113,7 +115,7 @@ impl Tried {
         let how = [
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
-            u32::from(*is_stepped),
+            *shape as u32,
             own as u32,
             finer as u32,
         ];
@@ -134,25 +136,23 @@ impl Tried {
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
         let (how, kept) = record.counts.split_first()?;
-        let &[oversampling, contact_substeps, is_stepped, own, finer] = &how[..] else {
+        let &[oversampling, contact_substeps, shape, own, finer] = &how[..] else {
             return None;
         };
         let is_much = own.max(finer) as usize > SUBSTEPS_MAX;
-        if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_stepped > 1 || is_much {
+        if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_much {
             return None;
         }
+        let shape = *Shape::ALL.get(shape as usize)?;
         let choice = Choice {
             oversampling,
             contact_substeps: contact_substeps as usize,
             kept: kept.to_vec(),
             ..Choice::default()
         };
-        let way = match is_stepped {
-            0 => MethodChoice::ByBudget,
-            _ => MethodChoice::Stepped,
-        };
-        let island = assemble((oversampling, way), Some(&choice)).ok()?;
+        let island = assemble((oversampling, MethodChoice::ByBudget), Some(&choice)).ok()?;
         let Piloted { mut island, .. } = pinned(island, &choice)?;
+        island.shape = shape;
         if left_out.len() != island.bodies.len() {
             return None;
         }
@@ -232,26 +232,6 @@ pub(in crate::plan) fn pilot(
         }
         .into());
     };
-    let cheaper = cheaper(
-        assemble,
-        (&island, &found),
-        budget,
-        (&spans, n_frames),
-        allowance,
-    );
-    let (island, found) = match unless_spent(cheaper)?.flatten() {
-        Some((other, run, error)) => {
-            let plain = Contacts {
-                contact_substeps: 1,
-                error: Some(error),
-                run,
-                parting: None,
-                is_idle: false,
-            };
-            (other, plain)
-        }
-        None => (island, found),
-    };
     let search = Search {
         assemble,
         chaos: found.parting.as_ref().filter(|_| found.is_idle),
@@ -280,7 +260,7 @@ pub(in crate::plan) fn pilot(
             });
         }
         own.map(|own| Measured {
-            db: own.max(found.error.unwrap_or(f64::NEG_INFINITY)),
+            db: beside(own, found.error.unwrap_or(f64::NEG_INFINITY)),
             over: seconds(n_frames),
             spectral: None,
             audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
@@ -300,7 +280,12 @@ pub(in crate::plan) fn pilot(
         {
             let steps = island.island_plan.contact_substeps;
             let island = match run {
-                Some(run) => fewer(&island, (steps, &run), n_frames, budget, allowance)?,
+                Some(run) => fewer(
+                    &island,
+                    (steps, &run),
+                    (n_frames, budget, budget.left_out()),
+                    allowance,
+                )?,
                 None => island,
             };
             return Ok(Piloted {
@@ -313,8 +298,7 @@ pub(in crate::plan) fn pilot(
         let island = fewer(
             &island,
             (found.contact_substeps, &found.run),
-            n_frames,
-            budget,
+            (n_frames, budget, budget.left_out()),
             allowance,
         )?;
         return Ok(Piloted { island, error }.into());
@@ -342,26 +326,50 @@ pub(in crate::plan) fn pilot(
     }
     // What is lost, or by what cannot be lost, was held against nothing.
     let own = Some(best.error).filter(|own| own.is_finite());
-    let parting = match best.parting {
+    let parting = match best.parting.clone() {
         Some(parting) => Some(parting.with(found.parting.as_ref())),
         None => found.parting.clone(),
     };
-    let error = told(own, parting.as_ref(), best.audible);
-    let island = fewer(
+    let mut error = told(own, parting.as_ref(), best.audible);
+    let mut island = fewer(
         &best.island,
         (best.contact_substeps, &best.run),
-        n_frames,
-        budget,
+        (n_frames, budget, budget.left_out()),
         allowance,
     )?;
+    let is_kept = error.is_some_and(|error| error.spectral.is_none() && error.db <= budget.asked());
+    if matches!(budget, Budget::Error(_)) && is_kept {
+        let part = allowance.part(cheapest::SHARE);
+        let search = Search {
+            allowance: &part,
+            ..search
+        };
+        let cheaper = search.cheapest((&best, island.island_plan.cost()), found.error)?;
+        allowance.spend_part(&part, cheapest::SHARE);
+        if let Some(cheaper) = cheaper {
+            best = cheaper;
+            // What contacts add is in it.
+            error = error.map(|error| Measured {
+                db: best.error,
+                ..error
+            });
+            let left = left_of(budget.asked(), best.error);
+            let most = budget.left_out().map(|most| most.min(left));
+            island = fewer(
+                &best.island,
+                (best.contact_substeps, &best.run),
+                (n_frames, budget, most),
+                allowance,
+            )?;
+        }
+    }
     let is_open_ended = error.is_some_and(|error| error.spectral.is_none())
         && horizon::may_grow(&best.island.island_plan);
     let finer = is_open_ended.then(|| search.finer(&best.island)).flatten();
     Ok(Tried {
         piloted: Piloted { island, error },
         beyond: finer.map(|finer| Beyond {
-            contact_substeps: [&best.island, &finer]
-                .map(|island| search.contact_substeps(island.island_plan.oversampling)),
+            contact_substeps: [&best.island, &finer].map(|island| search.contact_substeps(island)),
             own: best.island,
             finer,
         }),
@@ -437,46 +445,6 @@ impl Contacts {
             is_idle: false,
         }
     }
-}
-
-/// An island of laws alone that is stepped more often, where that is right enough too and costs less than its laws
-/// between frames do, how it plays, and its error beside them [dB].
-fn cheaper(
-    assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
-    (island, found): (&Assembled, &Contacts),
-    budget: &Budget,
-    (spans, n_frames): (&Spans, usize),
-    allowance: &Allowance,
-) -> Result<Option<(Assembled, PilotRun, f64)>, TrialError> {
-    let own = &island.island_plan;
-    let is_between = own.contact_substeps == 1 && found.contact_substeps > 1;
-    let is_right = found.error.is_some_and(|error| error <= budget.contact());
-    if !is_between || !is_right || found.run.is_lost || found.parting.is_some() {
-        return Ok(None);
-    }
-    let most = IslandPlan {
-        contact_substeps: found.contact_substeps,
-        ..own.clone()
-    }
-    .cost();
-    let mut times = 2 * own.oversampling;
-    while times <= TIMES_MAX {
-        let Ok(other) = assemble((times, MethodChoice::ByBudget)) else {
-            break;
-        };
-        if other.island_plan.cost() >= most || !is_worth(&other.island_plan, n_frames) {
-            break;
-        }
-        let run = play(&other.island_plan, 1, n_frames, allowance)?;
-        let apart = difference(&run.sound, &found.run.sound, spans);
-        let of_found = found.error.map_or(0.0, decibels);
-        let error = 20.0 * log10(decibels(apart) + of_found);
-        if !run.is_lost && apart <= budget.contact() && error <= budget.asked() {
-            return Ok(Some((other, run, error)));
-        }
-        times *= 2;
-    }
-    Ok(None)
 }
 
 fn contacts(
@@ -556,6 +524,7 @@ fn contacts(
                 .map(|(own, pair)| own.again(&pair, is_finer))
         };
         let change = difference(&run.sound, &finer.sound, &spans.within(until));
+        let last_change = last;
         let (own, left) = errors(change, last, order);
         // Once a step is another method: it tells nothing of how fast the error falls.
         let is_between = contact_substeps > 1;
@@ -608,7 +577,9 @@ fn contacts(
                 ..settled
             });
         }
-        known = Some((stated_left, told(true)));
+        // If it stays at that, no finer run has shown that contacts are as good as smooth.
+        let (_, unproved) = errors(change, last_change, order.min(ORDERS.1));
+        known = Some((stated_left.max(unproved), told(true)));
         let found = Contacts {
             contact_substeps: contact_substeps / 2,
             error: Some(stated),

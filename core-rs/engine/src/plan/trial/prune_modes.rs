@@ -16,12 +16,12 @@ use crate::plan::trial::waveform_error::{Spans, difference};
 const TRIES: usize = 4;
 const QUIETER: f64 = 2.0;
 
-/// An island without the modes that are not heard: those that energies tell, then tested by ear.
+/// An island without the modes that are not heard, `most` of loudness together [dB]: those that energies tell, then
+/// tested by ear.
 pub(in crate::plan) fn fewer(
     island: &Assembled,
     (contact_substeps, run): (usize, &PilotRun),
-    n_frames: usize,
-    budget: &Budget,
+    (n_frames, budget, most): (usize, &Budget, Option<f64>),
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
     let with = |allowed: Option<f64>| {
@@ -40,7 +40,7 @@ pub(in crate::plan) fn fewer(
             .map(BodyPlan::n_modes)
             .sum::<usize>()
     };
-    let Some(most) = budget.left_out() else {
+    let Some(most) = most else {
         return Ok(with(None));
     };
     if !is_worth(&island.island_plan, 2 * n_frames) {

@@ -8,7 +8,7 @@ use crate::integrate::MeshMethod;
 use crate::maths::decibels;
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::assemble::{Assembled, Shape};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
@@ -41,6 +41,7 @@ pub(in crate::plan) struct Search<'a, F> {
 }
 
 /// An island by one choice of methods and steps, with its measured error.
+#[derive(Clone)]
 pub(in crate::plan) struct Candidate {
     pub(in crate::plan) island: Assembled,
     /// Which of `RUNGS` its meshes go by; `None`: as the budget said.
@@ -52,6 +53,8 @@ pub(in crate::plan) struct Candidate {
     pub(in crate::plan) error: f64,
     /// What that change was.
     pub(in crate::plan) change: f64,
+    /// What is heard at half the step, and its error [dB].
+    pub(in crate::plan) finer: (Vec<f64>, f64),
     /// Where it is chaotic.
     pub(in crate::plan) parting: Option<Parting>,
     /// What is heard of its error, where pitch is what counts and it is not chaotic.
@@ -85,7 +88,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         };
         let run = play(
             &island.island_plan,
-            self.contact_substeps(oversampling),
+            self.contact_substeps(&island),
             self.n_frames,
             self.allowance,
         )?;
@@ -116,25 +119,27 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let oversampling = island.island_plan.oversampling;
         let fine = play(
             &finer.island_plan,
-            self.contact_substeps(2 * oversampling),
+            self.contact_substeps(finer),
             self.n_frames,
             self.allowance,
         )?;
         let change = difference(&run.sound, &fine.sound, self.spans);
-        let (mut error, _) = errors(change, last, ORDERS.1);
+        let (mut error, mut left) = errors(change, last, ORDERS.1);
         if island.may_collocate || island.sticks() {
             error = with_kinks(error, last.map(|last| last + DOUBLING));
+            left = with_kinks(left, Some(error));
         }
         if last.is_none()
             && island.sticks()
             && let Some(finest) = self.finer(finer)
         {
-            let substeps = self.contact_substeps(4 * oversampling);
+            let substeps = self.contact_substeps(&finest);
             let finest = play(&finest.island_plan, substeps, self.n_frames, self.allowance)?;
             let next = difference(&fine.sound, &finest.sound, self.spans);
             error = error.max(errors(next, Some(change), ORDERS.1).0 + DOUBLING);
+            left = with_kinks(left, Some(error));
         }
-        let contact_substeps = self.contact_substeps(oversampling);
+        let contact_substeps = self.contact_substeps(&island);
         let first = || Stretches::of(&run.sound, self.spans);
         let parting = if run.is_lost {
             None
@@ -161,11 +166,16 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             contact_substeps,
             run,
             change,
+            finer: (fine.sound, left),
         })
     }
 
-    /// How often a step contacts are computed at `times` the rate.
-    pub(in crate::plan) fn contact_substeps(&self, oversampling: u32) -> usize {
+    /// How often a step contacts are computed.
+    pub(in crate::plan) fn contact_substeps(&self, island: &Assembled) -> usize {
+        if matches!(island.shape, Shape::Plain | Shape::PlainStepped) {
+            return island.island_plan.contact_substeps;
+        }
+        let oversampling = island.island_plan.oversampling;
         let least = self.once.min(Budget::STEPS_MIN);
         (self.once / oversampling as usize).max(least)
     }
@@ -204,7 +214,10 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         })
     }
 
-    fn better(&self, best: &Candidate) -> Result<Option<Candidate>, TrialError> {
+    pub(in crate::plan) fn better(
+        &self,
+        best: &Candidate,
+    ) -> Result<Option<Candidate>, TrialError> {
         // Where links of order 1 hold a body's ports its modes gain nothing. What is led keeps its method: by CA its
         // amplitude goes another way, and the pilot may end before that is heard.
         let is_led = !best.island.island_plan.timeline.leads.is_empty();
@@ -249,6 +262,16 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
 }
 
 impl Candidate {
+    /// The most exact run that is known, and its error.
+    pub(in crate::plan) fn finest(&self) -> (&[f64], f64) {
+        let (sound, error) = &self.finer;
+        if *error < self.error {
+            (sound, *error)
+        } else {
+            (&self.run.sound, self.error)
+        }
+    }
+
     /// What is heard of its error, as a multiple of what a budget of pitch allows.
     fn excess(&self, budget: &Budget) -> f64 {
         self.audible.map_or(0.0, |audible| audible.excess(budget))

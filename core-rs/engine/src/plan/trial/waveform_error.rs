@@ -30,6 +30,12 @@ pub(in crate::plan) fn with_kinks(error: f64, before: Option<f64>) -> f64 {
     before.map_or(error, |before| error.max(before - DOUBLING))
 }
 
+/// Two errors that have nothing to do with each other, together [dB].
+pub(in crate::plan) fn beside(one: f64, other: f64) -> f64 {
+    let power = |db: f64| pow(10.0, db / 10.0);
+    10.0 * log10(power(one) + power(other))
+}
+
 /// Where sounds are compared: from the start to a third of the time after the first event, to two thirds, to all.
 pub(in crate::plan) struct Spans {
     pub(in crate::plan) n_out: usize,

@@ -1,0 +1,73 @@
+"""A plan costs no more than the cheapest plain setting that keeps the error too."""
+
+import numpy as np
+import pytest
+from accuracy import audit, random_scenes
+from planned_sound import planned, played
+from sweep import few
+
+from ergon import _core
+
+SPENT = 1.25
+SCENES = [("law", 0), ("law", 2), ("hard", 3), ("bow", 1), ("key", 1), ("bow", 4), ("hard", 0)]
+
+
+@pytest.mark.parametrize(("family", "seed"), few(SCENES, 3))
+def test_no_plain_setting_is_much_cheaper(family: str, seed: int):
+    text = random_scenes.text(family, seed)
+    found = audit.look(f"{family}-{seed}", text, (-40.0, -60.0, -80.0))
+    for plan in found.plans:
+        spent = found.overspending(plan)
+        assert spent is None or spent <= SPENT, (plan, spent)
+        assert plan.is_met or plan.warned, plan
+        assert plan.excess <= 1.5, plan
+
+
+def test_by_ear_nothing_is_looked_for_below_what_is_heard():
+    """The waveform is promised by no budget of ears: the way stays that of the search."""
+    plans = audit.look("law-0", random_scenes.text("law", 0), (audit.BY_EAR, -80.0), plain=False)
+    by_ear, asked = plans.plans
+    assert by_ear.how == "stepped ×1"
+    assert asked.how == "ca2p ×2"
+
+
+class Store:
+    """Records in memory; how many were found."""
+
+    def __init__(self) -> None:
+        self.records: dict[str, _core.TrialRecord] = {}
+        self.n_found = 0
+
+    def get(self, key: str) -> _core.TrialRecord | None:
+        self.n_found += key in self.records
+        return self.records.get(key)
+
+    def put(self, key: str, record: _core.TrialRecord) -> None:
+        self.records[key] = record
+
+
+def told(plan: _core.Plan) -> list[tuple[object, ...]]:
+    """What its rows say."""
+    return [
+        (row.what, row.oversampling, row.contact_substeps, row.error_db, row.guarantee, row.cost)
+        for row in plan.rows()
+    ]
+
+
+# By one method as a whole, once a step at twice the rate, and with keys whose error is played on.
+WAYS = [("law", 0, -60.0), ("bow", 1, -40.0), ("key", 1, -60.0)]
+
+
+@pytest.mark.parametrize(("family", "seed", "error"), WAYS)
+def test_a_way_is_the_same_when_it_is_written_and_recalled(family: str, seed: int, error: float):
+    text = random_scenes.text(family, seed)
+    stage, plan = planned(text, error_db=error)
+    sound = played(text, error_db=error)
+    pinned = played(text, error_db=error, pins=plan.choices())
+    assert np.array_equal(sound, pinned)
+    store = Store()
+    for n_least in (0, 1):
+        made = _core.Plan(stage.network, stage.timeline, error_db=error, store=store)
+        assert store.n_found >= n_least
+        assert told(made) == told(plan)
+        assert made.choices() == plan.choices()
