@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments import proxies, spread
+from ergon.instruments import proxy_names, spread
 from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
@@ -43,7 +43,7 @@ def modules(
             if fields["of"] is None:
                 continue
         elif module.kind == "PROXY":
-            if not proxies.resolve(module, part, part_names, fields, who):
+            if not proxy_names.resolve(module, part, part_names, fields, who):
                 continue
         elif module.kind in GENERATORS and part.axes == 1:
             _starts(module, who, part_names.collector)

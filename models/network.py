@@ -233,7 +233,8 @@ class _Builder:
         elif any((one.part, one.module) not in self.at for one in targets(fields)):
             self._refuse(module.place, f"{name}: a PROXY between masses of another part")
         else:
-            network, mats = _core.Network(), {}
+            network = _core.Network()
+            mats: dict[int, int] = {}
 
             def members(target: Target) -> list[int]:
                 for point in self._members(target):
@@ -418,8 +419,8 @@ class _Builder:
                 self._push(to, take)
             else:
                 for member in self._members(to):
-                    for point, share in self.to.points[member].shares or [(member, 1.0)]:
-                        self.to.points[point].weight += share * float(source)
+                    for mass, share in self.to.points[member].shares or [(member, 1.0)]:
+                        self.to.points[mass].weight += share * float(source)
             return
         for member in self._members(to):
             point = self.to.points[member]

@@ -453,7 +453,7 @@ def accuracy(values: Values | None) -> Accuracy:
         message = f"{values.context.of('guard')}: only `method: ca` steps without a guard"
         values.error("E111", message, "guard")
     asked = Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
-    return replace(asked, is_guarded=values["guard"] == "on")
+    return replace(asked, is_unguarded=values["guard"] == "off")
 
 
 def render(values: Values | None, files: Files) -> RenderSpec:

@@ -384,7 +384,7 @@ class Accuracy:
     """How exact the sound is: by one method, within an error [dB], or within cents up to a pitch.
 
     Without any of these by ear. `upto` [Hz]; `cpu` is the most work, 1.0 one core at real time.
-    `is_guarded`: frames of CA in which links stiffen too much are computed finer.
+    `is_unguarded`: no frame of CA is computed finer, also where links stiffen too much.
     """
 
     method: Method | None = None
@@ -392,7 +392,7 @@ class Accuracy:
     cents: float | None = None
     upto: float | None = None
     cpu: float | None = None
-    is_guarded: bool = True
+    is_unguarded: bool = field(default=False, metadata={"hash_omits_empty": True})
 
 
 @dataclass(frozen=True, slots=True)

@@ -235,7 +235,7 @@ def prepare(
         built = (like and like.built.of(computed, silent)) or build_network(computed, silent)
         assembly, couplings = built.assembly, built.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
-        if not piece.accuracy.is_guarded:
+        if piece.accuracy.is_unguarded:
             timeline.leave_unguarded()
         takes = Takes(piece, collector, like.takes if like else {})
         hands = Hands(piece, timeline, takes, collector)

@@ -197,7 +197,7 @@ def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
 
 @pytest.mark.parametrize("is_away", [True, False])
 def test_a_session_that_closes_waits_for_no_board(tmp_path: Path, is_away: bool):
-    """It is searched for, or its reply is waited for: by its address for longer than a test lasts."""
+    """It is searched for, or its reply is waited for: for longer than a test lasts."""
     with led(tmp_path) as own:
         if is_away:
             own.board.leave()

@@ -186,7 +186,10 @@ impl Network {
     pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
         let mut shares = Vec::new();
         if let Some(own) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
-            own.each(|mat| self.mats.x0[mat], |mat, share| shares.push((mat, share)));
+            own.each(
+                |mat| self.mats.x0[mat],
+                |mat, share| shares.push((mat, share)),
+            );
         }
         shares
     }
