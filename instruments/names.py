@@ -10,10 +10,10 @@ from typing import Literal
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
-from ergon.instruments.space import AXES
 from ergon.instruments.spread import size as n_links
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, TextError, quote
 
 _MEMBERS = re.compile(rf"(.*?)(?:\.({PATTERN}))?")

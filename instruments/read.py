@@ -12,7 +12,7 @@ from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
-from ergon.instruments.space import AXES, Space
+from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.stiff import Stretched
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
@@ -32,6 +32,7 @@ from ergon.notation.tables.shapes import (
     merged,
     wrong_shape,
 )
+from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
 from ergon.notation.text.errors import TextError, with_article

@@ -14,10 +14,10 @@ from ergon import _core
 from ergon.instruments.members import PATTERN
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
-from ergon.instruments.space import AXES
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Either, ListOf
+from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, quote
 
 _MEMBERS = re.compile(rf"\.{PATTERN}$")

@@ -13,8 +13,6 @@ from ergon import _core
 from ergon.instruments.space import nets
 from ergon.instruments.space.points import Chance, add_grains, add_point
 
-AXES = ("x", "y", "z")
-
 NETS = {
     "CHAIN": nets.chain,
     "CLOTH": nets.cloth,

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ergon.instruments.space import AXES, count
+from ergon.instruments.space import count
 from ergon.instruments.space.fields import (
     COUNTS,
     DIRECTION,
@@ -22,6 +22,7 @@ from ergon.instruments.space.fields import (
 )
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Shape
+from ergon.notation.tables.value_kinds import AXES
 
 _Fields = dict[str, Any]
 

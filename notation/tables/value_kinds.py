@@ -97,6 +97,8 @@ def _truth(text: str) -> bool:
     raise TextError(message, length=max(1, len(text)), suggestion=suggestion, code="E206")
 
 
+AXES = ("x", "y", "z")  # of a point in space
+
 MASS = quantity(q.MASS)
 STIFFNESS = quantity(q.STIFFNESS)
 DAMPING = quantity(q.DAMPING)

@@ -7,9 +7,9 @@ from collections.abc import Callable, Container, Iterator
 from dataclasses import replace
 
 from ergon.instruments.members import PATTERN
-from ergon.instruments.space import AXES
 from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import Reference, Shape
+from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError

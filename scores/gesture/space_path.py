@@ -11,7 +11,7 @@ from collections.abc import Container, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from ergon.instruments.space import AXES
+from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.notation import MAX_EVENTS, Notation

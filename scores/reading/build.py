@@ -10,12 +10,12 @@ from typing import Any, Literal
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
-from ergon.instruments.space import AXES
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.expressions import with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context
+from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ergon.instruments.space import AXES
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS

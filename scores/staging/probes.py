@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from ergon.instruments.model import Instrument, Module, Output, Target
 from ergon.instruments.module_kinds import HOLDERS, member_count
-from ergon.instruments.space import AXES
 from ergon.instruments.spread import singles
+from ergon.notation.tables.value_kinds import AXES
 from ergon.scores.reading.piece import Piece, Route
 
 MAX_POINTS = 256  # measured at once; a piece of 10,000 masses is not read line by line
