@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mistake, ObjMesh
+from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mesh, MeshFileError
 
 _Point = tuple[float, float, float]
 # Rows of a matrix: what a point's coordinates become, and what is added to them.
@@ -29,16 +29,16 @@ _FLOAT = 5126
 _INDICES = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
 
 
-def read(text: str) -> ObjMesh:
-    """The mesh of a file's scene, its y, which is up, as z. Raises Mistake."""
+def read(text: str) -> Mesh:
+    """The mesh of a file's scene, its y, which is up, as z. Raises MeshFileError."""
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise Mistake("it is not the JSON of a glTF file") from error
+        raise MeshFileError("it is not the JSON of a glTF file") from error
     try:
         return _Reader(root).mesh()
     except (KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
-        raise Mistake("it is not whole: something that it names is not there") from error
+        raise MeshFileError("it is not whole: something that it names is not there") from error
 
 
 class _Reader:
@@ -46,14 +46,14 @@ class _Reader:
         self._root = root
         version = str(root["asset"]["version"])
         if version.partition(".")[0] != "2":
-            raise Mistake(f"glTF 2 is read, not version {version[:20]}")
+            raise MeshFileError(f"glTF 2 is read, not version {version[:20]}")
         for needed in root.get("extensionsRequired", ()):
-            raise Mistake(f"it needs the extension {str(needed)[:60]}, which is not read")
+            raise MeshFileError(f"it needs the extension {str(needed)[:60]}, which is not read")
         self._buffers: dict[int, bytes] = {}
         self._numbers: dict[_Point, int] = {}
         self._edges: dict[tuple[int, int], None] = {}
 
-    def mesh(self) -> ObjMesh:
+    def mesh(self) -> Mesh:
         """All meshes of the scene as one."""
         nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")
@@ -64,7 +64,9 @@ class _Reader:
             number, outer = waiting.pop()
             n_seen += 1
             if n_seen > MAX_NODES:
-                raise Mistake(f"the scene has more than {MAX_NODES:,} nodes, or contains itself")
+                raise MeshFileError(
+                    f"the scene has more than {MAX_NODES:,} nodes, or contains itself"
+                )
             node = nodes[number]
             matrix = _product(outer, _placed(node))
             if "mesh" in node:
@@ -73,8 +75,8 @@ class _Reader:
             if scenes is not None:
                 waiting += [(_index(child), matrix) for child in node.get("children", ())]
         if not self._edges:
-            raise Mistake("the scene has no edges; a mesh has triangles or lines")
-        return ObjMesh(tuple(self._numbers), tuple(self._edges))
+            raise MeshFileError("the scene has no edges; a mesh has triangles or lines")
+        return Mesh(tuple(self._numbers), tuple(self._edges))
 
     def _part(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
         points = [_moved(matrix, point) for point in self._positions(part)]
@@ -85,20 +87,20 @@ class _Reader:
             if one != other:
                 self._edges[min(one, other), max(one, other)] = None
         if len(self._edges) > MAX_EDGES:
-            raise Mistake(f"the file has more than {MAX_EDGES:,} edges", "E105")
+            raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
 
     def _number(self, point: _Point) -> int:
         if not max(map(abs, point)) <= MOST:
-            raise Mistake(f"a coordinate is at most {MOST:,.0f}", "E105")
+            raise MeshFileError(f"a coordinate is at most {MOST:,.0f}", "E105")
         number = self._numbers.setdefault(point, len(self._numbers))
         if number >= MAX_POINTS:
-            raise Mistake(f"the file has more than {MAX_POINTS:,} vertices", "E105")
+            raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         return number
 
     def _positions(self, part: Mapping[str, Any]) -> Iterator[_Point]:
         accessor = self._root["accessors"][_index(part["attributes"]["POSITION"])]
         if (accessor["type"], accessor["componentType"]) != ("VEC3", _FLOAT):
-            raise Mistake("positions are three floats each")
+            raise MeshFileError("positions are three floats each")
         yield from self._items(accessor, "<3f", 12)
 
     def _indices(self, number: Any) -> list[int]:
@@ -108,13 +110,13 @@ class _Reader:
 
     def _items(self, accessor: Mapping[str, Any], form: str, size: int) -> Iterator[Any]:
         if "sparse" in accessor or "bufferView" not in accessor:
-            raise Mistake("it has sparse values, which are not read")
+            raise MeshFileError("it has sparse values, which are not read")
         view = self._root["bufferViews"][_index(accessor["bufferView"])]
         begin = _index(view.get("byteOffset", 0))
         data = self._buffer(_index(view["buffer"]))[begin : begin + _index(view["byteLength"])]
         count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
         if count > 3 * MAX_EDGES:
-            raise Mistake(f"the file has more than {MAX_EDGES:,} edges", "E105")
+            raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         begin = _index(accessor.get("byteOffset", 0))
         return (struct.unpack_from(form, data, begin + i * step) for i in range(count))
 
@@ -123,13 +125,13 @@ class _Reader:
             address = str(self._root["buffers"][number].get("uri", ""))
             head, comma, data = address.partition(",")
             if not head.startswith(_EMBEDDED) or not comma or not head.endswith(";base64"):
-                raise Mistake(
+                raise MeshFileError(
                     "its data is in another file; write it as one file: glTF Embedded (.gltf)"
                 )
             try:
                 self._buffers[number] = base64.b64decode(data, validate=True)
             except (binascii.Error, ValueError) as error:
-                raise Mistake("its data is not base64") from error
+                raise MeshFileError("its data is not base64") from error
         return self._buffers[number]
 
 

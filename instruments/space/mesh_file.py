@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import PurePath
 
 from ergon.instruments.space import gltf_file
-from ergon.instruments.space.mesh import Mistake, ObjMesh
+from ergon.instruments.space.mesh import Mesh, MeshFileError
 from ergon.instruments.space.obj_file import Reader
 from ergon.notation.tables.fields import Values
 from ergon.notation.text.document import Document
@@ -39,9 +39,9 @@ def from_file(
     return replace(values, given=given if mesh is None else {**given, "file": mesh})
 
 
-def _gltf(document: Document, who: str, collector: Collector) -> ObjMesh | None:
+def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:
     try:
         return gltf_file.read(document.text)
-    except Mistake as mistake:
-        collector.error(mistake.code, f"{who}: {mistake}", Place(document.file, 1, 1))
+    except MeshFileError as error:
+        collector.error(error.code, f"{who}: {error}", Place(document.file, 1, 1))
         return None

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from itertools import pairwise
 
-from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mistake, ObjMesh
+from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mesh, MeshFileError
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
@@ -26,17 +26,17 @@ class Reader:
         self._points: list[tuple[float, float, float]] = []
         self._edges: dict[tuple[int, int], None] = {}
 
-    def mesh(self, asked: Place) -> ObjMesh | None:
+    def mesh(self, asked: Place) -> Mesh | None:
         """What the file says; None after a report."""
         for number, line in self._lines():
             try:
                 self._line(line.split())
-            except Mistake as mistake:
+            except MeshFileError as error:
                 place = Place(self._document.file, number, 1)
-                self._collector.error(mistake.code, f"{self._who}: {mistake}", place)
+                self._collector.error(error.code, f"{self._who}: {error}", place)
                 return None
         if self._edges:
-            return ObjMesh(tuple(self._points), tuple(self._edges))
+            return Mesh(tuple(self._points), tuple(self._edges))
         message = (
             f"{self._who}: the file has no edges; a mesh has lines such as v 0 0 1 and f 1 2 3"
         )
@@ -64,31 +64,31 @@ class Reader:
         elif kind in ("f", "l"):
             self._edges_of(kind, words[1:])
         elif kind and kind not in _OTHER:
-            raise Mistake(
+            raise MeshFileError(
                 f"{quote(kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )
 
     def _vertex(self, words: list[str]) -> None:
         if len(words) < 3 or not all(map(_NUMBER.fullmatch, words[:3])):
-            raise Mistake("a vertex has three numbers, such as v 0 0.5 1")
+            raise MeshFileError("a vertex has three numbers, such as v 0 0.5 1")
         x, y, z = map(float, words[:3])
         if max(abs(x), abs(y), abs(z)) > MOST:
-            raise Mistake(f"a coordinate is at most {MOST:,.0f}", "E105")
+            raise MeshFileError(f"a coordinate is at most {MOST:,.0f}", "E105")
         if len(self._points) == MAX_POINTS:
-            raise Mistake(f"the file has more than {MAX_POINTS:,} vertices", "E105")
+            raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         self._points.append((x, y, z))
 
     def _edges_of(self, kind: str, words: list[str]) -> None:
         corners = [self._corner(word) for word in words]
         if len(corners) < (3 if kind == "f" else 2):
-            raise Mistake("a face has three corners or more, a line two")
+            raise MeshFileError("a face has three corners or more, a line two")
         ends = [*corners, corners[0]] if kind == "f" else corners
         for a, b in pairwise(ends):
             if a == b:
-                raise Mistake(f"vertex {a + 1} stands twice in a row")
+                raise MeshFileError(f"vertex {a + 1} stands twice in a row")
             self._edges[min(a, b), max(a, b)] = None
         if len(self._edges) > MAX_EDGES:
-            raise Mistake(f"the file has more than {MAX_EDGES:,} edges", "E105")
+            raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
 
     def _corner(self, word: str) -> int:
         """The number of a vertex, from 0 on: counted from 1, or back from the last with a minus."""
@@ -96,7 +96,7 @@ class Reader:
         number = int(found[1][:20]) if found else 0
         index = number - 1 if number > 0 else len(self._points) + number
         if number == 0 or not 0 <= index < len(self._points):
-            raise Mistake(
+            raise MeshFileError(
                 f"{quote(word)} is no vertex that stands before; there are {len(self._points):,}"
             )
         return index

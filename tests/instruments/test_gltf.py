@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ergon.instruments.space import gltf_file
-from ergon.instruments.space.mesh import Mistake
+from ergon.instruments.space.mesh import MeshFileError
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
@@ -113,7 +113,7 @@ def _with(value: Any, *path: str | int) -> str:
     ],
 )
 def test_what_is_wrong_is_said(text: str, said: str):
-    with pytest.raises(Mistake) as refused:
+    with pytest.raises(MeshFileError) as refused:
         gltf_file.read(text)
     assert said in str(refused.value)
 
