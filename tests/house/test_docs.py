@@ -27,6 +27,11 @@ PAGES = [
     *sorted((ROOT / "docs" / "howto").glob("*.md")),
     *sorted((ROOT / "docs" / "instruments").glob("*.md")),
 ]
+FOR_DEVELOPERS = [
+    ROOT / "DESIGN.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs" / "design").glob("*.md")),
+]
 LONG = [ROOT / "docs" / "charts.md"]  # draws charts and maps
 _IN_A_ROOM = """ergon: 1
 instruments: {{b: {{BANK: {{count: 9, f: 1kHz, t60: 1s, M: 1g}}, out: {{SOX: b.all}}}}}}
@@ -71,7 +76,7 @@ def test_what_a_page_shows_is_so(page: Path, tmp_path: Path) -> None:
                 check(block, path)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, *FOR_DEVELOPERS], ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
@@ -81,6 +86,27 @@ def test_links_lead_somewhere(page: Path) -> None:
                 ("errors/", "reference.md", "docs/reference.md", "docs/errors")
             )
             assert made or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+# Where files lie that the pages for developers name without their beginning.
+_HOMES = [ROOT, *(ROOT / f"core-rs/{one}/src" for one in ("engine", "view", "live", "bridge"))]
+_HOMES += [ROOT / "core-rs", ROOT / "core-rs/engine/src/plan"]
+
+
+@pytest.mark.parametrize(
+    "page",
+    # The recipes of CONTRIBUTING.md name files that the reader makes.
+    [
+        ROOT / "docs" / "glossary.md",
+        *(page for page in FOR_DEVELOPERS if page.name != "CONTRIBUTING.md"),
+    ],
+    ids=lambda page: page.name,
+)
+def test_files_that_a_page_names_are_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for name in sorted(set(re.findall(r"`([a-z_.-]+(?:/[a-z_-]+)+(?:\.\w+)?)/?`", text))):
+        found = [home / f"{name}{end}" for home in _HOMES for end in ("", ".rs", ".py")]
+        assert any(path.exists() for path in found), f"{page.name} names {name}"
 
 
 def test_every_page_is_reached_from_the_first() -> None:
