@@ -37,7 +37,7 @@ test-long: $(VENV)/dev
 	PROPTEST_CASES=4096 cargo test --locked --release
 	cargo test --locked --release -p ergon-live --lib -- --ignored
 	cargo test --locked --release -p ergon-engine --test no_alloc --test scenes -- --ignored
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q --numprocesses auto --dist worksteal
 	$(MAKE) accuracy
 
 check: check-rust check-python

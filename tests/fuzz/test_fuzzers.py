@@ -1,5 +1,7 @@
 """Every reader of the table, for a while in `make test`, for long in `make test-long`."""
 
+import os
+import random
 from itertools import islice
 from pathlib import Path
 
@@ -9,11 +11,13 @@ from tests.fuzz.targets import BY_NAME, TARGETS
 from tests.scores.test_corrupted_takes import FORMATS
 
 NAMES = [target.name for target in TARGETS]
+# Each long run has cases of its own; FUZZ_FROM repeats those of another.
+FIRST = int(os.environ.get("FUZZ_FROM") or random.SystemRandom().randrange(10**9))
 
 
-def holds(target: Target, count: int, folder: Path) -> None:
-    outcome = fuzz(target, count, folder)
-    print(f"{target.name}: {outcome}")
+def holds(target: Target, count: int, folder: Path, first: int = 0) -> None:
+    outcome = fuzz(target, count, folder, first)
+    print(f"{target.name} from {first}: {outcome}")
     assert not outcome.faults, str(outcome)
 
 
@@ -27,7 +31,7 @@ def test_a_reader_answers_or_refuses(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_reader_answers_or_refuses_for_long(name: str, tmp_path: Path) -> None:
     target = BY_NAME[name]
-    holds(target, target.long, tmp_path)
+    holds(target, target.long, tmp_path, FIRST)
 
 
 def cut_or_flipped(data: bytes):

@@ -1,0 +1,162 @@
+"""Short texts of a score with grammars of their own: expressions, gestures, plays, laws."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+
+from random_scores import LAWS
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import damaged, soup
+
+from ergon import _core
+from ergon.notation.tables.expressions import evaluate, looks_like
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture import notation
+from ergon.scores.gesture.sampled import sampled
+from ergon.scores.pattern import words
+
+PIECES = (
+    *("(", ")", "+", "-", "*", "/", "**", "//", " ", "1", "2.5", "1e30", "9" * 38, "1/0", "0"),
+    *("400g", "1/3bar", "7st", "A3", "Bb-1", "x", "y1", "__import__", "N/m", "kN/m3", "1e-99"),
+    *("..", "%", "\u2212", "\u00e9", "\n", "'", "exp(1)", "1_0", "0x1f", ".", "1.2.3", "Ns2/m2"),
+)
+_NAMED = {"x": evaluate("400g", {}), "y1": evaluate("A3", {})}
+
+
+def _expression(chance: random.Random) -> str:
+    kind = chance.randrange(20)
+    if kind == 0:
+        return chance.choice("(-1") * chance.randrange(1, 10_000)
+    if kind == 1:
+        return "*".join(chance.choice(("9" * 39, "x", "1e40")) for _ in range(chance.randrange(40)))
+    return "".join(chance.choice(PIECES) for _ in range(chance.randrange(1, 40)))
+
+
+def _read_expression(text: str, folder: Path) -> Iterator[str]:
+    looks_like(text, _NAMED)
+    yield evaluate(text, _NAMED).literal
+
+
+NOTATIONS = (
+    "0mm@0 smooth 6mm@1/8 throw 0mm@1/4 hold 0mm@1/2",
+    "0@0 (6@1/8 0@1/4)*4 3@2 | 0@3",
+    "1cm@0 -2@1beat 0.5m@1.5 40um@+250ms 6mm@+1/4s",
+    "0@0 line (6@1 throw 0@2)*2 6@5",
+    "0 0mm smooth\n1/8 6mm throw\n1/2 0mm # back\n",
+)
+POINTS = (
+    *("0@0", "6mm@1/8", "0@1/4", "3@1s", "2@+1", "1@0.5s", "-2@250ms", "900m@2", "throw", "line"),
+    *("smooth", "hold", "(", ")*4", ")", "|", "0@0.6s", "5@1/1000", "throw 1@1/9999"),
+)
+
+
+def _gesture(chance: random.Random, depth: int = 2) -> str:
+    """A gesture whose times mostly rise, in beats and in seconds."""
+    said = [] if depth < 2 else ["0@0"]
+    beats = seconds = 0.0
+    for _ in range(chance.randrange(1, 6)):
+        if depth and chance.random() < 0.2:
+            said.append(f"({_gesture(chance, depth - 1)})*{chance.choice((1, 2, 3, 40))}")
+            continue
+        step = chance.choice((1e-7, 1e-4, 0.01, 0.125, 0.5, 1.0))
+        if is_beats := chance.random() < 0.7:
+            beats += step
+        else:
+            seconds += step
+        at = f"{beats:.10g}" if is_beats else f"{seconds:.10g}s"
+        x = chance.choice(("0", "6", "-3mm", "0.5m", "1e3m", "1e-12m", "900m"))
+        word = chance.choice(("", "", "smooth ", "line ", "throw ", "hold "))
+        said.append(f"{word}{x}@{chance.choice(('', '', '+'))}{at}")
+    return " ".join(said)
+
+
+def _notation(chance: random.Random) -> str:
+    kind = chance.random()
+    if kind < 0.2:
+        return soup(chance, POINTS)
+    if kind < 0.7:
+        return _gesture(chance)
+    return damaged(chance.choice(NOTATIONS), chance, POINTS)
+
+
+def _read_notation(text: str, _: Path) -> None:
+    refused: list[TextError] = []
+    for read in (notation.parse, notation.parse_table):
+        try:
+            points = read(text).points
+            last = points[-1].at
+            if last.beats + last.seconds < 5.0:  # a longer gesture is no other
+                sampled(points, 0.5, 1000.0)
+        except TextError as error:
+            refused.append(error)
+    assert all(0 <= error.offset <= len(text) and error.length >= 0 for error in refused)
+    if len(refused) == 2:
+        raise refused[0]
+
+
+PLAYS = (
+    "lean every 8 times 2 do scale 0.5, mirror until C layer",
+    "knock at B+1bar every 1/2 touch tracked do jitter 4ms 0.2mm, stretch 2, shift -1/8",
+)
+
+
+def _plays(chance: random.Random) -> str:
+    known = [*words.OPTIONS, *words.ARITY, "lean", ",", "do", "1/8", "2bar", "#", "C-1"]
+    if chance.random() < 0.5:
+        return soup(chance, known)
+    return damaged(chance.choice(PLAYS), chance, known)
+
+
+LAW_TEXTS = tuple(law.partition(",")[0] for law in LAWS.values())
+_LAW_WORDS = (
+    "d v k q w + - * / ** ( ) , < >= == . if [ ] ^ max min abs sqrt sign exp tanh where clip"
+)
+LAW_WORDS = (*_LAW_WORDS.split(), "1e308", "2.5", "3N/m")
+
+
+def _law_text(chance: random.Random, depth: int = 4) -> str:
+    """A law that mostly has a meaning."""
+    kind = chance.randrange(6) if depth else 0
+    if kind <= 1:
+        return chance.choice(("d", "d", "v", "k", "q", "w", "f", "0", "1e308", "1e-308", "2.5"))
+    left, right = (_law_text(chance, depth - 1) for _ in range(2))
+    if kind == 2:
+        return f"{chance.choice(('abs', 'sqrt', 'sign', 'exp', 'tanh', '-'))}({left})"
+    if kind == 3:
+        return f"{chance.choice(('max', 'min'))}({left}, {right})"
+    return f"({left}){chance.choice(('+', '-', '*', '/', '**', '<', '>='))}({right})"
+
+
+def _law(chance: random.Random) -> tuple[str, str | None, dict[str, float], float]:
+    def text() -> str:
+        kind = chance.random()
+        if kind < 0.2:
+            return soup(chance, LAW_WORDS, between="")
+        if kind < 0.7:
+            return _law_text(chance)
+        return damaged(chance.choice(LAW_TEXTS), chance, LAW_WORDS)
+
+    edges = (0.0, 1.0, -1.0, 1e308, 5e-324, float("inf"), float("nan"), 200.0)
+    usual = (200.0,) * 20
+    constants = {name: chance.choice((*usual, *edges)) for name in "kqwf"}
+    damping = text() if chance.random() < 0.2 else None
+    return text(), damping, constants, chance.choice((*usual, *edges))
+
+
+def _read_law(case: tuple[str, str | None, dict[str, float], float], _: Path) -> None:
+    expression, damping, constants, reach = case
+    law = _core.Law(expression, damping, constants, reach=reach)
+    for x in (0.0, 1e-3, -1e308, float("nan")):
+        law.force(x, -x)
+        law.potential(x)
+    law.rows()
+
+
+TARGETS = (
+    Target("notation", _notation, _read_notation, (TextError,), 2000),
+    Target("expressions", _expression, _read_expression, (TextError,), 3000, limit=0.5),
+    Target("plays", _plays, lambda text, _: words.parse(text) and None, (TextError,), 2000),
+    Target("laws", _law, _read_law, (_core.EngineError,), 1000),
+)
