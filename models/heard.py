@@ -40,6 +40,7 @@ def heard_ends(own: Writing) -> dict[int, str]:
 
 
 def output(own: Writing, one: Statement) -> None:
+    """An output."""
     channel = int(one.name.removeprefix("out"))
     if one.keyword == "posOutput":
         found = points(own, one, one.points[0])

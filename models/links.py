@@ -25,10 +25,8 @@ def link(own: Writing, one: Statement, heard: Mapping[int, str]) -> None:
     values = {name: value_of(own, one, name) for name in one.values}
     law = _law(own, one, values)
     ends_of = [points(own, one, point) for point in one.points]
-    signed: tuple[str, ...] = (
-        ("K", "Z") if law.kind != "LNL" else ("Q",) if "sqrt" in law.law else ()
-    )
-    signed += tuple(name for name in ("K", "Z") if name in values and values[name].along)
+    signed = ["K", "Z"] if law.kind != "LNL" else ["Q"] if "sqrt" in law.law else []
+    signed += [name for name in ("K", "Z") if name in values and values[name].along]
     for name in signed:
         not_negative(values.get(name, _NONE), name, one.line)
     if "scale" in values and values["scale"].least <= 0.0:
