@@ -112,6 +112,8 @@ def which(keyword: str, values: Mapping[str, float]) -> str:
     cubic, k, lim = values.get("Q", 0.0), values.get("K", 0.0), values.get("lim", 0.0)
     if keyword == "spring" and "Z" in values:
         return "damped spring"
+    if keyword == "detent":  # what mi_faust called a contact
+        return "contact"
     if keyword == "nlSpring":
         return "nlSpring2"
     if keyword == "nlSpringDamper" and (cubic == 0.0 or k >= lim):

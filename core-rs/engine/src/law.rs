@@ -374,6 +374,17 @@ impl Law {
         slope / self.reach / self.reach
     }
 
+    /// Whether far from rest its force is small beside its slopes at rest, as a bow's is: what they set off stays bounded.
+    pub(crate) fn gives_way(&self) -> bool {
+        const FAR: f64 = 1e3; // [m], [m/s]
+        const SMALL: f64 = 0.01;
+        let is_small = |far: f64, slope: f64| (far / FAR).abs() <= SMALL * slope.abs();
+        [FAR, -FAR].iter().all(|&far| {
+            is_small(self.spring(far), self.slope(0.0))
+                && is_small(self.drag(0.0, far), self.damping_slope(0.0))
+        })
+    }
+
     /// Whether damping·v < 0 somewhere in |d| ≤ `d_max` [m], |v| ≤ `v_max` [m/s]: the link can then
     /// give energy, as a bow does.
     ///

@@ -307,6 +307,16 @@ impl Scheme {
         certify::certify(self, network, Refusal::Explained)
     }
 
+    /// Leave out laws that give way far from rest: where nothing is computed finer, what their slopes at rest set off is
+    /// the network's own.
+    pub(crate) fn let_laws_give_way(&mut self) {
+        self.runs.retain(|run| match &run.kind {
+            Kind::Lnl { law, .. } => !law.gives_way(),
+            Kind::Followed { by, .. } => !by.corners().all(|law| law.gives_way()),
+            _ => true,
+        });
+    }
+
     /// Whether the scheme is stable without its damping: where it is refused, only damping is too strong.
     pub(crate) fn bears_springs(&self, network: &Network) -> bool {
         certify::bears_springs(self, network)

@@ -336,6 +336,7 @@ LAWS: dict[str, Callable[..., float]] = {
     "damper": lambda d, v, z: z * v,
     "springDamper": lambda d, v, k, z: k * d + z * v,
     "contact": _contact,
+    "detent": _contact,
     "nlContact": _nl_contact,
     "nlSpring": _square,
     "nlSpring2": _square,
@@ -368,4 +369,5 @@ LAWS_2019: dict[str, Callable[..., float]] = {
     "nlPluck": _pluck_2019,
     "nlBow": _bow_2019,
     "contact": _contact_2019,
+    "detent": _contact_2019,
 }
