@@ -207,10 +207,11 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
     path = Path(file)
     try:
         info = read_info(path)
-        first = float(next(read_blocks(path))[0, 0]) if info.n_frames > 1 else 0.0
+        is_fitting = (info.format.rate, info.format.n_channels) == (RATE, 1)
+        blocks = [block[:, 0] for block in read_blocks(path)] if is_fitting else []
     except (NotWaveError, OSError) as error:
         raise OptionError("input", f"{file}: {error}", value=name) from None
-    if (info.format.rate, info.format.n_channels) != (RATE, 1):
+    if not is_fitting:
         message = f"{file} has {info.format.n_channels} channels at {info.format.rate:,} Hz; "
         message += f"a model is fed by one at {RATE:,} Hz"
         raise OptionError("input", message, value=name)
@@ -220,4 +221,10 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
     if not path.resolve().is_relative_to(folder):
         message = f"{file} lies outside {folder}, and a score names files of its own folder"
         raise OptionError("input", message, value=name)
-    return Input(path.resolve().relative_to(folder).as_posix(), first)
+    first, second = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
+    least = min(float(block.min()) for block in blocks)
+    most = max(float(block.max()) for block in blocks)
+    if not isfinite(least + most):
+        raise OptionError("input", f"{file} has samples that are no numbers", value=name)
+    file_of_score = path.resolve().relative_to(folder).as_posix()
+    return Input(file_of_score, first, second, least, most, info.n_frames)

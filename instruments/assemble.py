@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ergon import _core
-from ergon.instruments import proxies
+from ergon.instruments import following, proxies
 from ergon.instruments.members import members
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
@@ -123,6 +123,13 @@ class Assembly:
         """
         self.network.part(name, ca_rate=ca_rate)
         for module in modules:
+            if self.refused and not self._are_there(following.targets(module)):
+                continue
+            if module.kind == "MAS":
+                for _, by in following.values(module, self.mat):
+                    with self._gathering():
+                        mat = self.mats[name, module.name]
+                        self.network.follow_mass(module.name, mat, by)
             if module.kind not in LINKS:
                 continue
             ends = module.fields["between"]
@@ -143,9 +150,14 @@ class Assembly:
             index = self._link_in_space(module, a, b)
             self.links[part, module.name] = range(index, self.network.n_lia)
             return index
-        make = _LINKS[module.kind]
         ends = self.mat(a), self.mat(b)
-        index = make(self, module.name, *ends, _seen(module.fields, reach), reach)
+        if by := following.values(module, self.mat):
+            own = _pick(module.fields, "law", "damping", "constants", "rest")
+            own = {"law": None, "damping": None} | own
+            index = self.network.following_lnl(module.name, *ends, follows=by, **own)
+        else:
+            make = _LINKS[module.kind]
+            index = make(self, module.name, *ends, _seen(module.fields, reach), reach)
         self.links[part, module.name] = range(index, index + 1)
         return index
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ergon import _core
+from ergon.instruments import following
 from ergon.instruments.model import Module
 from ergon.instruments.transpose import law
 from ergon.notation.tables.shapes import NAME
@@ -68,15 +69,18 @@ def resolved(
         else:
             fields["damping"] = named.damping
     written = fields["constants"]
-    fields["constants"] = {**constants, **written}
+    follows = following.of(module)
+    starts = {name: own.start for name, own in follows.items()}
+    fields["constants"] = {**constants, **written, **starts}
     interval = fields.pop("interval", None)
     used = set(_WORDS.findall(f"{fields['law'] or ''} {fields['damping'] or ''}")) - _KNOWN
     fields_of_kind = [w for w in module.fields if w not in ("constants", "interval")]
-    for name in written:
+    for name in (*written, *follows):
         if name not in used:
             message = f"{who}: the law has no constant {quote(name)}"
             names = (*fields_of_kind, *sorted(used))
-            collector.error("E101", message, module.places[name], word=name, names=names)
+            place = module.places[name if name in written else "follows"]
+            collector.error("E101", message, place, word=name, names=names)
             return module
     if check(fields, who, locate, collector):
         if interval is not None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from ergon.instruments import proxies, space
+from ergon.instruments import following, proxies, space
 from ergon.instruments.bodies import DECAY, Bending
 from ergon.instruments.materials import MATERIAL
 from ergon.instruments.modal import (
@@ -122,16 +122,18 @@ def _mats_and_links(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
     decay = Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay")
     cel = (m, stiff, damp, pitch, decay, x0, v0, rest)
     link = (BETWEEN, stiff, damp, rest)
+    heavier = following.field(mass, ENDPOINT, "that M goes by where another MAT is")
+    constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
     # What it is, its fields, and which of them may glide.
     tables = {
-        "MAS": ("a point mass", (m, x0, v0), ""),
+        "MAS": ("a point mass", (m, x0, v0, heavier), ""),
         "SOL": ("a fixed point", (x0,), ""),
         "CEL": ("a mass on a spring to the ground, with viscosity", cel, "f t60 K Z M"),
         "RES": ("a spring", (BETWEEN, stiff, rest), "K"),
         "FRO": ("a damper", (BETWEEN, damp), "Z"),
         "REF": ("a spring and damper", link, "K Z"),
         "BUT": ("a one-sided contact: the first of `between` strikes the second", _but(ca), "K Z"),
-        "LNL": ("a non-linear link", _lnl(), ""),
+        "LNL": ("a non-linear link", _lnl(constant), ""),
         "BRISTLE": (
             "friction with memory: bristles that bend, then slip",
             _bristle(ca),
@@ -139,7 +141,6 @@ def _mats_and_links(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
         ),
         "DRY": ("dry friction: it holds up to a level, then slides", _dry(ca), "F"),
     }
-    constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
     return {
         name: (
             Record("module", doc, fields, free=constant if name == "LNL" else None),
@@ -170,9 +171,10 @@ def _but(ca: bool) -> tuple[Field, ...]:
     )
 
 
-def _lnl() -> tuple[Field, ...]:
+def _lnl(constant: Shape) -> tuple[Field, ...]:
     rest = Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0)
-    return (BETWEEN, *_law_fields(), rest)
+    doc = "constants of the law that go by where a MAT is"
+    return (BETWEEN, *_law_fields(), rest, following.field(constant, ENDPOINT, doc))
 
 
 def _law_fields() -> tuple[Field, ...]:
@@ -418,6 +420,7 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "hole": 0.3,
     "friction": 0.0,
     "apart": None,
+    "follows": (),
     "stretch": 0.0,
     "box": None,
     "cohesion": None,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
-from ergon.instruments import proxies
+from ergon.instruments import following, proxies
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
@@ -469,9 +469,10 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "RES": (_needs("K"),),
     "FRO": (_needs("Z"),),
     "REF": (_needs("K", "Z"),),
+    "MAS": (following.check,),
     "CEL": (_cel,),
     "BUT": (_but,),
-    "LNL": (_lnl,),
+    "LNL": (_lnl, following.check),
     "BRISTLE": (_bristle,),
     "DRY": (_dry,),
     "PROXY": (proxies.check,),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments import proxy_names, spread
+from ergon.instruments import following_names, proxy_names, spread
 from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
@@ -47,7 +47,7 @@ def modules(
                 continue
         elif module.kind in GENERATORS and part.axes == 1:
             _starts(module, who, part_names.collector)
-        resolved = replace(module, fields=fields)
+        resolved = following_names.resolve(replace(module, fields=fields), part, part_names, who)
         result.append(lawful(resolved, laws, bodies.get(module.name), who, part_names.collector))
     return tuple(result)
 

@@ -87,6 +87,7 @@ _V1 = {
         damper       Z
         springDamper K Z
         contact      K Z thresh
+        detent       K Z thresh
         nlSpring     K Q Z
         nlSpring2    K Q Z
         nlSpring3    K Q Z

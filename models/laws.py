@@ -86,11 +86,34 @@ LINKS: Mapping[Laws, Mapping[str, Link]] = {
 }
 
 
+_SPRUNG, _DAMPED = {"k": "K"}, {"z": "Z"}
+_FOLLOWABLE = {
+    "RES": Link("LNL", _SPRUNG, "k*d"),
+    "FRO": Link("LNL", _DAMPED, damping="z*v"),
+    "REF": Link("LNL", {**_SPRUNG, **_DAMPED}, "k*d", "z*v"),
+    "BUT": Link(
+        "LNL",
+        {**_SPRUNG, **_DAMPED},
+        "where(d < 0, k*d, 0)",
+        "where(d < 0, z*v, 0)",
+        "thresh",
+        turns=False,
+    ),
+}
+
+
+def followable(law: Link) -> Link:
+    """The same as a law whose constants may follow a signal."""
+    return _FOLLOWABLE.get(law.kind, law)
+
+
 def which(keyword: str, values: Mapping[str, float]) -> str:
     """Which law of a word holds for these values."""
     cubic, k, lim = values.get("Q", 0.0), values.get("K", 0.0), values.get("lim", 0.0)
     if keyword == "spring" and "Z" in values:
         return "damped spring"
+    if keyword == "detent":  # what mi_faust called a contact
+        return "contact"
     if keyword == "nlSpring":
         return "nlSpring2"
     if keyword == "nlSpringDamper" and (cubic == 0.0 or k >= lim):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ergon import _core
+from ergon.instruments import following
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module, Output, Target
 from ergon.instruments.module_kinds import GENERATORS, LINKS
@@ -337,6 +338,9 @@ class _Builder:
 
     def _rest(self, part: Part, module: Module) -> None:
         name = f"{part.name}.{module.name}"
+        if following.of(module):
+            self._refuse(module.place, f"{name}: what follows a MAT is not written yet")
+            return
         if module.kind in ("ENX", "ENF"):
             self._input(module, name)
         elif module.kind in LINKS:

@@ -33,14 +33,23 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A file that feeds an input, and its first sample."""
+    """A file that feeds an input: its first samples, and the least and the most of all.
+
+    `trim` is the part of it that is used, as a take says it.
+    """
 
     file: str
     first: float
+    second: float = 0.0
+    least: float = 0.0
+    most: float = 0.0
+    n_frames: int = 0
+    trim: str = ""
 
     def take(self, name: str) -> Line:
         """The file as a take."""
-        return Line(name, f"{{file: {json.dumps(self.file, ensure_ascii=False)}}}")
+        trim = f", trim: {self.trim}" if self.trim else ""
+        return Line(name, f"{{file: {json.dumps(self.file, ensure_ascii=False)}{trim}}}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,6 +81,19 @@ class Macro:
         firsts = range(0, count, MAX_SPREAD)
         return [f"{self.name}.{a}..{min(a + MAX_SPREAD, count) - 1}" for a in firsts]
 
+    def neighbours(self) -> list[tuple[str, str]]:
+        """Both ends of all links along a single row, a range for those between what moves."""
+        first, count = self.span(0)
+        inner = [
+            (self.member(0, at, size), self.member(0, at + 1, size))
+            for at in range(first, first + count - 1, MAX_SPREAD)
+            if (size := min(MAX_SPREAD, first + count - 1 - at))
+        ]
+        if not first:
+            return inner
+        last = first + count - 1
+        return [(self.at(0, 0), self.at(0, 1)), *inner, (self.at(0, last), self.at(0, last + 1))]
+
     def row(self, row: int) -> str:
         """The name of the module of one row."""
         return self.name if self.rows == 1 else f"{self.name}_row{row}"

@@ -22,7 +22,7 @@ _CLOSE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """A place along one side, `slope` times a signal and `start`; without a signal at `start`."""
+    """A place or a value, `slope` times a signal and `start`; without a signal at `start`."""
 
     signal: str | None
     slope: float
@@ -36,15 +36,18 @@ def signals_in(model: Model, text: str) -> list[str]:
 
 def along(model: Model, point: Point, line: int) -> list[Along]:
     """Where a point is along each side of its macro. Raises ModelError."""
-    return [_side(model, text, f"the place on {quote(point.name)}", line) for text in point.along]
+    return [
+        straight(model, text, f"the place on {quote(point.name)}", line) for text in point.along
+    ]
 
 
-def _side(model: Model, text: str, what: str, line: int) -> Along:
+def straight(model: Model, text: str, what: str, line: int) -> Along:
+    """An expression as a straight line of its signal. Raises ModelError."""
     named = signals_in(model, text)
     if not named:
         return Along(None, 0.0, model.number(text, what, line))
     if len(named) > 1:
-        raise ModelError(REFUSED["two signals"].format(text=quote(text)), line)
+        raise ModelError(REFUSED["two signals"].format(what=what, text=quote(text)), line)
 
     def at(value: float) -> float:
         params = {**model.params, named[0]: Amount(Fraction(value), "")}
@@ -55,11 +58,11 @@ def _side(model: Model, text: str, what: str, line: int) -> Along:
     line_at = (start + slope * value for value in _PROBES[2:])
     straight = zip(others, line_at, strict=True)
     if any(abs(found - wanted) > _CLOSE * (1.0 + abs(wanted)) for found, wanted in straight):
-        raise ModelError(REFUSED["curved"].format(text=quote(text)), line)
+        raise ModelError(REFUSED["curved"].format(what=what, text=quote(text)), line)
     return Along(named[0], slope, start) if slope else Along(None, 0.0, start)
 
 
-def still(shares: Sequence[tuple[float, str]]) -> str:
+def between_masses(shares: Sequence[tuple[float, str]]) -> str:
     """A point that stays, as a module."""
     of = ", ".join(name for _, name in shares)
     each = ", ".join(repr(share) for share, _ in shares)

@@ -1,18 +1,14 @@
 """What a model can say and no score does yet: a sentence for each, told with its line."""
 
 REFUSED = {
-    "late point": (
-        "in the first step a point on a macro begins at 0, wherever the macro is: with viscosity "
-        "and an x0 other than 0 this gives a push that no score says"
+    "pulling string": "a string with a v0 whose Z follows a signal is not built yet; write v0 as 0",
+    "signal": "{name} follows a signal, which {value} of this word cannot do in a score",
+    "silent mass": (
+        "M is {value:g} in the first sample or later, and a mass is above 0; "
+        "M follows a signal, which --input NAME=FILE.wav feeds"
     ),
-    "pulling string": (
-        "a string with a v0 pulls at its own fixed ends for ever, which no score says; write 0"
-    ),
-    "signal": (
-        "{name} follows a signal, which moves points on macros alone: it is no {value} of a module"
-    ),
-    "two signals": "{text} follows two signals; a place follows one",
-    "curved": "{text} is no straight line of its signal, as a place on a macro must be",
+    "two signals": "{what}: {text} follows two signals; a value of a score follows one",
+    "curved": "{what}: {text} is no straight line of its signal, as a value of a score must be",
     "macro force": "the force at a point of a macro is 0 at all times; remove this output",
     "pushed force": "the force on a mass that an input pushes too is not built yet",
     "still force": "no link ends on this mass, so that its force is 0; remove this output",

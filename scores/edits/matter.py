@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ergon.common.decay import LN_1000
+from ergon.instruments import following
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS
@@ -164,7 +165,10 @@ def quantities(module: Module) -> Iterator[tuple[str, float]]:
     for name, value in module.fields.items():
         if isinstance(value, float) and name not in ("X0", "V0"):
             yield name, value
-    yield from module.fields.get("constants", {}).items()
+    follows = following.of(module)
+    for name, value in module.fields.get("constants", {}).items():
+        if name not in follows:
+            yield name, value
 
 
 def said(value: float, name: str, *, is_ca: bool) -> str:

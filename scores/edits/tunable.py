@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from ergon.instruments import following
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
@@ -115,8 +116,8 @@ class TunablePart:
     def _is_inside(self, module: Module, assembly: Assembly) -> bool:
         if module.kind not in LINKS:
             return False
-        # A PROXY between masses of another part is not there.
-        ends = module.fields["between"]
+        # A PROXY between masses of another part is not there, nor what follows one of its MATs.
+        ends = *module.fields["between"], *following.targets(module)
         return all((end.part, end.module) in assembly.mats for end in ends)
 
 

@@ -335,6 +335,10 @@ class Checker:
         if (a.part, a.module) == (b.part, b.module):
             message = "coupling: a key cannot be coupled with itself; name two keys"
             self.collector.error("E304", message, b.place)
+        if made.link.fields.get("follows"):
+            message = "coupling: what follows a MAT stands in an instrument; link the keys there"
+            self.collector.error("E304", message, made.place)
+            return None
         laws = self.matter.laws((made.link,), self.names)
         who = f"{made.link.kind} of a coupling"
         link = rules.lawful(made.link, laws, values.given[values.kind], who, self.collector)

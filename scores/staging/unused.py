@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ergon.instruments import proxies
+from ergon.instruments import following, proxies
 from ergon.instruments.model import Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS
 from ergon.notation.text.errors import Diagnostic, quote
@@ -39,6 +39,8 @@ def unused(piece: Piece) -> list[Diagnostic]:
     groups = _Groups()
     links = {}
     for part, module in piece.modules():
+        for target in following.targets(module):
+            groups.join(part, target.part)
         if module.kind in LINKS:
             ends = tuple(end.part for end in module.fields["between"])
             links[part, module.name] = ends

@@ -375,6 +375,12 @@ V1 = {
 @out3 posOutput @c 1:0.5""",
 }
 V1_TOUCHING = {
+    "detent": """
+@g ground 0
+@a mass 1 -0.1 -0.099
+@d detent @g @a 0.1 0.01 0.02
+@s spring @a @g 0.001
+@out1 posOutput @a""",
     "contact": """
 @g ground 0
 @a mass 1 -0.1 -0.099

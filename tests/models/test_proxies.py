@@ -96,6 +96,24 @@ def test_signals_move_points(macro: str, laws: str):
     compared(model(macro, lines), {"in1": push, "in3": slide, "in4": turn}, laws)
 
 
+ELSEWHERE = {
+    "string": "@s string 6 1 0.3 0.002 0.02 0",
+    "chain": "@s chain 5 1 0.3 0.002 0.02 30",
+    "closedMesh": "@s closedMesh 4 5 1 0.2 0.002 0.02 0",
+}
+
+
+@pytest.mark.parametrize("link", ["springDamper", "bow", "contact"])
+@pytest.mark.parametrize("macro", ELSEWHERE)
+def test_a_point_of_a_body_that_begins_elsewhere_comes_from_0(
+    macro: str, link: str, monkeypatch: pytest.MonkeyPatch
+):
+    """In the first step it jumps to its body, which dampers feel."""
+    monkeypatch.setitem(MACROS, macro, ELSEWHERE[macro])
+    point = "[@s 0.13 0.71]" if "esh" in macro else "[@s 0.13]"
+    compared(model(macro, f"@l {LINKS[link].format(point=point)}"), {})
+
+
 def test_a_signal_without_a_file_is_0():
     compared(model("string", "@x audioParam @in3\n@l nlSpring3 [@s x+0.4] @h 0.1 0.02 0"), {})
 
@@ -107,7 +125,6 @@ def test_points_at_one_place_are_one_module():
 
 
 REFUSED = {
-    "a value": ("@x audioParam @in1\n@l contact [@s 0.3] @h x 0", "no K of a module", 6),
     "two signals": (
         "@x audioParam @in1\n@y audioParam @in2\n@l contact [@s x*y] @h 1 0",
         "follows two signals",

@@ -60,14 +60,7 @@ READING = {
     "a signal of no input": (1, "v2", "@p audioParam @left", "needs an input"),
 }
 WRITING = {
-    "late point": (
-        3,
-        "v2",
-        "@s string 5 1 1 0 0.5 0\n@m mass 1 0 0\n@l damper @m [@s 0.5] 1",
-        "begins at 0",
-    ),
-    "pulling string": (1, "v2", "@s string 5 1 1 0 0 1", "pulls at its own fixed ends"),
-    "signal": (2, "v2", "@p audioParam @in1\n@m mass p 0 0", "'p' follows a signal"),
+    "signal": (2, "v2", "@p audioParam @in1\n@m mass p 0 0", "M is 0 in the first sample"),
     "macro force": (2, "v2", f"{S}@out1 frcOutput [@s 0.5]", "is 0 at all times"),
     "still force": (3, "v2", f"{M}@out1 frcOutput @m", "no link ends"),
     "both ends": (

@@ -35,6 +35,7 @@ impl Law {
             damping,
             constants: constants.into_iter().collect(),
             points: points.as_deref(),
+            ..law::LawText::default()
         };
         let law = py.detach(|| law::Law::new(&text)?.through(reach));
         law.map(Self).map_err(from_law)

@@ -54,6 +54,8 @@ pub struct Law {
     /// q of q·S·d, S the sum of the squares of all elongations of its run [N/m³]; 0 for a law of one link.
     shared: f64,
     native: Option<native::Native>,
+    /// Whether it has constants that may change.
+    is_open: bool,
     asked: Asked,
 }
 
@@ -112,6 +114,8 @@ pub struct LawText<'a> {
     pub constants: Constants,
     /// The elastic part as points (d [m], f [N]), d rising.
     pub points: Option<&'a [(f64, f64)]>,
+    /// Those of the constants that [`Law::set`] changes, by their numbers.
+    pub open: &'a [String],
 }
 
 impl Law {
@@ -121,7 +125,7 @@ impl Law {
     /// [`LawError`] with the place, in characters of the text at fault.
     pub fn new(text: &LawText<'_>) -> Result<Self, LawError> {
         check_constants(&text.constants)?;
-        let read = |which, expression| parse::parse(which, expression, &text.constants);
+        let read = |which, expression| parse::parse(which, expression, &text.constants, text.open);
         let elastic = match (text.law, text.points) {
             (Some(_), Some(_)) => {
                 let message = "A law is given by an expression or by points, not by both.";
@@ -152,8 +156,30 @@ impl Law {
             hardening: None,
             shared: 0.0,
             native: None,
+            is_open: !text.open.is_empty(),
             asked: Asked::default(),
         })
+    }
+
+    /// Give a constant that was left open another value, in SI units; `slot` is its number among these.
+    ///
+    /// ```
+    /// use ergon_engine::law::{Law, LawText};
+    ///
+    /// let constants = [("k".into(), 100.0), ("q".into(), 1e6)].into();
+    /// let open = ["k".to_owned()];
+    /// let mut law = Law::new(&LawText { law: Some("k*d + q*d**3"), constants, open: &open, ..LawText::default() })?;
+    /// law.set(0, 200.0);
+    /// assert_eq!(law.force(1e-3, 0.0), 200.0 * 1e-3 + 1e6 * (1e-3 * 1e-3 * 1e-3));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn set(&mut self, slot: usize, value: f64) {
+        if let Elastic::Expression { program, .. } = &mut self.elastic {
+            program.set(slot, value);
+        }
+        if let Some(damping) = &mut self.damping {
+            damping.set(slot, value);
+        }
     }
 
     /// The tension that stretching brings to all links of a run alike: q·S·d, S the sum of the squares of all their
@@ -166,6 +192,7 @@ impl Law {
             hardening: None,
             shared: q,
             native: None,
+            is_open: false,
             asked: Asked::default(),
         }
     }
@@ -200,7 +227,7 @@ impl Law {
             law: Some("k*d + q*d**3"),
             damping: z.map(|_| "z*v"),
             constants: named.map(|(name, value)| (name.to_owned(), value)).into(),
-            points: None,
+            ..LawText::default()
         })?;
         Ok(Self {
             hardening: Some(Hardening { k, q, z }),
@@ -347,6 +374,17 @@ impl Law {
         slope / self.reach / self.reach
     }
 
+    /// Whether far from rest its force is small beside its slopes at rest, as a bow's is: what they set off stays bounded.
+    pub(crate) fn gives_way(&self) -> bool {
+        const FAR: f64 = 1e3; // [m], [m/s]
+        const SMALL: f64 = 0.01;
+        let is_small = |far: f64, slope: f64| (far / FAR).abs() <= SMALL * slope.abs();
+        [FAR, -FAR].iter().all(|&far| {
+            is_small(self.spring(far), self.slope(0.0))
+                && is_small(self.drag(0.0, far), self.damping_slope(0.0))
+        })
+    }
+
     /// Whether damping·v < 0 somewhere in |d| ≤ `d_max` [m], |v| ≤ `v_max` [m/s]: the link can then
     /// give energy, as a bow does.
     ///
@@ -365,7 +403,7 @@ impl Law {
         let question: Question = [self.reach, d_max, v_max].map(f64::to_bits);
         let answer = || (question, self.gives_energy(d_max, v_max));
         let known = self.asked.0.get_or_init(answer);
-        if known.0 == question {
+        if known.0 == question && !self.is_open {
             known.1
         } else {
             self.gives_energy(d_max, v_max)

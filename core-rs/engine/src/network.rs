@@ -10,6 +10,7 @@ mod checks;
 mod damped;
 mod elements;
 mod error;
+mod following;
 pub(crate) mod forest;
 mod highest;
 mod links;
@@ -31,6 +32,7 @@ pub use crate::dry::Dry;
 pub use bristle::Bristle;
 pub use elements::{Element, ElementKind, Elements};
 pub use error::Error;
+pub use following::{FOLLOWING_MAX, Followed, Following, FollowingMass};
 pub use links::LawUse;
 pub use modes::{ModeRange, PartModes, Tone, TooManyModes};
 pub use output::{Output, Term};
@@ -111,6 +113,8 @@ pub enum LinkKind {
     But(But),
     /// Non-linear law.
     Lnl(Arc<Law>),
+    /// Non-linear law some of whose constants follow MATs.
+    Followed(Followed),
     /// Friction with memory; the K of its run is σ0, its Z is Fc.
     Bristle(Bristle),
     /// Dry friction that holds rigidly; the Z of its run is F [N].
@@ -181,6 +185,7 @@ pub struct Network {
     degree: Vec<u32>,
     outputs: Vec<Output>,
     proxies: Vec<Proxy>,
+    following_masses: Vec<FollowingMass>,
     names: names::Names,
 }
 

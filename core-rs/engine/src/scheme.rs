@@ -19,7 +19,8 @@ use discretise::Ties;
 
 use crate::law::{Hardening, Law};
 use crate::network::{
-    Bristle, But, Contact, Dry, Error, Network, Output, PairRun, Pairwise, Proxy, SpaceLink,
+    Bristle, But, Contact, Dry, Error, Followed, FollowingMass, Network, Output, PairRun, Pairwise,
+    Proxy, SpaceLink,
 };
 use crate::units::Rate;
 
@@ -35,6 +36,14 @@ pub(crate) enum Kind {
         /// Per-sample velocity times this is the law's v: 1/T, or T_ca/T under `ca`.
         rate: f64,
         /// Index of the law's room.
+        room: usize,
+    },
+    /// A law some of whose constants follow MATs.
+    Followed {
+        by: Followed,
+        /// As of a law.
+        rate: f64,
+        /// Index of the law as it is now.
         room: usize,
     },
     /// Friction with memory; K of the run is σ0, Z is Fc [N].
@@ -181,7 +190,11 @@ impl Run {
     /// equation.
     pub(crate) fn can_substep(&self) -> bool {
         let is_one = match &self.kind {
-            Kind::Ref | Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
+            Kind::Ref
+            | Kind::Followed { .. }
+            | Kind::Dry { .. }
+            | Kind::Space(_)
+            | Kind::Pairwise { .. } => false,
             Kind::But(but) => but.contact != Contact::Magic,
             Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
         };
@@ -194,6 +207,7 @@ impl Run {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::Hardening(q) => (self.k, *q, self.z),
             Kind::But(_)
+            | Kind::Followed { .. }
             | Kind::Bristle { .. }
             | Kind::Dry { .. }
             | Kind::Space(_)
@@ -237,6 +251,8 @@ pub struct Scheme {
     pub(crate) part: Vec<u32>,
     /// Points between masses, which have no 1/M of their own.
     pub(crate) proxies: Vec<Proxy>,
+    /// Masses that follow MATs; `w` has each at its lightest.
+    pub(crate) following_masses: Vec<FollowingMass>,
     /// Springs whose single forces are not needed: computed in one pass.
     pub(crate) fused: Vec<Spring>,
     /// Forces from the state, in order of declaration.
@@ -291,6 +307,16 @@ impl Scheme {
         certify::certify(self, network, Refusal::Explained)
     }
 
+    /// Leave out laws that give way far from rest: where nothing is computed finer, what their slopes at rest set off is
+    /// the network's own.
+    pub(crate) fn let_laws_give_way(&mut self) {
+        self.runs.retain(|run| match &run.kind {
+            Kind::Lnl { law, .. } => !law.gives_way(),
+            Kind::Followed { by, .. } => !by.corners().all(|law| law.gives_way()),
+            _ => true,
+        });
+    }
+
     /// Whether the scheme is stable without its damping: where it is refused, only damping is too strong.
     pub(crate) fn bears_springs(&self, network: &Network) -> bool {
         certify::bears_springs(self, network)
@@ -327,9 +353,11 @@ impl Scheme {
         self.proxies.iter().any(|proxy| proxy.mat == mat)
     }
 
-    /// Whether a run can be computed in substeps: between substeps a proxy is nowhere.
+    /// Whether a run can be computed in substeps: between substeps a proxy is nowhere, and no mass changes.
     fn may_substep(&self, run: &Run) -> bool {
-        run.can_substep() && !self.is_proxy(run.a) && !self.is_proxy(run.b)
+        let changes = |mat| self.following_masses.iter().any(|mass| mass.mat == mat);
+        let takes = |mat| !self.is_proxy(mat) && !changes(mat);
+        run.can_substep() && takes(run.a) && takes(run.b)
     }
 
     /// 1/M that a force at each MAT meets [m/N]: at a proxy at most that of its masses together   (n_mat; empty: no

@@ -408,6 +408,10 @@ class Network:
         The tie has K [N/m] and Z [N·s/m], or is given by the damped frequency f [Hz] and the decay
         t60 [s] (None: no decay).
         """
+    def follow_mass(
+        self, name: str, index: int, by: tuple[int, float, float, float, float]
+    ) -> None:
+        """Let the mass of a MAS follow another MAT, as in `following_lnl`. Raises EngineError."""
     def proxy(self, name: str, shares: Sequence[tuple[int, float]]) -> int:
         """A massless point between masses, each (index, share): its position is their sum by shares.
 
@@ -695,6 +699,24 @@ class Network:
         """A link between two points in space with a law of distance - `rest` [m]; the LIA's index."""
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
         """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
+    def following_lnl(
+        self,
+        name: str,
+        a: int,
+        b: int,
+        *,
+        law: str | None,
+        damping: str | None,
+        constants: Mapping[str, float],
+        follows: Sequence[tuple[str, tuple[int, float, float, float, float]]],
+        rest: float = 0.0,
+    ) -> int:
+        """A link with a law some of whose constants follow MATs; the LIA's index.
+
+        Each of `follows` is a constant and (index, offset [m], span [m], from, to): its value goes
+        from one to the other while the MAT goes from -offset to a span farther on, and stays at
+        them beyond. Raises EngineError.
+        """
     def laws(self) -> list[LawUse]:
         """Every different law that has rows, and how many links have it."""
     def native(self, entries: Sequence[_NativeLaw]) -> None:

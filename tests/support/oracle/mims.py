@@ -38,6 +38,13 @@ class Played:
     def value(self, text: str) -> float:
         return float(eval(text, {"sqrt": math.sqrt}, dict(self.params)))
 
+    def values(self, texts: Sequence[str]) -> Callable[[], list[float]]:
+        """Values at each step: once for all where no signal is there."""
+        if not any(signal in text for signal in self.signals for text in texts):
+            found = [self.value(text) for text in texts]
+            return lambda: found
+        return lambda: [self.value(text) for text in texts]
+
     def force(self, m1: Mass, m2: Mass, f: float) -> None:
         m1[2] -= f
         m2[2] += f
@@ -162,11 +169,11 @@ def _matter(own: Played, name: str, word: str, *rest: str) -> None:
         x0, x1 = own.value(_height(x0)), own.value(_height(x1))
         own.masses[name] = m = [x0, x0 - x1 if own.is_v1 else x1 / RATE, 0.0]
         n = 3 if word == "osc" else 1
-        mass, k, z = [*(own.value(t) for t in matter[:n]), 0.0, 0.0][:3]
-        gravity = 0.0
+        weight = "0"
         if len(matter) > n:
-            gravity = own.value(matter[n] if own.is_v1 else f"{matter[n]} / 44100")
-        own.moves.append(lambda: own.inertia(m, mass, k, z, gravity))
+            weight = matter[n] if own.is_v1 else f"{matter[n]} / 44100"
+        numbers = own.values([*matter[:n], *("0" for _ in range(3 - n)), weight])
+        own.moves.append(lambda: own.inertia(m, *numbers()))
     elif word in STRINGS or word in ("mesh", "closedMesh", "cornerMesh"):
         _macro(own, name, word, words)
 
@@ -176,26 +183,27 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
     size = [int(w) for w in words[:n]]
     length, width = (size[0], 1) if n == 1 else size
     tail = 1 if own.is_v1 else 2
-    m, k, *more = (own.value(w) for w in words[n : len(words) - tail])
-    k2 = more.pop(0) if word == "stiffString" else 0.0
-    z, zo = (*more, 0.0)[:2]
+    texts = [*words[n : len(words) - tail]]
+    k2 = own.value(texts.pop(2)) if word == "stiffString" else 0.0
+    numbers = own.values([*texts, "0"][:4])
     x0 = own.value(_height(words[-tail]))
     step = 0.0 if own.is_v1 else own.value(_height(words[-1])) / RATE
     data = [[x0, step, 0.0] for _ in range(length * width)]
     own.macros[name] = word, length, width, data
     pairs = []
+    stiff: list[tuple[int, int]] = []
     if n == 1:
-        pairs = [(i, i + 1, k, z) for i in range(length - 1)]
+        pairs = [(i, i + 1) for i in range(length - 1)]
     else:
         at = lambda i, j: i * width + j  # noqa: E731
         for i in range(length):
-            pairs += [(at(i, j), at(i, j + 1), k, z) for j in range(width - 1)]
+            pairs += [(at(i, j), at(i, j + 1)) for j in range(width - 1)]
         for i in range(length - 1):
-            pairs += [(at(i, j), at(i + 1, j), k, z) for j in range(width)]
+            pairs += [(at(i, j), at(i + 1, j)) for j in range(width)]
     if word == "stiffString":
         low = 0 if own.laws == "2019" else -1
         clip = lambda i: min(max(i, 0), length - 1)  # noqa: E731
-        pairs += [(clip(i), clip(i + 2), k2, 0.0) for i in range(low, length - 1)]
+        stiff = [(clip(i), clip(i + 2)) for i in range(low, length - 1)]
 
     def is_fixed(at: int) -> bool:
         i, j = divmod(at, width)
@@ -207,6 +215,7 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
     fixed = [is_fixed(i) for i in range(length * width)]
 
     def move() -> None:
+        m, k, z, zo = numbers()
         for i, one in enumerate(data):
             if fixed[i]:
                 one[2] = 0.0
@@ -214,9 +223,12 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
                     one[1] = 0.0
             else:
                 own.inertia(one, m, 0.0, zo, 0.0)
-        for a, b, stiff, damp in pairs:
+        for a, b in pairs:
             p, q = data[a], data[b]
-            own.force(p, q, stiff * (p[0] - q[0]) + damp * (p[1] - q[1]))
+            own.force(p, q, k * (p[0] - q[0]) + z * (p[1] - q[1]))
+        for a, b in stiff:
+            p, q = data[a], data[b]
+            own.force(p, q, k2 * (p[0] - q[0]))
 
     own.moves.append(move)
 
@@ -236,15 +248,15 @@ def _links_and_ports(own: Played, name: str, word: str, *rest: str) -> None:
             own.outs[int(name[4:])] = lambda: m[0][at]
     elif word in LAWS:
         (m1, m2), words = _ends(own, rest, 2)
-        values = [own.value(one.strip("[]")) for one in words]
-        if own.is_v1 and word == "spring" and len(values) == 2:
+        values = own.values([one.strip("[]") for one in words])
+        if own.is_v1 and word == "spring" and len(words) == 2:
             word = "springDamper"
         law = LAWS[word]
         if own.laws == "2019":
             law = LAWS_2019.get(word, law)
 
         def pull() -> None:
-            own.force(m1, m2, law(m1[0] - m2[0], m1[1] - m2[1], *values))
+            own.force(m1, m2, law(m1[0] - m2[0], m1[1] - m2[1], *values()))
 
         own.pulls += [pull] * (2 if own.is_v1 and word == "nlSpring3" else 1)
 
@@ -324,6 +336,7 @@ LAWS: dict[str, Callable[..., float]] = {
     "damper": lambda d, v, z: z * v,
     "springDamper": lambda d, v, k, z: k * d + z * v,
     "contact": _contact,
+    "detent": _contact,
     "nlContact": _nl_contact,
     "nlSpring": _square,
     "nlSpring2": _square,
@@ -356,4 +369,5 @@ LAWS_2019: dict[str, Callable[..., float]] = {
     "nlPluck": _pluck_2019,
     "nlBow": _bow_2019,
     "contact": _contact_2019,
+    "detent": _contact_2019,
 }

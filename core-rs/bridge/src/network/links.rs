@@ -3,11 +3,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use ergon_engine::law::LawText;
 use ergon_engine::network::{Bristle, But, Dry};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
 use super::Network;
+use super::masses::{FollowingValue, following};
 use crate::error::{from_engine, word};
 use crate::law::{Law, entry, named_row};
 use crate::named::LawUse;
@@ -115,6 +117,35 @@ impl Network {
     fn lnl(&mut self, name: &str, a: usize, b: usize, law: &Law, rest: f64) -> PyResult<usize> {
         self.0
             .lnl(name, a, b, Arc::new(law.0.clone()), rest)
+            .map_err(from_engine)
+    }
+
+    /// A non-linear link some of whose constants follow MATs, each by (MAT, offset, span, from, to).
+    #[pyo3(signature = (name, a, b, *, law, damping, constants, follows, rest=0.0))]
+    #[allow(clippy::too_many_arguments)]
+    fn following_lnl(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        law: Option<&str>,
+        damping: Option<&str>,
+        constants: HashMap<String, f64>,
+        follows: Vec<(String, FollowingValue)>,
+        rest: f64,
+    ) -> PyResult<usize> {
+        let text = LawText {
+            law,
+            damping,
+            constants: constants.into_iter().collect(),
+            ..LawText::default()
+        };
+        let follows = follows.into_iter();
+        let by: Vec<_> = follows
+            .map(|(name, value)| (name, following(value)))
+            .collect();
+        self.0
+            .following_lnl(name, (a, b), &text, rest, &by)
             .map_err(from_engine)
     }
 

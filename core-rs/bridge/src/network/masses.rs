@@ -1,10 +1,23 @@
 //! MATs, one by one and as points in space.
 
-use ergon_engine::network::{Along, Shares, SpacePoints, Tie};
+use ergon_engine::network::{Along, Following, Shares, SpacePoints, Tie};
 use pyo3::prelude::*;
 
 use super::Network;
 use crate::error::{from_engine, refused};
+
+/// What a value follows: a MAT, an offset and a span [m], the values from end to end.
+pub(super) type FollowingValue = (usize, f64, f64, f64, f64);
+
+pub(super) fn following((mat, offset, span, from, to): FollowingValue) -> Following {
+    Following {
+        mat,
+        offset,
+        span,
+        from,
+        to,
+    }
+}
 
 #[pymethods]
 impl Network {
@@ -79,6 +92,13 @@ impl Network {
         self.there(first)?;
         self.there(first + count - 1)?;
         self.0.weigh(first..first + count, g).map_err(from_engine)
+    }
+
+    /// Let the mass of a MAS follow a MAT.
+    fn follow_mass(&mut self, name: &str, index: usize, by: FollowingValue) -> PyResult<()> {
+        self.0
+            .follow_mass(name, index, following(by))
+            .map_err(from_engine)
     }
 
     /// A massless point between masses, each with its share.

@@ -26,10 +26,18 @@ enum Stiffening {
     Square(f64),
     /// Any law, and its stiffness at rest [N/m].
     Law(Arc<Law>, f64),
+    /// Laws of which it may be any, and the greatest of their stiffnesses at rest [N/m].
+    Any(Vec<Law>, f64),
 }
 
 impl Stiffening {
     fn of(kind: &Kind) -> Option<Self> {
+        if let Kind::Followed { by, .. } = kind {
+            let laws: Vec<Law> = by.corners().collect();
+            let slopes = laws.iter().map(|law| law.slope(0.0));
+            let at_rest = slopes.fold(0.0, f64::max);
+            return Some(Self::Any(laws, at_rest));
+        }
         let Kind::Lnl { law, .. } = kind else {
             return None;
         };
@@ -45,6 +53,10 @@ impl Stiffening {
         match self {
             Self::Square(by) => by * (e * e),
             Self::Law(law, at_rest) => (law.slope(e) - at_rest).max(0.0),
+            Self::Any(laws, at_rest) => {
+                let slopes = laws.iter().map(|law| law.slope(e));
+                slopes.fold(*at_rest, f64::max) - at_rest
+            }
         }
     }
 
@@ -53,6 +65,10 @@ impl Stiffening {
         match self {
             Self::Square(by) => (rise / by).sqrt(),
             Self::Law(law, at_rest) => law.stiffens_beyond(at_rest + rise),
+            Self::Any(laws, at_rest) => {
+                let reaches = laws.iter().map(|law| law.stiffens_beyond(at_rest + rise));
+                reaches.fold(f64::INFINITY, f64::min)
+            }
         }
     }
 }

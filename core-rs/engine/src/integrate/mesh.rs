@@ -278,7 +278,11 @@ pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
         Kind::Ref => run.k * e + run.z * de,
         Kind::Hardening(q) => run.k * e + q * (e * e * e) + run.z * de,
         Kind::Lnl { law, rate, .. } => law.force(e, de * rate),
-        Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => 0.0, // refused
+        Kind::Followed { .. }
+        | Kind::Bristle { .. }
+        | Kind::Dry { .. }
+        | Kind::Space(_)
+        | Kind::Pairwise { .. } => 0.0, // refused
         Kind::But(but) => {
             let s = kernel::side(but);
             s * kernel::push(but, run.k, run.z, s * e, s * de)
@@ -312,6 +316,12 @@ fn takes(network: &Network) -> Result<(), Error> {
         return Err(Error::Refused {
             module: network.mat_name(proxy.mat),
             message: "only the CA scheme can step a PROXY".to_owned(),
+        });
+    }
+    if let Some((mat, _)) = network.followed().next() {
+        return Err(Error::Refused {
+            module: network.mat_name(mat),
+            message: "only the CA scheme can step what follows a MAT".to_owned(),
         });
     }
     for run in network.runs() {

@@ -72,9 +72,10 @@ impl Island {
         };
         let acts = |first: usize| links.iter().all(|run| run.first != first);
         let begun = match &timeline.leads[..] {
-            [] => None,
+            [] if network.following_masses().is_empty() => None,
             leads => {
                 let begun = first(&network, leads)?;
+                let begun = begun.with_masses_at(&positions(&network, timeline, &timeline.drives));
                 let mut scheme = Scheme::new(&begun, timeline.rate)?;
                 gate(&mut scheme, timeline);
                 Some((begun, scheme))
@@ -118,7 +119,8 @@ impl Island {
         // key bound what it gets, and a part that falls silent would let the key jump. Forces of springs in one pass are
         // not told one by one; the guard bounds how stiff they become.
         let has_hand = timeline.drives.iter().any(|drive| drive.hand().is_some());
-        let is_accounted = timeline.leads.is_empty() && !has_hand && !options.unchecked;
+        let is_accounted =
+            timeline.leads.is_empty() && !network.follows() && !has_hand && !options.unchecked;
         let gains = is_accounted.then(|| Gains::new(&scheme)).flatten();
         let led = super::glide::led(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
@@ -138,9 +140,16 @@ impl Island {
             .map(|ergon| (timeline.frame(ergon.at), *ergon))
             .collect();
         ergons.sort_by_key(|(frame, _)| *frame);
-        let ledger = options
-            .ledger
-            .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
+        let changes = !glides.is_empty() || !led.is_empty() || network.follows();
+        let gliding = changes.then(|| {
+            let mut gliding = Box::new(scheme.clone());
+            super::glide::weigh(&scheme, &mut gliding, &body.x);
+            gliding
+        });
+        let ledger = options.ledger.then(|| {
+            let scheme = gliding.as_deref().unwrap_or(&scheme);
+            Ledger::new(scheme, &timeline.gates, &mut body)
+        });
         let hand_bindings = hand_bindings(&timeline.drives);
         let strike_points = strike_points(&timeline.drives);
         let (sound_drives, played) = sound_drives(&timeline.drives);
@@ -169,7 +178,7 @@ impl Island {
             guard,
             gains,
             damped: 1.0,
-            scheme: (!glides.is_empty() || !led.is_empty()).then(|| Box::new(scheme.clone())),
+            scheme: gliding,
             body,
         };
         let script = Script {
@@ -223,19 +232,25 @@ fn start(
         .filter(|drive| drive.kind == DriveKind::Force)
         .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
         .collect();
+    let x = positions(network, timeline, drives);
+    let d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
+    Body::new(scheme, x, d)
+}
+
+/// Where every MAT is at frame 0 [m], (n_mat).
+fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f64> {
     let mut x = network.mats().x0.clone();
     for drive in drives
         .iter()
         // Where a hand will be nobody knows yet: the scene begins with its key where that begins.
         .filter(|drive| drive.kind == DriveKind::Position && drive.hand().is_none())
     {
-        x[drive.mat] = drive.value(0, scheme.rate);
+        x[drive.mat] = drive.value(0, timeline.rate.hertz());
     }
     for proxy in network.proxies() {
         x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
     }
-    let d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
-    Body::new(scheme, x, d)
+    x
 }
 
 /// Springs in one pass, but for those whose forces are heard, or told of in a gesture's report, and those that are led.

@@ -119,7 +119,11 @@ impl Gains {
     pub(super) fn new(scheme: &Scheme) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let may = match &run.kind {
-                Kind::Ref | Kind::Hardening(_) | Kind::Bristle { .. } | Kind::Dry { .. } => false,
+                Kind::Ref
+                | Kind::Hardening(_)
+                | Kind::Followed { .. }
+                | Kind::Bristle { .. }
+                | Kind::Dry { .. } => false,
                 Kind::Pairwise { .. } => false, // they have one account together
                 Kind::But(_) => true,
                 Kind::Space(space) => match &space.law {

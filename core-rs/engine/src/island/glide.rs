@@ -166,6 +166,15 @@ pub(super) fn turn(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
     }
 }
 
+/// 1/M of masses that follow MATs, where these are at `x` [m], into `now`; what is mute stays so.
+pub(super) fn weigh(own: &Scheme, now: &mut Scheme, x: &[f64]) {
+    for mass in &own.following_masses {
+        if now.w[mass.mat] != 0.0 {
+            now.w[mass.mat] = own.w[mass.mat] * mass.lightness(|mat| x[mat]);
+        }
+    }
+}
+
 /// The numbers of frame `n` and of the next for what goes on between them.
 pub(super) fn between(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u64) {
     for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {

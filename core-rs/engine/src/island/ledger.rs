@@ -3,8 +3,10 @@
 //! Linear: H = ½δᵀ(M − Z/2)δ + ½x⁺ᵀKx closes exactly. Non-linear links store ½(V(e⁺) + V(e)); what the
 //! scheme's work differs from that is the production P, the quality figure of an explicit contact.
 
+use crate::island::followed_energy::{self, Frame, followed};
 use crate::island::pair_energy;
 use crate::kernel::{self, Neighbours};
+use crate::law::Law;
 use crate::network::But;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
@@ -86,6 +88,10 @@ pub(super) struct Ledger {
     potential: Vec<f64>,
     /// Of contacts of all pairs, in the order of their runs
     neighbours: Vec<Neighbours>,
+    /// Of runs whose laws follow MATs, in their order
+    laws: Vec<Law>,
+    /// 1/M of masses that follow MATs, as it was   (n_following_masses)
+    lightness: Vec<f64>,
 }
 
 crate::archive::option!(Ledger, fixed);
@@ -97,7 +103,8 @@ crate::archive::state!(Ledger {
     produced,
     d,
     hold,
-    potential
+    potential,
+    lightness
 });
 
 /// Elongation of the i-th link of a run: now, and one step ago.
@@ -153,7 +160,9 @@ fn elastic(run: &Run, e: f64) -> f64 {
         }
         Kind::Lnl { law, .. } => law.spring(e),
         Kind::Space(space) => space.law.elastic(run.k, e),
-        Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => 0.0,
+        Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => {
+            0.0
+        }
     }
 }
 
@@ -167,6 +176,7 @@ fn drag(run: &Run, e: f64, step: f64) -> f64 {
         }
         Kind::Ref
         | Kind::But(_)
+        | Kind::Followed { .. }
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
         | Kind::Pairwise { .. } => 0.0,
@@ -196,10 +206,23 @@ impl Ledger {
                 .filter_map(Run::pairwise)
                 .map(|pairs| Neighbours::new(&pairs))
                 .collect(),
+            laws: followed_energy::laws(scheme),
+            lightness: lightness(scheme).collect(),
         };
         let open = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
         let mut rooms = ledger.neighbours.iter_mut();
+        let mut laws = ledger.laws.iter_mut();
         for run in all(scheme).filter(|run| !is_spring(run)) {
+            if let Some((by, rate)) = followed(run) {
+                let Some(law) = laws.next() else { continue };
+                by.set(law, |mat| body.x[mat]);
+                for i in 0..run.len {
+                    let (now, before) = elongation(run, body, i);
+                    let frame = Frame::new(law, rate, [before, now, now], 0.0);
+                    ledger.potential[run.first + i] = frame.held;
+                }
+                continue;
+            }
             if let Some(pairs) = run.pairwise() {
                 if let Some(room) = rooms.next() {
                     let [now, before] = pair_energy::potentials(&pairs, run.k, room, body);
@@ -227,6 +250,15 @@ impl Ledger {
     /// Before the MAT phase: forces are complete, positions are those of frame n.
     pub(super) fn before(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
         self.d.copy_from_slice(&body.d);
+        let now = scheme.following_masses.iter().zip(lightness(scheme));
+        for ((mass, now), before) in now.zip(&mut self.lightness) {
+            let step = body.d[mass.mat];
+            if now != 0.0 && *before != 0.0 {
+                self.injected
+                    .add(0.5 * step * step * (1.0 / now - 1.0 / *before));
+            }
+            *before = now;
+        }
         self.hold.clear();
         self.hold
             .extend(targets.iter().map(|target| match scheme.w[target.mat] {
@@ -269,6 +301,7 @@ impl Ledger {
             self.injected.add(-0.5 * along * body.force[proxy.mat]);
         }
         let mut rooms = self.neighbours.iter_mut();
+        let mut laws = self.laws.iter_mut();
         for run in all(scheme) {
             let spring = is_spring(run);
             let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
@@ -304,6 +337,27 @@ impl Ledger {
             }
             // Where the frame's forces acted.
             let then = |mat: usize| body.x[mat] - body.d[mat];
+            if let Some((by, rate)) = followed(run) {
+                let Some(law) = laws.next() else { continue };
+                by.set(law, then);
+                for i in 0..run.len {
+                    let (e_next, e) = elongation(run, body, i);
+                    let e_before = run.elongation(i, |mat| then(mat) - d[mat]);
+                    let step = run.stretch(i, then, |mat| body.d[mat]);
+                    let own = Frame::new(law, rate, [e_before, e, e_next], step);
+                    let was = std::mem::replace(&mut self.potential[run.first + i], own.stored);
+                    self.injected.add(own.held - was); // the law has changed
+                    if finer.is_some() {
+                        self.lost.add(own.drag * step);
+                        continue;
+                    }
+                    let stretch = 0.5 * run.stretch(i, then, s);
+                    let kept = stretch * own.elastic;
+                    self.lost.add(stretch * body.link[run.first + i] - kept);
+                    self.produced.add(own.stored - own.held - kept);
+                }
+                continue;
+            }
             for i in 0..run.len {
                 let stretch = run.stretch(i, then, s);
                 if spring {
@@ -400,6 +454,12 @@ impl Ledger {
             flow: start + self.injected.flow + self.lost.flow + self.produced.flow,
         }
     }
+}
+
+/// 1/M of each mass that follows a MAT.
+fn lightness(scheme: &Scheme) -> impl Iterator<Item = f64> + '_ {
+    let masses = scheme.following_masses.iter();
+    masses.map(|mass| scheme.w[mass.mat])
 }
 
 fn is_exact(run: &Run) -> bool {

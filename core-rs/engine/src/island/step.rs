@@ -93,7 +93,6 @@ impl Island {
                 glide::between(&script.glides, &script.scheme, fine, n);
             }
         }
-        let scheme = gliding.as_deref().unwrap_or(&script.scheme);
         for ((open, gate), continuation) in state
             .gates
             .iter_mut()
@@ -117,6 +116,10 @@ impl Island {
             n,
             &mut state.body,
         );
+        if let Some(scheme) = &mut gliding {
+            glide::weigh(&script.scheme, scheme, &state.body.x);
+        }
+        let scheme = gliding.as_deref().unwrap_or(&script.scheme);
         kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws, team);
         state.targets.clear();
         for drive in &script.drives {

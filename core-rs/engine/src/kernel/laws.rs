@@ -3,7 +3,7 @@
 use super::mesh_partition::MeshPartition;
 use super::pairwise::Neighbours;
 use super::space::SpaceScratch;
-use crate::law::Scratch;
+use crate::law::{Law, Scratch};
 use crate::scheme::{Kind, Scheme};
 
 /// Scratch memory in which the laws of a scheme are evaluated.
@@ -18,6 +18,8 @@ pub(crate) struct Laws {
     pub(crate) mesh_partition: Option<MeshPartition>,
     /// One for each law                                  (n_laws)
     pub(crate) scratch: Vec<Scratch>,
+    /// Laws some of whose constants follow MATs, as they are now, by their rooms.
+    pub(crate) followed: Vec<Law>,
     /// Forces of a run of links in space.
     pub(crate) space: SpaceScratch,
     /// Of points that meet in all pairs, by their rooms.
@@ -35,6 +37,7 @@ impl Laws {
             room: vec![0.0; scheme.fused.iter().map(|run| run.len).max().unwrap_or(0)],
             mesh_partition: None,
             scratch: Vec::new(),
+            followed: followed(scheme),
             space: SpaceScratch::new(scheme),
             neighbours: neighbours(scheme),
             native: Vec::new(),
@@ -60,6 +63,20 @@ impl Laws {
         laws.v.clone_from(&laws.e);
         laws
     }
+}
+
+/// Laws that follow MATs, one for every room that a scheme names.
+pub(crate) fn followed(scheme: &Scheme) -> Vec<Law> {
+    let runs = scheme.runs.iter();
+    let mut laws: Vec<Law> = Vec::new();
+    for run in runs {
+        if let Kind::Followed { by, room, .. } = &run.kind {
+            // What lies before is a law of a run that is gone.
+            laws.resize(laws.len().max(room + 1), by.law().clone());
+            laws[*room] = by.law().clone();
+        }
+    }
+    laws
 }
 
 /// Memory for every room that a scheme names: runs that it has let go leave theirs empty.

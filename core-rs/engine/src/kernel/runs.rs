@@ -71,6 +71,14 @@ pub(crate) fn links(
                     }
                 }
             }
+            Kind::Followed { by, rate, room } => {
+                let law = &mut laws.followed[*room];
+                by.set(law, |mat| body.x[mat]);
+                let Ends { xa, xb, da, db } = ends;
+                for i in 0..run.len {
+                    f[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
+                }
+            }
             // Dry friction is solved later, with the exact contacts; links in space are done above.
             Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => f.fill(0.0),
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
@@ -218,7 +226,8 @@ pub(crate) fn potential(run: &Run, e: f64) -> f64 {
         Kind::Lnl { law, .. } => law.potential(e),
         Kind::Space(space) => space.law.potential(run.k, e),
         Kind::Pairwise { by, .. } => by.link.law.potential(run.k, e), // of one pair
-        Kind::Bristle { .. } | Kind::Dry { .. } => 0.0, // no function of the elongation
+        // No functions of the elongation alone.
+        Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
     }
 }
 

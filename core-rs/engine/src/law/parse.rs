@@ -62,7 +62,14 @@ pub(super) fn is_reserved(name: &str) -> bool {
 }
 
 /// Parse one expression.
-pub(super) fn parse(which: Which, text: &str, constants: &Constants) -> Result<Tree, LawError> {
+///
+/// `open` are constants that may change later, by their numbers.
+pub(super) fn parse(
+    which: Which,
+    text: &str,
+    constants: &Constants,
+    open: &[String],
+) -> Result<Tree, LawError> {
     let length = text.chars().count();
     if length > MAX_CHARACTERS {
         let message =
@@ -82,6 +89,7 @@ pub(super) fn parse(which: Which, text: &str, constants: &Constants) -> Result<T
         nodes: Vec::new(),
         nesting: 0,
         constants,
+        open,
     };
     let root = parser.expression(0)?;
     let rest = parser.peek();
@@ -101,6 +109,7 @@ struct Parser<'a> {
     nodes: Vec<Node>,
     nesting: usize,
     constants: &'a Constants,
+    open: &'a [String],
 }
 
 impl Parser<'_> {
@@ -202,7 +211,11 @@ impl Parser<'_> {
                 let message = "`v` may only stand in `damping`: a law stores energy by `d` alone.";
                 Err(self.error(token, message.into()))
             }
-            (_, Some(value)) => self.push(Node::Number(*value), token),
+            (_, Some(value)) => {
+                let slot = self.open.iter().position(|open| open == name);
+                let node = slot.map_or(Node::Number(*value), |slot| Node::Open(slot, *value));
+                self.push(node, token)
+            }
             (_, None) => {
                 let message = format!("Nothing is called `{}` here.", shortened(name));
                 let known = self

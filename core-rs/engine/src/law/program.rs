@@ -48,6 +48,8 @@ const FEW_REGISTERS: usize = 32;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
     Constant(f64),
+    /// A constant that may change, by its number.
+    Open(usize, f64),
     Unary(Unary, usize),
     WholePower(i32, usize),
     Binary(Binary, usize, usize),
@@ -83,6 +85,7 @@ impl Program {
             Node::Elongation => return 0,
             Node::Rate => return 1,
             Node::Number(value) => Step::Constant(value),
+            Node::Open(slot, value) => Step::Open(slot, value),
             Node::Unary(operation, a) => Step::Unary(operation, self.emit(tree, folded, a)),
             Node::Binary(Binary::Power, a, b) if folded[b].and_then(whole).is_some() => {
                 let exponent = folded[b].and_then(whole).unwrap_or_default();
@@ -119,11 +122,22 @@ impl Program {
     pub(super) fn registers(&self) -> Vec<Register> {
         let mut registers = vec![Register::of(0.0); FIRST + self.steps.len()];
         for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
-            if let Step::Constant(value) = step {
+            if let Step::Constant(value) | Step::Open(_, value) = step {
                 *register = Register::of(*value);
             }
         }
         registers
+    }
+
+    /// Give a constant that may change another value.
+    pub(super) fn set(&mut self, slot: usize, value: f64) {
+        for step in &mut self.steps {
+            if let Step::Open(own, now) = step
+                && *own == slot
+            {
+                *now = value;
+            }
+        }
     }
 
     pub(super) fn steps(&self) -> &[Step] {
@@ -154,7 +168,7 @@ impl Program {
         (r[0], r[1]) = (d, v);
         for (i, step) in self.steps.iter().enumerate() {
             r[FIRST + i] = match *step {
-                Step::Constant(value) => value,
+                Step::Constant(value) | Step::Open(_, value) => value,
                 Step::Unary(operation, a) => operation.of(r[a]),
                 Step::WholePower(n, a) => whole_power(r[a], n),
                 Step::Binary(operation, a, b) => operation.of(r[a], r[b]),
@@ -178,7 +192,7 @@ fn fold(tree: &Tree) -> Vec<Option<f64>> {
     for node in &tree.nodes {
         known.push(match *node {
             Node::Number(value) => Some(value),
-            Node::Elongation | Node::Rate => None,
+            Node::Elongation | Node::Rate | Node::Open(..) => None,
             Node::Unary(operation, a) => known[a].map(|a| operation.of(a)),
             Node::Binary(operation, a, b) => {
                 known[a].zip(known[b]).map(|(a, b)| operation.of(a, b))

@@ -119,7 +119,7 @@ impl Law {
         }
     }
 
-    fn drag(&self, d: f64, v: f64) -> f64 {
+    pub(super) fn drag(&self, d: f64, v: f64) -> f64 {
         let damping = self.damping.as_ref();
         let value = damping.map(|damping| damping.value(d / self.reach, v / self.reach));
         value.unwrap_or_default() / self.reach

@@ -33,7 +33,7 @@ impl Law {
     }
 
     pub(super) fn table(&self) -> Option<Table> {
-        if self.hardening_spring().is_some() || self.is_shared() {
+        if self.hardening_spring().is_some() || self.is_shared() || self.is_open {
             return None;
         }
         let mut table = Table {
@@ -82,7 +82,7 @@ impl Table {
         let mut at = vec![d, v];
         for step in program.steps() {
             let row = match *step {
-                Step::Constant(value) => self.constant(value),
+                Step::Constant(value) | Step::Open(_, value) => self.constant(value),
                 Step::Unary(operation, a) => self.push(unary(operation), [at[a], 0, 0]),
                 Step::WholePower(n, a) => self.push("whole_power", [at[a], n, 0]),
                 Step::Binary(operation, a, b) => self.push(binary(operation), [at[a], at[b], 0]),

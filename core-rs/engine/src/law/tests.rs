@@ -32,7 +32,7 @@ fn damping(expression: &str, named: &[(&str, f64)]) -> Law {
 fn walk(tree: &Tree, node: usize, d: f64, v: f64) -> f64 {
     let of = |node| walk(tree, node, d, v);
     match tree.nodes[node] {
-        Node::Number(value) => value,
+        Node::Number(value) | Node::Open(_, value) => value,
         Node::Elongation => d,
         Node::Rate => v,
         Node::Unary(operation, a) => operation.of(of(a)),

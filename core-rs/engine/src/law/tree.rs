@@ -130,6 +130,8 @@ pub(super) fn whole_power(a: f64, n: i32) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Node {
     Number(f64),
+    /// A constant that may change: its number among these, and its value.
+    Open(usize, f64),
     Elongation,
     Rate,
     Unary(Unary, usize),

@@ -102,6 +102,11 @@ impl Network {
                 LinkKind::Dry(_) => (ElementKind::Dry, 0.0, 0.0),
                 LinkKind::Space(_) | LinkKind::Pairwise(_) => (ElementKind::Space, run.k, run.z),
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
+                // As it is where all that it follows begins.
+                LinkKind::Followed(followed) => {
+                    let law = followed.at(|mat| mats.x0[mat]);
+                    (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0))
+                }
             };
             let slot = |mat: usize| moving.binary_search(&mat).ok();
             // A link at a point between masses ties none of them alone.

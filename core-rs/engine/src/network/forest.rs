@@ -36,8 +36,8 @@ pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usi
     })
 }
 
-/// Every two MATs of which the one is felt where the other is: both ends of a link, coordinates of one of its ends, and a
-/// proxy with its masses and with what it follows.
+/// Every two MATs of which the one is felt where the other is: both ends of a link, coordinates of one of its ends, a
+/// proxy with its masses, and whatever follows a MAT with it.
 pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
     let runs = network.runs().iter().filter(|run| run.n_axes() > 1);
     let coordinates = runs.flat_map(|run| {
@@ -60,7 +60,10 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
         others.map(|mat| (proxy.mat, mat))
     });
     let ends = ends(network).map(|(_, a, b)| (a, b));
-    ends.chain(coordinates).chain(crowds).chain(proxies)
+    ends.chain(coordinates)
+        .chain(crowds)
+        .chain(proxies)
+        .chain(network.followed())
 }
 
 /// The MATs of every link, axis by axis: in turn of its first end and of its second.

@@ -21,8 +21,9 @@ impl Network {
                 let stiffness = match &run.kind {
                     LinkKind::Ref | LinkKind::Bristle(_) => run.k,
                     LinkKind::Lnl(law) => law.slope(0.0),
-                    // A STRING or PLATE has none in space.
+                    // A STRING or PLATE has none of these.
                     LinkKind::But(_)
+                    | LinkKind::Followed(_)
                     | LinkKind::Dry(_)
                     | LinkKind::Space(_)
                     | LinkKind::Pairwise(_) => continue,

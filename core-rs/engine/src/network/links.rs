@@ -232,7 +232,7 @@ impl Network {
         self.link(name, LinkKind::Dry(dry), a, b, [0.0, level, 0.0])
     }
 
-    fn link(
+    pub(super) fn link(
         &mut self,
         name: &str,
         kind: LinkKind,

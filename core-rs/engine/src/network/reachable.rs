@@ -1,6 +1,7 @@
 //! The part of a network that a hand can move, linearised at the greatest stiffness that the hand can meet.
 
 use super::{Contact, LinkKind, MatKind, Network, Run};
+use crate::law::Law;
 use crate::network::forest::{Forest, links};
 
 /// Contacts and hardening laws are linearised for penetrations up to this depth [m].
@@ -187,17 +188,23 @@ fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64)
             let slope = but.exponent * crate::maths::pow(depth, but.exponent - 1.0);
             (run.k * slope, run.z)
         }
-        LinkKind::Lnl(law) => {
-            let places = (-PLACES..=PLACES).map(|i| depth * f64::from(i) / f64::from(PLACES));
-            let slopes = places
-                .clone()
-                .map(|d| law.slope(d))
-                .filter(|k| k.is_finite());
-            let drags = places
-                .map(|d| law.damping_slope(d))
-                .filter(|z| z.is_finite());
-            // A negative slope, which gives way or gives energy, counts as no spring.
-            (slopes.fold(0.0, f64::max), drags.fold(0.0, f64::max))
-        }
+        LinkKind::Lnl(law) => stiffest_law(law, depth),
+        LinkKind::Followed(followed) => followed
+            .corners()
+            .map(|law| stiffest_law(&law, depth))
+            .fold((0.0, 0.0), |(k, z), own| (own.0.max(k), own.1.max(z))),
     }
+}
+
+fn stiffest_law(law: &Law, depth: f64) -> (f64, f64) {
+    let places = (-PLACES..=PLACES).map(|i| depth * f64::from(i) / f64::from(PLACES));
+    let slopes = places
+        .clone()
+        .map(|d| law.slope(d))
+        .filter(|k| k.is_finite());
+    let drags = places
+        .map(|d| law.damping_slope(d))
+        .filter(|z| z.is_finite());
+    // A negative slope, which gives way or gives energy, counts as no spring.
+    (slopes.fold(0.0, f64::max), drags.fold(0.0, f64::max))
 }

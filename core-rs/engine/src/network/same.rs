@@ -22,6 +22,7 @@ impl Network {
                 == [&their.m, &their.k, &their.z, &their.rest, &their.weight]
             && pairs.all(|(&a, &b)| parts(a as usize, b as usize))
             && self.proxies == other.proxies
+            && self.following_masses == other.following_masses
             && self.runs.len() == other.runs.len()
             && self.runs.iter().zip(&other.runs).all(run)
             && self.outputs == other.outputs

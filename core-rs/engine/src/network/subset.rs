@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::{Error, LinkKind, Mat, MatKind, Network, Output, Pairwise, Run, SpaceLink, Term};
+use super::{
+    Error, Followed, LinkKind, Mat, MatKind, Network, Output, Pairwise, Run, SpaceLink, Term,
+};
 use crate::law::{Hardening, Law};
 
 /// A part of another network, the whole. The lists give the index in the whole for each local index, rising.
@@ -63,9 +65,16 @@ impl Network {
         let proxies = self.proxies.iter();
         let proxies = proxies.filter_map(|proxy| proxy.moved_to(|mat| subset.mat(mat)));
         subset.network.proxies = proxies.collect();
+        let masses = self.following_masses.iter();
+        let masses = masses.filter_map(|mass| mass.moved_to(|mat| subset.mat(mat)));
+        subset.network.following_masses = masses.collect();
         for run in &self.runs {
             if let LinkKind::Pairwise(pairs) = &run.kind {
                 subset.push_pairwise(run, pairs, links);
+                continue;
+            }
+            let mut guides = run.followed().into_iter().flat_map(Followed::guides);
+            if guides.any(|mat| subset.mat(mat).is_none()) {
                 continue;
             }
             // Few runs reach a small subset: check before searching link by link.
@@ -260,7 +269,13 @@ impl Subset {
         let Some(Stretch { a, b, len, space }) = stretch else {
             return;
         };
-        let kind = space.map_or_else(|| run.kind.clone(), LinkKind::Space);
+        let followed = run.followed();
+        let followed = followed.and_then(|own| own.moved_to(|mat| self.mat(mat)));
+        let kind = match (space, followed) {
+            (Some(space), _) => LinkKind::Space(space),
+            (None, Some(followed)) => LinkKind::Followed(followed),
+            (None, None) => run.kind.clone(),
+        };
         self.network.push_run(Run {
             kind,
             a,

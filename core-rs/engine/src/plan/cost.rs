@@ -59,6 +59,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
                 Costs::of("expression")
             }
+            LinkKind::Followed(_) => Costs::of("expression"),
             LinkKind::Bristle(_) => Costs::of("bristle"),
             LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
             LinkKind::Dry(_) => Costs::of("contact"),

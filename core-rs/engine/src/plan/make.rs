@@ -541,6 +541,7 @@ fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Err
         matches!(
             run.kind,
             LinkKind::Lnl(_)
+                | LinkKind::Followed(_)
                 | LinkKind::Bristle(_)
                 | LinkKind::Dry(_)
                 | LinkKind::Space(_)

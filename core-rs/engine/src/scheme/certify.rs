@@ -11,6 +11,7 @@ use std::collections::HashSet;
 use nalgebra::DMatrix;
 
 use super::{Kind, Run, Scheme};
+use crate::law::Law;
 use crate::network::{Error, Network, Proxy, SpaceLaw, SpaceLink};
 use crate::spectrum;
 use crate::units::Rate;
@@ -71,10 +72,23 @@ fn weight(run: &Run, c: f64) -> f64 {
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
         Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
-        Kind::Lnl { law, rate, .. } => {
-            law.slope(0.0).max(0.0) + c * (law.damping_slope(0.0) * rate).max(0.0)
+        Kind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
+        // The stiffest of the laws that it may become where each constant is at one of its ends.
+        Kind::Followed { by, rate, .. } => {
+            let weights = by.corners().map(|law| law_weight(&law, *rate, c));
+            weights.fold(0.0, |most, own| {
+                if own > most || own.is_nan() {
+                    own
+                } else {
+                    most
+                }
+            })
         }
     }
+}
+
+fn law_weight(law: &Law, rate: f64, c: f64) -> f64 {
+    law.slope(0.0).max(0.0) + c * (law.damping_slope(0.0) * rate).max(0.0)
 }
 
 fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {

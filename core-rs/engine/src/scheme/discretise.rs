@@ -31,6 +31,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         weight: mats.weight.clone(),
         part: mats.part.clone(),
         proxies: network.proxies().to_vec(),
+        following_masses: network.following_masses().to_vec(),
         fused: Vec::new(),
         runs: Vec::new(),
         exact: Vec::new(),
@@ -82,7 +83,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         return Err(refused);
     }
     let mut rooms: Vec<Arc<Law>> = Vec::new();
-    let (mut dry_runs, mut n_pairwise) = (Vec::new(), 0);
+    let (mut dry_runs, mut n_pairwise, mut n_followed) = (Vec::new(), 0, 0);
     for run in network.runs() {
         let ca = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T.
@@ -127,6 +128,16 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                     rate: per_step,
                     room,
                 };
+                scheme.runs.push(planned);
+            }
+            LinkKind::Followed(followed) => {
+                scheme.linear = false;
+                planned.kind = Kind::Followed {
+                    by: followed.clone(),
+                    rate: per_step,
+                    room: n_followed,
+                };
+                n_followed += 1;
                 scheme.runs.push(planned);
             }
             LinkKind::Bristle(bristle) => {

@@ -194,6 +194,7 @@ fn has_stiffness(network: &Network, run: &Run) -> bool {
             | LinkKind::Dry(_)
             | LinkKind::Space(_)
             | LinkKind::Pairwise(_) => true,
+            LinkKind::Followed(_) => false,
             LinkKind::But(but) => but.contact != Contact::Magic,
             LinkKind::Lnl(law) => law.hardening_spring().is_some() || law.is_shared(),
         }

@@ -82,6 +82,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
     linear.runs.retain(|run| match &run.kind {
         Kind::Ref | Kind::Hardening(_) => true,
         Kind::But(_)
+        | Kind::Followed { .. }
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
         | Kind::Space(_)
@@ -257,6 +258,7 @@ fn psi(run: &Run, e: f64) -> f64 {
         }
         Kind::Ref
         | Kind::Hardening(_)
+        | Kind::Followed { .. }
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
         | Kind::Space(_)
@@ -303,6 +305,7 @@ fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
         }
         Kind::Ref
         | Kind::Hardening(_)
+        | Kind::Followed { .. }
         | Kind::Bristle { .. }
         | Kind::Dry { .. }
         | Kind::Space(_)

@@ -19,7 +19,7 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
         let n = if is_slow(step) { needed } else { n };
         let out = &mut after[0][..n];
         match *step {
-            Step::Constant(_) => {}
+            Step::Constant(_) | Step::Open(..) => {}
             Step::Unary(operation, a) => unary(operation, out, &before[a][..n]),
             Step::WholePower(exponent, a) => whole_powers(exponent, out, &before[a][..n]),
             Step::Binary(operation, a, b) => {

@@ -250,6 +250,9 @@ pub(in crate::plan) fn hub(
     let may_collocate = has_laws && !is_discrete && most > 1;
     let may_collocate_alone =
         may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
+    if timeline.is_unguarded {
+        scheme.let_laws_give_way();
+    }
     let certificate = match scheme.certify_or(network, refusal) {
         // Between frames a law is solved for, and no friction is too steep.
         Err(Error::Unstable { .. }) if may_collocate_alone && scheme.bears_springs(network) => {

@@ -88,6 +88,15 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             island.is_handled |= moved[other];
         }
     }
+    // What laws and masses follow.
+    for (mat, guide) in network.followed() {
+        let island = &mut found[index[forest.root(mat)] as usize];
+        island.is_handled = true;
+        if !is_free[guide] {
+            island.guests.push(guide as u32);
+            island.is_moved |= moved[guide];
+        }
+    }
     let keys = timeline.keys.iter().map(|key| key.struck);
     let glides = timeline.glides.iter().map(|glide| glide.mat);
     let drives = timeline.drives.iter().map(|drive| drive.mat);

@@ -138,7 +138,7 @@ impl Linear {
         if free.iter().any(|&mat| mats.weight_of(mat) != 0.0) {
             return Err(NoModes::Weight);
         }
-        if !network.proxies().is_empty() {
+        if !network.proxies().is_empty() || network.follows() {
             return Err(NoModes::NotLinear);
         }
         let n = free.len();

@@ -468,6 +468,9 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
         let others = proxy.masses().chain(proxy.guides());
         others.for_each(|mat| used[mat] = true);
     }
+    for (_, guide) in network.followed() {
+        used[guide] = true;
+    }
     for (_, a, b) in ends(network).filter(|&(link, _, _)| !is_cut[link]) {
         (used[a], used[b]) = (true, true);
     }

@@ -134,6 +134,8 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         .glides
         .iter()
         .for_each(|glide| may[glide.mat] = false);
+    let masses = network.following_masses().iter();
+    masses.for_each(|mass| may[mass.mat] = false);
     let strikes = timeline.strikes.iter().map(|strike| strike.mat as usize);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat as usize);
     let keys = timeline.keys.iter().map(|key| key.struck);
@@ -146,7 +148,8 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         is_port.fill(true);
     }
     let proxied = network.proxies().iter().flat_map(Proxy::masses);
-    proxied.for_each(|mat| is_port[mat] = true);
+    let guides = network.followed().map(|(_, guide)| guide);
+    proxied.chain(guides).for_each(|mat| is_port[mat] = true);
     let is_held = |mat: usize| is_own(mat) && mats.kind[mat].is_held() && !is_driven[mat];
     let mut forest = Forest::new(n);
     for (link, a, b) in ends(network) {

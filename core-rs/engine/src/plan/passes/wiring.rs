@@ -65,6 +65,8 @@ impl Wiring {
             .glides
             .iter()
             .for_each(|glide| may[glide.mat] = false);
+        let masses = network.following_masses().iter();
+        masses.for_each(|mass| may[mass.mat] = false);
         let (mut is_spring, mut is_law) =
             (vec![false; network.n_lia()], vec![false; network.n_lia()]);
         for run in network.runs() {
@@ -137,7 +139,8 @@ impl Wiring {
                 }
             }
         }
-        for mat in network.proxies().iter().flat_map(Proxy::masses) {
+        let proxied = network.proxies().iter().flat_map(Proxy::masses);
+        for mat in proxied.chain(network.followed().map(|(_, guide)| guide)) {
             if self.may[mat]
                 && let Some(body) = bodies.get_mut(&forest.root(mat))
             {

@@ -393,6 +393,10 @@ fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item =
         Kind::But(_) => (0.0, run.z),
         Kind::Bristle { by, rate } => (run.k, by.damping_at_rest() * rate),
         Kind::Lnl { law, rate, .. } => (law.slope(0.0), law.damping_slope(0.0) * rate),
+        Kind::Followed { by, rate, .. } => {
+            let law = by.law();
+            (law.slope(0.0), law.damping_slope(0.0) * rate)
+        }
     };
     let (a, b) = (run.a, run.b);
     Some((0..run.len).map(move |i| Link {

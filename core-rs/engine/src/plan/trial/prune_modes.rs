@@ -161,6 +161,10 @@ fn stiffest(island_plan: &IslandPlan, mat: usize) -> f64 {
     });
     on.map(|run| match &run.kind {
         LinkKind::Lnl(law) => law.slope(0.0).abs(),
+        LinkKind::Followed(followed) => {
+            let slopes = followed.corners().map(|law| law.slope(0.0).abs());
+            slopes.fold(0.0, f64::max)
+        }
         _ => run.k,
     })
     .fold(0.0, f64::max)

@@ -1,0 +1,92 @@
+"""Constants of laws, and masses, that follow a MAT: their values go by where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.instruments.model import Module, Target
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import MISSING, Name, NamesOf, Shape
+
+MOST = 4  # constants of one law
+
+
+@dataclass(frozen=True, slots=True)
+class Following:
+    """A value that goes from `start` to `stop` while a MAT goes from -offset [m] to a span farther.
+
+    `of` is the MAT as it is written, a Name, and what that reaches once names are looked up.
+    """
+
+    of: Name | Target
+    start: float
+    stop: float
+    offset: float
+    span: float
+
+
+def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
+    """The field `follows`, by names of parameters; `unit` reads their values."""
+
+    def build(values: Values) -> Any:
+        if values["span"] == 0.0:
+            message = f"{values.context.of('span')}: 0 m would change nothing; write a length"
+            values.error("E105", message, "span")
+            return MISSING
+        names = ("of", "from", "to", "offset", "span")
+        return Following(*(values[name] for name in names))
+
+    fields = (
+        Field("of", endpoint, "the MAT by whose position it goes", required=True),
+        Field("from", unit, "its value where that is at 0 m, and below", required=True),
+        Field("to", unit, "its value where that is at `span`, and beyond", required=True),
+        Field("offset", k.POSITION, "added to the position", 0.0),
+        Field("span", k.POSITION, "how far it is from one end to the other", 1.0),
+    )
+    own = Record("following", "a value that goes by where a MAT is", fields, build)
+    return Field("follows", NamesOf(own, "parameter"), doc, ())
+
+
+def of(module: Module) -> Mapping[str, Following]:
+    """What follows of a module, by the names of its parameters."""
+    if module.kind not in ("LNL", "MAS"):
+        return {}
+    return module.fields.get("follows") or {}
+
+
+def targets(module: Module) -> Iterator[Target]:
+    """The MATs that its parameters follow."""
+    return (one.of for one in of(module).values() if isinstance(one.of, Target))
+
+
+def check(kind: str, values: Values) -> None:
+    """What follows has no value of its own, and is a parameter; reports."""
+    written = values["follows"] or {}
+    known = ("M",) if kind == "MAS" else ()
+    for name, own in written.items():
+        if known and name not in known:
+            message = f"{values.context.of('follows')}: of a MAS only M follows a MAT"
+            values.error("E111", message, "follows")
+        elif name in values.nodes and name not in known:
+            message = f"{values.context.of(name)}: it follows a MAT too; keep one of the two"
+            values.error("E111", message, name)
+        elif kind == "MAS" and own is not MISSING and min(own.start, own.stop) <= 0.0:
+            message = f"{values.context.of('follows')}: a mass is above 0"
+            values.error("E105", message, "follows")
+    if len(written) > MOST:
+        message = f"{values.context.of('follows')}: at most {MOST} constants of a law follow MATs"
+        values.error("E105", message, "follows")
+
+
+def values(
+    module: Module, mat: Callable[[Target], int]
+) -> list[tuple[str, tuple[int, float, float, float, float]]]:
+    """By the names of what follows: the index of the MAT, offset, span, from and to."""
+    return [
+        (name, (mat(own.of), own.offset, own.span, own.start, own.stop))
+        for name, own in of(module).items()
+        if isinstance(own.of, Target)
+    ]

@@ -1,0 +1,38 @@
+"""What the MATs are that constants of laws and masses follow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ergon.instruments import following
+from ergon.instruments.model import Module, Target
+from ergon.instruments.names import Part, PartNames
+from ergon.notation.tables.shapes import MISSING, Name
+from ergon.notation.text.errors import quote
+
+
+def resolve(module: Module, part: Part, part_names: PartNames, who: str) -> Module:
+    """The module with names replaced by what they reach; without what is refused, reported."""
+    written = following.of(module)
+    if not written:
+        return module
+    place = module.places.get("follows", module.place)
+    if part.struck is not None:
+        message = f"{who}: follows: what follows a MAT stands in an instrument, not in a key"
+        part_names.collector.error("E304", message, place)
+        return replace(module, fields={**module.fields, "follows": ()})
+    found: dict[str, following.Following] = {}
+    for name, own in written.items():
+        if own is MISSING or not isinstance(own.of, Name):
+            continue
+        target = part_names.target(own.of, "mat", f"{who}: follows: {name}", part)
+        if target is not None:
+            found[name] = replace(own, of=target)
+        if target is not None and _is_itself(module, part, target):
+            message = f"{who}: follows: {quote(target.text)} is this mass itself; name another"
+            part_names.collector.error("E304", message, target.place)
+    return replace(module, fields={**module.fields, "follows": found})
+
+
+def _is_itself(module: Module, part: Part, target: Target) -> bool:
+    return module.kind == "MAS" and (target.part, target.module) == (part.name, module.name)

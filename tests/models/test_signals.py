@@ -1,0 +1,142 @@
+"""Parameters of models that follow signals: K, Z, M and the values of laws, sample for sample."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from checked import check
+from imported import rendered
+from oracle import mims
+
+from ergon.api.model import ModelOptions, import_model
+from ergon.models.errors import ModelError
+from ergon.models.reading import parse
+from ergon.models.score import written
+
+FRAMES = 1500
+pytestmark = pytest.mark.usefixtures("own_folder")
+T = np.arange(FRAMES + 2) / mims.RATE
+SIGNALS = {
+    "in1": 0.05 + 0.04 * np.sin(2 * np.pi * 170 * T + 0.3),
+    "in2": 0.004 + 0.003 * np.cos(2 * np.pi * 410 * T),
+    "in3": np.where(T * 900 % 1 < 0.5, 2.0, 0.75),  # jumps
+}
+HEAD = "@x audioParam @in1\n@y audioParam @in2\n@w audioParam @in3\n@g ground 0\n"
+HAND = f"{HEAD}@h mass 9 0.03 -20\n@r springDamper @g @h 0.02 0.001\n@m mass 1 0.01 30\n"
+STRING = f"{HEAD}@h mass 9 0.03 -20\n@r springDamper @g @h 0.02 0.001\n"
+OUT = "\n@out1 posOutput @m\n@out2 posOutput @h\n"
+
+LINKS = {
+    "spring": "spring @m @h x",
+    "damper": "damper @h @m y\n@k spring @m @h 0.02",
+    "springDamper": "springDamper @m @h x y",
+    "one of two": "springDamper @m @h [0.01 + 2*x] 0.002",
+    "contact": "contact @m @h x y 0.01",
+    "contact from the other side": "contact @h @m 0.05 y",
+    "nlSpring2": "nlSpring2 @m @h x w [0.1*y]",
+    "nlSpring3": "nlSpring3 @m @h 0.01 [100*x] 0.001",
+    "Z of nlContact": "nlContact @m @h 0.01 5 0.2 y",
+    "Z of nlSpringDamper": "nlSpringDamper @m @h 0.01 20 0.2 y",
+    "bow": "nlBow @m @h x [0.002 + 0.004*x]",
+    "scale of a bow": "nlBow @m @h 0.05 [0.01*w]",
+    "smooth bow": "nlBow @m @h x y 1",
+    "pluck": "nlPluck @m @h x [0.05*w]",
+    "damped pluck": "nlPluck @m @h 0.03 0.06 y",
+}
+MASSES = {
+    "K and Z of an osc": "@m osc 1 x y 0.01 30",
+    "M of an osc": "@m osc w 0.05 0.002 0.01 30",
+    "all of an osc": "@m osc [1 + w] x y 0.002 0.01 -20",
+    "M of a mass": "@m mass w 0.01 30\n@k springDamper @m @h 0.03 0.002",
+    "M of a mass that falls": "@m mass [3 - w] 0.001 0.01 30\n@k spring @m @g 0.03",
+}
+BODIES = {
+    "K of a chain": "@s chain 9 1 x 0.002 0.0001 0.01 30",
+    "Z of a chain": "@s chain 7 2 0.05 y 0.02 30",
+    "K and Z of a string": "@s string 8 1 x y 0 0",
+    "a string of one mass": "@s string 3 1 x y 0 0",
+    "a string elsewhere": "@s string 6 1 x 0.001 0.02 0",
+}
+
+
+def compared(text: str, laws: str = "head", least: float = 1e-12) -> None:
+    """A model and its score, to the last bits of rounding."""
+    signals = {name: np.float64(np.float32(signal)) for name, signal in SIGNALS.items()}
+    for name, signal in signals.items():
+        soundfile.write(f"{name}.wav", signal, mims.RATE, subtype="FLOAT")
+    Path("m.mdl").write_text(text)
+    known = [name for name in signals if f"@{name}" in text]
+    files = {name: f"{name}.wav" for name in known}
+    made = import_model("m.mdl", ModelOptions(dialect="v2", laws=laws, inputs=files))
+    check(made.text)
+    heard = mims.played(text, "v2", FRAMES / mims.RATE, laws, inputs=signals)
+    sound = rendered(made.text, FRAMES / mims.RATE)
+    assert np.abs(heard[:, 0]).max() > 1e-6
+    assert np.abs(sound - heard).max() <= least * np.abs(heard).max(), made.text
+
+
+@pytest.mark.parametrize("laws", ["head", "2019"])
+@pytest.mark.parametrize("name", LINKS)
+def test_a_signal_is_a_value_of_a_link(name: str, laws: str):
+    compared(f"{HAND}@l {LINKS[name]}{OUT}", laws)
+
+
+@pytest.mark.parametrize("name", MASSES)
+def test_a_signal_is_a_value_of_a_mass(name: str):
+    """A mass takes the value of the step that it goes, a link that of where it is."""
+    compared(f"{STRING}{MASSES[name]}{OUT}")
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_signal_is_a_value_of_a_row_of_masses(name: str):
+    lines = "@l springDamper [@s 0.4] @h 0.02 0.001\n@out1 posOutput [@s 0.3]\n"
+    compared(f"{STRING}{BODIES[name]}\n{lines}@out2 posOutput @h\n")
+
+
+def test_a_bow_between_masses_is_pressed_by_a_signal():
+    lines = "@s string 9 1 0.3 0.002 0 0\n@b nlBow [@s 0.33] @h x [0.002 + 0.004*x]\n"
+    compared(f"{STRING}{lines}@out1 posOutput [@s 0.6]\n@out2 posOutput @h\n")
+
+
+def test_a_signal_jumps_from_an_input_too():
+    """What is felt of the first step is by the first values of the signals."""
+    text = f"{HAND}@in4 posInput 0.5\n@l springDamper @in4 @m x y{OUT}"
+    compared(text)
+
+
+@pytest.mark.parametrize("kind", ["string 7 1 0.1 0.01 0 50", "stiffString 8 1 0.1 0.02 0.01 0 9"])
+def test_the_ends_of_a_moving_string_pull(kind: str):
+    compared(f"@s {kind}\n@out1 posOutput [@s 0.3]\n")
+
+
+def test_the_end_of_a_moving_string_of_one_mass_pulls_twice():
+    compared("@s string 3 1 0.1 0.01 0.02 50\n@out1 posOutput [@s 0.5]\n")
+
+
+def test_a_signal_without_a_file_is_0_and_one_that_stays_is_a_number():
+    text = f"{HAND}@l springDamper @m @h [0.02 + x] [0.001 + y]{OUT}"
+    made = written(parse(text, "v2"))
+    assert "follows" not in made
+    assert "K: 0.02, Z: 0.001" in made
+
+
+REFUSED = {
+    "a mass": (5, f"{HEAD}@m mass x 0 0", "M is 0 in the first sample"),
+    "thresh": (8, f"{HAND}@l contact @m @h 1 0 x{OUT}", "which thresh of this word cannot do"),
+    "a gain of two": (8, f"{HAND}@l spring @m @h [x*y]{OUT}", "follows two signals"),
+    "a curve": (8, f"{HAND}@l spring @m @h [x*x]{OUT}", "no straight line"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_a_signal_cannot_be_is_refused_at_its_line(name: str):
+    line, text, message = REFUSED[name]
+    signals = {name: np.float32(signal) for name, signal in SIGNALS.items()}
+    for each, signal in signals.items():
+        soundfile.write(f"{each}.wav", signal, mims.RATE, subtype="FLOAT")
+    Path("m.mdl").write_text(text)
+    files = {each: f"{each}.wav" for each in signals} if name != "a mass" else {}
+    with pytest.raises(ModelError, match=message) as raised:
+        import_model("m.mdl", ModelOptions(dialect="v2", inputs=files))
+    assert raised.value.line == line
