@@ -276,7 +276,7 @@ def _begun(distributed: Any, count: int) -> Any:
                 )
         except (RuntimeError, OSError) as error:
             reason = str(error)
-    raise ClusterError(f"local:{count}: the processes do not begin: {reason}")
+    raise ClusterError(f"local:{count}: the processes did not start: {reason}")
 
 
 def sharing(cluster: Cluster, job: Job) -> Sharing:

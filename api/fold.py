@@ -135,7 +135,9 @@ def fold_of(
 
     if options.to is None:
         if options.head is not None:
-            raise OptionError("head", "only `--to binaural` has a head")
+            raise OptionError(
+                "head", "a head is used by `--to binaural` only; leave this option out"
+            )
         return None
     layout = piece.mix.layout
     if layout is None:
@@ -161,7 +163,7 @@ def _folded(
 def _whole(
     path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail: int
 ) -> Iterator[NDArray[np.float64]]:
-    """What a file holds and what sounds on, in blocks. Raises FoldError for what is no number."""
+    """What a file holds and what sounds on, in blocks. Raises FoldError for infinite samples."""
     import numpy as np
 
     at = 0
@@ -238,7 +240,7 @@ def _filters(
 
     to, sofa = heard
     if sofa is not None and to != "binaural":
-        raise OptionError("head", "only `--to binaural` has a head")
+        raise OptionError("head", "a head is used by `--to binaural` only; leave this option out")
     if to == "stereo":
         return ways.to_stereo(source), None
     if to == "binaural":

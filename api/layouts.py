@@ -38,7 +38,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
             close = nearest(path.stem, shipped)
             meant = f"did you mean {close}? " if close else ""
             known = ", ".join(shipped)
-            message = f"{quote(str(name))} is no file of a layout; {meant}The library has {known}"
+            message = f"{quote(str(name))} is not a layout file; {meant}The library has {known}"
             raise NoLayoutError(message.replace("; The", "; the"))
         path = shipped[path.name]
     collector = Collector()

@@ -81,7 +81,7 @@ def unpacked(content: Shipped) -> Iterator[Path]:
         for own, data in content["files"].items():
             place = PurePosixPath(own)
             if place.is_absolute() or ".." in place.parts or "\\" in own or ":" in own:
-                raise NotShippedError(f"'{own}' is no file of a score")
+                raise NotShippedError(f"'{own}' is not a file of this score")
             path = folder.joinpath(*place.parts)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)

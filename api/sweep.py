@@ -129,7 +129,9 @@ def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]
     from ergon.scores.edits.varying import SEED, combined, parse
 
     if not options.vary:
-        raise OptionError("vary", "is missing; write for instance bell.m.K=1kN/m..9kN/m:32")
+        raise OptionError(
+            "vary", "no values are given; write for instance bell.m.K=1kN/m..9kN/m:32"
+        )
     try:
         varied = [parse(text) for text in options.vary]
         values = combined(varied, is_zipped=options.zip)

@@ -207,9 +207,9 @@ def _automated(
     if len(sets) > MAX_SETS:
         names = ", ".join(".".join(filter(None, where)) for where in paths)
         raise _core.EngineError(
-            f"{hand.player}'s hand may feel the automation of {names}, and the force that it may "
-            f"get is found for {MAX_SETS} values at most; this has more: use fewer steps or a "
-            "smaller range, or play without the device"
+            f"the automation of {names} can change the force on the key of {hand.player}, and "
+            f"takes more than {MAX_SETS} combinations of values, the most whose stability can be "
+            "checked; use fewer steps or a smaller range, or play without the device"
         )
     return sets
 

@@ -9,10 +9,11 @@ REFUSED = {
         "a string with a v0 pulls at its own fixed ends for ever, which no score says; write 0"
     ),
     "signal": (
-        "{name} follows a signal, which moves points on macros alone: it is no {value} of a module"
+        "{name} follows a signal, which moves points on macros alone: it "
+        "cannot be a {value} of a module"
     ),
     "two signals": "{text} follows two signals; a place follows one",
-    "curved": "{text} is no straight line of its signal, as a place on a macro must be",
+    "curved": "{text} is not a straight line of its signal, as a place on a macro must be",
     "macro force": "the force at a point of a macro is 0 at all times; remove this output",
     "pushed force": "the force on a mass that an input pushes too is not built yet",
     "still force": "no link ends on this mass, so that its force is 0; remove this output",

@@ -90,7 +90,7 @@ class Values:
         """The number that an expression is. Raises ModelError."""
         value = self._value(parse(text, line), {}, line)
         if not isinstance(value, float):
-            raise ModelError(f"{what}: {quote(text[:60])} is no number", line)
+            raise ModelError(f"{what}: {quote(text[:60])} is not a number", line)
         return value
 
     def sound(self, text: str, line: int) -> Sound:

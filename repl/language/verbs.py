@@ -96,7 +96,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "release", c.Release, timed=False),
     ),
     "time": (
-        _form("play", "pl", "runs the piece from a position, or from where it stands",
+        _form("play", "pl", "starts the piece at a position, or where it was stopped",
               "play from B", c.Play,
               Slot("start", "WHERE", v.POSITION, "from", optional=True), timed=False),
         _form("stop", "st", "stops the piece where it is", "stop", c.Stop),
@@ -123,7 +123,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("when", "w", "runs a block where a condition on bar or beat holds",
               "when bar % 4 == 3 fill", blocks.run_when,
               Slot("rule", "CONDITION NAME", blocks.RULE, many=True)),
-        _form("stop", "st", "runs a block no further by itself", "stop fill", c.StopBlock,
+        _form("stop", "st", "stops a block that runs by itself", "stop fill", c.StopBlock,
               Slot("name", "NAME", blocks.BLOCK)),
     ),
     "matter": (

@@ -185,7 +185,10 @@ class SessionCore:
         for spot in version.dropped:
             line = self._typed_at(spot)
             typed = f"'{in_short(line)}'" if line else "what was typed"
-            found.append(f"{spot} has changed in the file too, which stands: {typed} is dropped")
+            found.append(
+                f"{spot} was changed by {typed} and in the file; the value in the file is kept, "
+                "and the line is discarded"
+            )
         return found
 
     def _typed_at(self, spot: Spot) -> str:
@@ -293,10 +296,10 @@ class SessionCore:
         ]
         self._frozen = frozen
         if thawed:
-            verb = "is" if len(thawed) == 1 else "are"
+            verb, start = ("is", "starts") if len(thawed) == 1 else ("are", "start")
             self._messages.append(
-                f"{', '.join(thawed)} {verb} computed again from this line on, from rest: the line "
-                "changes what was frozen"
+                f"from this line on {', '.join(thawed)} {verb} computed live and {start} at rest, "
+                "because the line changes what was frozen"
             )
 
     def _tell_moved(self) -> None:

@@ -76,7 +76,7 @@ def beside(texts: Texts, target: Path, suffix: str) -> Path:
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
     if not is_inside:
         raise NotTakenError(
-            f"a session writes in {folder.resolve()} alone", f"record audio {path.name}"
+            f"a session writes only into {folder.resolve()}", f"record audio {path.name}"
         )
     return folder / path.name
 
@@ -94,7 +94,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
     if not is_inside:
         raise NotTakenError(
-            f"save the score in {folder.resolve()}: it names the files that it uses from there",
+            f"save the score in {folder.resolve()}: the paths in it are relative to that folder",
             f"save {path.name}",
         )
     return None if is_own else folder / path.name
@@ -138,6 +138,6 @@ def _proven(
     if there is None or there.digest() != piece_of(texts).digest():
         names = ", ".join(sorted(Path(file).name for file in changed))
         raise NotTakenError(
-            f"{score.name} would not read the changes to {names}; `save` "
-            "without a name writes them in place"
+            f"the changes to {names} would be lost in {score.name}; `save` without a name writes "
+            "them to their own files"
         )

@@ -105,7 +105,7 @@ def scoped(
     ticks = range(max(0, last - int(_SCOPE * rate) // every), last)
     is_real = hands is not None and any(hand.player == name for hand in running.stage.live)
     if len(ticks) < _SCOPE_MIN:
-        raise NotTakenError(f"nothing of {name} is to be seen yet")
+        raise NotTakenError(f"{name} has not moved yet, so there is nothing to draw")
     if is_real and hands is not None:
         path = _recorded(hands, name, ticks)
     else:

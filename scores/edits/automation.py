@@ -70,10 +70,10 @@ def check(piece: Piece, target: str) -> None:
     head, _, parameter = target.rpartition(".")
     known = leads.found(head, piece.keys, piece.instruments)
     if known is None:
-        raise EditError(f"{target} cannot glide; leave out `over`, and it is set at once")
+        raise EditError(f"{target} cannot change gradually; leave out `over` to set it at once")
     _, module, is_ca = known
     if why := leads.refusal(module, parameter, is_ca=is_ca):
-        raise EditError(f"{head} {why}; leave out `over`, and it is set at once")
+        raise EditError(f"{head} {why}; leave out `over` to set it at once")
 
 
 def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
@@ -81,7 +81,9 @@ def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
     texts, count = _ended(texts, piece, at, target)
     if not count:
         where = piece.tempo_map.written(at)
-        raise EditError(f"{target} follows no pattern and does not swing at {where}")
+        raise EditError(
+            f"no pattern and no lfo controls {target} at {where}, so there is nothing to end"
+        )
     return texts
 
 

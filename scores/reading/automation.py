@@ -218,7 +218,7 @@ def one_amount(text: str, module: Module, parameter: str) -> Amount:
     word = text.strip()
     amount = amount_of(word, reader(module, parameter))
     if not amount.value > 0.0:
-        message = f"{quote(word)}: a glide ends above 0, for nothing glides from 0"
+        message = f"{quote(word)}: a glide must end above 0, because no factor leads away from 0"
         raise TextError(message, length=max(1, len(word)), code="E202")
     return amount
 

@@ -187,7 +187,9 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         v.error("E111", f"{v.context.of('clamp')}: `gain` is {unit}, so `clamp` is one", "clamp")
     elif clamp < 0.0:
         v.error(
-            "E202", f"{v.context.of('clamp')}: acts either way; write it without a sign", "clamp"
+            "E202",
+            f"{v.context.of('clamp')}: this limit acts in both directions; write it without a sign",
+            "clamp",
         )
     path = None
     if v["file"] is not None:

@@ -273,7 +273,7 @@ class Checker:
             message = (
                 f"{who}: members of {quote(target.text)} have no pitch each, as those of a BANK "
             )
-            message += "have; let the front go outward or rightward"
+            message += "have; choose a sweep that needs no pitch: outward or rightward"
             self.collector.error("E304", message, target.place)
 
     def _reach_led(self) -> None:
@@ -348,4 +348,4 @@ def _of_level(name: str) -> str | None:
     """Where a level is moved that automation was asked to move."""
     if "gain" not in str(name).replace(".", " ").split():
         return None
-    return "a level moves by the `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"
+    return "to change a level over time, use `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"

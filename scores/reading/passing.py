@@ -67,7 +67,7 @@ def _turns(path: tuple[Point, ...]) -> float:
 def _point(text: str) -> Point:
     words = text.split()
     if len(words) != 2:
-        message = f"{quote(text.strip())} is no radius and angle such as 0.3 1080deg"
+        message = f"{quote(text.strip())} is not a radius and an angle such as 0.3 1080deg"
         raise TextError(message, length=max(1, len(text)), code="E201")
     radius = q.quantity(words[0], q.RADIUS)
     try:
@@ -103,9 +103,11 @@ PATH = Text(
     has_values=True,
 )
 FIELDS = (
-    Field("sweep", choice(*SWEEPS), "a front that strikes each member it passes, once in `for`"),
-    Field("path", PATH, "the way of a head that strikes each member it passes, once in `for`"),
-    Field("width", k.WIDTH, "how wide the head is, the instrument's radius being 1", WIDTH),
+    Field(
+        "sweep", choice(*SWEEPS), "a sweep that strikes each member that it passes, once in `for`"
+    ),
+    Field("path", PATH, "the path of a point that strikes each member it passes, once in `for`"),
+    Field("width", k.WIDTH, "how wide that point is; the instrument's radius is 1", WIDTH),
 )
 
 

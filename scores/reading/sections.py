@@ -271,7 +271,7 @@ COUPLING = Record(
     kind_required=True,
 )
 _LINK = (
-    "Ableton Link is no part of ergon, because all bindings to it contain code under the GPL "
+    "Ableton Link is not part of ergon, because all bindings to it contain code under the GPL "
     "(docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
 TEMPO = Record(

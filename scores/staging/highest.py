@@ -92,13 +92,13 @@ def passes_limit(
         tempo = piece.tempo_map
         times = ceil(one.hertz * sqrt(most) / limit)
         message = (
-            f"from {tempo.written(tempo.beats(at))} ({at:.2f} s) on the pitch of {quote(one.name)} "
-            f"is higher than one step a frame can follow: its highest mode passes "
-            f"{limit / 1e3:.3g} kHz, and comes to {one.hertz * sqrt(most) / 1e3:.3g} kHz"
+            f"from {tempo.written(tempo.beats(at))} ({at:.2f} s) on the highest mode of "
+            f"{quote(one.name)} is above {limit / 1e3:.3g} kHz, the limit at one step a frame; "
+            f"it reaches {one.hertz * sqrt(most) / 1e3:.3g} kHz"
         )
         help = (
-            f"there it takes {times} steps a frame, or {times * piece.rate:,.0f} Hz, or a dearer "
-            "method, which a plan chooses and `method: ca` does not; fewer masses take less"
+            f"a plan takes {times} steps a frame or another method there, unless the score has "
+            f"`method: ca`; a rate of {times * piece.rate:,.0f} Hz or fewer masses cost less"
         )
         found.append(Diagnostic("W332", message, place, None, help))
     return found

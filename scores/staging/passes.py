@@ -77,7 +77,10 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
     for mat in mats:
         stiffness, mass = ties.get(mat, (0.0, 1.0))
         if not stiffness > 0.0:
-            raise TextError(f"{network.name_of(mat)} has no pitch by which a front could pass it")
+            raise TextError(
+                f"{network.name_of(mat)} has no pitch, so a sweep by pitch cannot reach it; choose "
+                "a sweep by place"
+            )
         found.append(_core.ln(stiffness / mass))
     return found
 

@@ -47,8 +47,10 @@ class Tie:
         """A sentence that names the links."""
         way = ", ".join(map(str, self.links))
         if self.player is not None:
-            reached = f"reaches it by {way}" if way else f"is on {self.key}, to which it listens"
-            return f"{self.part} cannot be frozen: {self.player}'s hand {reached}"
+            if not way:
+                why = f"its output listens to {self.key}, the key of {self.player}"
+                return f"{self.part} cannot be frozen: {why}"
+            return f"{self.part} cannot be frozen: {self.player} can feel it through {way}"
         way = f"{way} connects them" if len(self.links) == 1 else f"{way} connect them"
         way = way if self.links else "both listen to one module"
         return f"{self.part} cannot be frozen without {self.other}: {way}"

@@ -404,7 +404,7 @@ def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
     """Report parts that have a rate of their own and go at the audio rate all the same (N403)."""
     for name, why in dict.fromkeys(plan.stay()):
         part = piece.keys.get(name) or piece.instruments[name]
-        message = f"rate of {quote(name)} is not used: {why}"
+        message = f"{quote(name)} is computed at the audio rate, not at a rate of its own: {why}"
         collector.error("N403", message, part.place)
 
 

@@ -124,7 +124,7 @@ def test_clipped_samples_are_told_and_the_gain_that_helps(tmp_path: Path):
         (("in.wav", "--to", "dome2", "--from", "dome24"), "did you mean dome24?"),
         (("in.wav", "--to", "ambix8", "--from", "dome24"), "1 to 7"),
         (("in.wav", "--to", "stereo", "--from", "ambix3"), "has 24 channels, but ambix3 has 16"),
-        (("in.wav", "--to", "stereo.yaml", "--from", "dome24"), "no file of a layout"),
+        (("in.wav", "--to", "stereo.yaml", "--from", "dome24"), "is not a layout file"),
         (("in.wav", "--to", "stereo", "--from", "dome24", "--gain", "6"), "--gain"),
         (("in.wav", "--to", "stereo", "--from", "dome24", "--head", "x.sofa"), "--head"),
         (("in.wav", "--to", "binaural", "--from", "dome24", "--head", "x.sofa"), "x.sofa"),

@@ -278,7 +278,11 @@ def test_pitches_of_bodies_of_a_material_move_as_those_of_others():
         (WIRE % "length: 10cm, diameter: 9mm, f: 20Hz", "E202", "bending alone"),
         (WIRE % "length: 1mm, diameter: 1um, tension: 1e9N", "E202", "maximum is 1e+06 Hz"),
         (WIRE % "M: 3g, diameter: 1mm, tension: 70N, f: A3", "E103", "needs the length"),
-        ("STRING: {masses: 9, M: 1g, f: A3, length: 1m}", "E103", "write material: steel"),
+        (
+            "STRING: {masses: 9, M: 1g, f: A3, length: 1m}",
+            "E103",
+            "write for instance `material: steel`",
+        ),
         ("PLATE: {M: 1g, f: A3, radius: 30cm}", "E103", "radius: 12, rings"),
         ("PLATE: {M: 1g, f: A3, radius: 3, thickness: 2mm}", "E103", "write material"),
         ("PLATE: {M: 1g, f: A3, radius: 3, masses: 90}", "E103", "write material"),

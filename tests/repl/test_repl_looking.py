@@ -147,7 +147,7 @@ def test_rests_of_a_pattern_are_empty(own: Stepped, monkeypatch: pytest.MonkeyPa
 
 
 def test_a_key_is_traced_while_it_moves(own: Stepped):
-    assert not own.type("scope ada on").taken  # nothing of ada is to be seen yet
+    assert not own.type("scope ada on").taken  # ada has not moved yet
     own.ok("ada plays knock every 1 now")
     own.run(1.0)
     own.ok("scope ada on")

@@ -280,7 +280,9 @@ def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(at: Stepped, tmp_p
     at.ok("play")
     to_bar(at, 9)
     reply = at.ok(f"load {tmp_path / 'short.yaml'}")
-    assert reply.text == "ok 10|1 short.yaml begins at 1|1, for its bars are past"
+    assert reply.text == (
+        "ok 10|1 short.yaml begins at 1|1, because the present bar is behind its end"
+    )
     at.run(1.0)
     assert at.session.state().bar == 1
     at.run(2.0)

@@ -248,7 +248,7 @@ def test_scales_and_chords_have_names():
         ("{set: bell.m.f, to: A3, at: 1|1}", "E103", "needs `over`"),
         ("{set: bell.m.f, to: A3, over: 0, at: 1|1}", "E202", "above 0"),
         ("{set: bell.m.f, to: A3 C4, over: 1, at: 1|1}", "E201", "one value"),
-        ("{set: bell.m.K, to: 0N/m, over: 1, at: 1|1}", "E202", "nothing glides from 0"),
+        ("{set: bell.m.K, to: 0N/m, over: 1, at: 1|1}", "E202", "no factor leads away from 0"),
         ("{set: bell.m.f, to: A3, over: 1, every: 1, at: 1|1}", "E111", "no steps"),
         ("{set: bell.m.f, to: A3 C4, every: 1, curve: line, at: 1|1}", "E111", "has a way"),
         ("{set: bell.m.f, to: A3@0 C4@1, over: 1, at: 1|1}", "E111", "times of its own"),

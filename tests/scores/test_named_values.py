@@ -146,7 +146,7 @@ def test_a_note_is_the_note_that_is_written():
         (LET, {"mass": "heavy/0"}, "E201", "divides by zero", 20),
         (LET, {"mass": "(heavy"}, "E201", "never closed", 15),
         (LET, {"mass": "sqrt(heavy)"}, "E201", "a value in kg has no root here", 15),
-        (LET, {"mass": "heavy*sqrt(0 - 1)"}, "E201", "below 0 has no root", 21),
+        (LET, {"mass": "heavy*sqrt(0 - 1)"}, "E201", "of a number below 0", 21),
         (LET, {"mass": "heavy*sqrt 2"}, "E201", "'sqrt' is no name", 21),
         (LET, {"mass": "heavy heavy"}, "E201", "cannot stand here", 21),
         (LET, {"mass": "-heavy"}, "E202", "not positive", 15),
@@ -360,11 +360,11 @@ def test_a_table_of_strikes_with_names_is_that_without(named: str, plain: str) -
 @pytest.mark.parametrize(
     ("rows", "code", "message", "suggestion"),
     [
-        ("1|1  D3  sofd*2", "E201", "'sofd' is no name of `let:`", "soft"),
+        ("1|1  D3  sofd*2", "E201", "'sofd' is not a name of `let:`", "soft"),
         ("1|1  D3  2*low", "E203", "'2*low' is 293.6647679174076Hz: unit 'Hz'", None),
         ("1|1  D3  2*heavy", "E203", "'2*heavy' is 0.006kg: unit 'kg'", None),
-        ("1|1  lov+3st  soft", "E201", "'lov' is no name of `let:`", "low"),
-        ("lat*2  D3  soft", "E201", "'lat' is no name of `let:`", "late"),
+        ("1|1  lov+3st  soft", "E201", "'lov' is not a name of `let:`", "low"),
+        ("lat*2  D3  soft", "E201", "'lat' is not a name of `let:`", "late"),
         ("late*heavy  D3  soft", "E203", "'late*heavy' is 0.006kg", None),
     ],
 )
@@ -462,7 +462,7 @@ def test_positions_that_are_none_say_so(at: str, code: str, said: str):
         ("c-gap+1", "c - gap", None),
         ("last-verse-gap", "last-verse - gap", None),
         ("c-gap-first", "c - gap - first", None),
-        ("c-A", None, "a mark is no length: write how far before it, such as c-1bar"),
+        ("c-A", None, "a mark is not a length; write how far before it, such as c-1bar"),
         ("c-gapp", None, "known here: A, c, last-verse, x"),
         ("last-vers", "last-verse", None),
     ],

@@ -293,7 +293,7 @@ def test_a_cell_without_a_spring_has_no_pitch():
     text += "strikes: {s: {to: a, at: 1|1, for: 4, sweep: upward, impulse: 1mNs}}\n"
     loaded = check(text)
     assert loaded.piece is not None
-    with pytest.raises(Exception, match="a has no pitch by which a front could pass it"):
+    with pytest.raises(Exception, match="a has no pitch, so a sweep by pitch cannot reach it"):
         stage(loaded.piece)
 
 

@@ -154,7 +154,7 @@ def test_nothing_is_left_of_a_take_that_begins_after_its_end():
         staged("{at: 6|1, play: t, do: [from 90s]}")
     (found,) = raised.value.diagnostics
     assert (found.code, found.place.line) == ("E308", 8)
-    assert "is no part of a take that lasts" in found.message
+    assert "does not lie inside a take that lasts" in found.message
 
 
 def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_path: Path):

@@ -60,7 +60,9 @@ impl Island {
         if options.ledger && timeline.hands().next().is_some() {
             return Err(Error::Refused {
                 module: "ledger".to_owned(),
-                message: "no energy ledger can be kept where a real hand plays: its energy is not measured".to_owned(),
+                message: "no energy ledger can be kept where a real hand plays, because its energy is not \
+                          measured"
+                    .to_owned(),
             });
         }
         let mut scheme = Scheme::new(&network, timeline.rate)?;
@@ -418,8 +420,8 @@ pub(super) fn free_key(
         if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
             return Err(Error::Refused {
                 module: network.link_name(link),
-                message: "a link inside a key acts all the time: gestures are written for the \
-                          key with all its links"
+                message: "a coupling cannot join two modules of one key, because gestures are computed for the key \
+                          with all its links; make this link a module of the key"
                     .to_owned(),
             });
         }
