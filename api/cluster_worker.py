@@ -21,7 +21,7 @@ from ergon.rendering.remote import Answer, ClusterError, IslandRequest, Request
 
 from . import score as scores
 from .options import AccuracyOptions
-from .shipped import Shipped, unpacked
+from .score_bundle import ScoreBundle, unpacked
 
 if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
@@ -37,7 +37,7 @@ class Job(TypedDict):
     rate [Hz] and seed where they are not the score's, and a `digest` of all of it."""
 
     version: list[Any]
-    content: Shipped
+    content: ScoreBundle
     plan: str
     plan_hash: str
     rate: float | None

@@ -12,7 +12,7 @@ from .errors import ScoreError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Layout
-    from ergon.space.ways import Field
+    from ergon.space.fold_filters import Field
 
 
 class NoLayoutError(ErgonError, LookupError):
@@ -65,6 +65,6 @@ def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> byte
     """The same of a score's layout, where there is one and the file has its channels."""
     if layout is None or len(layout.speakers) != n_channels:
         return b""
-    from ergon.space.ways import Field
+    from ergon.space.fold_filters import Field
 
     return chunks_of(Field(layout.speakers), title)

@@ -13,7 +13,7 @@ from .simulate import shared_name
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module, Target
-    from ergon.rendering.swings import Closing
+    from ergon.rendering.mass_excursions import Closing
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.hands import StagedGesture
 

@@ -17,7 +17,7 @@ from .tables import table
 
 if TYPE_CHECKING:
     from ergon._core import PlanRow
-    from ergon.api.shares import Shares
+    from ergon.api.work_shares import Shares
 
 _HOW = {
     "stepped": "module by module, CA",

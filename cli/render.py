@@ -155,7 +155,7 @@ def _render_several(
     dry: bool,
     strict: bool,
 ) -> None:
-    from ergon.api.several import render_several, staged
+    from ergon.api.batch_render import render_several, staged
 
     from .app import explain
 

@@ -13,7 +13,7 @@ from .trouble import gaps, troubles
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.guard import HandForceBounds
+    from ergon.live.force_bounds import HandForceBounds
     from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.stage import Stage
 

@@ -13,7 +13,7 @@ from ergon.repl.language.scope import SUFFIXES
 from ergon.repl.session import save_as
 from ergon.repl.session.disk import as_written, folder_of, home
 from ergon.repl.session.version import NotTakenError, piece_of
-from ergon.scores.edits import keeping, parts
+from ergon.scores.edits import excerpt, parts
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.automating import value_on
 
@@ -35,7 +35,7 @@ def keep(session: SessionCore, length: Length, name: str) -> list[str]:
         if not length.seconds:
             start = stop - tempo.after(0.0, length)
         try:
-            kept = keeping.keep(version.texts, version.piece, name, max(0.0, start), stop, value_on)
+            kept = excerpt.keep(version.texts, version.piece, name, max(0.0, start), stop, value_on)
             break
         except EditError:
             if not ends:

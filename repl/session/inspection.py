@@ -16,10 +16,10 @@ from ergon.scores.edits import entries
 from ergon.scores.edits.matter import said
 from ergon.scores.edits.positions import END
 from ergon.scores.gesture import space_path
-from ergon.scores.reading import leads
+from ergon.scores.reading import automatable
 from ergon.scores.staging.automating import value_on
-from ergon.scores.staging.leading import Led
 from ergon.scores.staging.live import leading
+from ergon.scores.staging.parameter_values import Led
 
 if TYPE_CHECKING:
     import numpy as np
@@ -141,7 +141,7 @@ def defined(version: Version, name: str, sounding: Piece, now: float) -> list[st
     `sounding`, which lines that wait have not changed yet.
     """
     head, _, parameter = name.rpartition(".")
-    found = leads.found(head, sounding.keys, sounding.instruments) if head else None
+    found = automatable.found(head, sounding.keys, sounding.instruments) if head else None
     if found is None:
         return _defined(version.texts, name)
     part, module, is_ca = found

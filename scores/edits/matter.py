@@ -24,7 +24,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading import leads, overlay
+from ergon.scores.reading import automatable, overlay
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import KEY
 
@@ -81,7 +81,7 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     """
     part, _, name = target.rpartition(".")
     made = piece.instruments.get(part)
-    if name == "f" and made is not None and leads.whole(made) is not None:
+    if name == "f" and made is not None and automatable.whole(made) is not None:
         return _set_pitch(texts, made, value)
     owner, name = _owner(texts, target)
     changes = _changes(owner, piece, target, name, value)

@@ -21,8 +21,8 @@ from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Course, Pattern
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount, parse_values
+from ergon.scores.reading.automatable import reader
 from ergon.scores.reading.curves import CurvePoint, amount_of, is_curve, parse_curve
-from ergon.scores.reading.leads import reader
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 
 Shape = Literal["sine", "triangle", "ramp", "square"]

@@ -10,10 +10,10 @@ from edited import opened, piece_of, value
 from ergon.api.simulate import never_closed, simulate
 from ergon.scores.edits import matter
 from ergon.scores.staging.built_network import build_network
-from ergon.scores.staging.gliding import glides, leaving, with_leaving
 from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.reach import ties
 from ergon.scores.staging.stage import stage
+from ergon.scores.staging.version_glides import glides, leaving, with_leaving
 
 SCORE = """\
 ergon: 1

@@ -137,15 +137,15 @@ def _ticks(own: Rig, until: int) -> list[tuple[int, float]]:
 def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
     """Counted: how often a scene is played against the key."""
     with rig(tmp_path, "firm", Scene().text) as own:
-        guard = own.engine.guard
+        bounds = own.engine.force_bounds
         lines = "ada plays knock every 1 now", "tempo 200 now", "gain bell -6dB now", "undo"
-        before = guard.asked
+        before = bounds.asked
         for line in lines:
             own.ok(line)
             own.run(0.1)
-        assert guard.asked == before
+        assert bounds.asked == before
         own.ok(STIFF)
-        assert guard.asked == before + 1  # where it glides to: what it glides from is known
+        assert bounds.asked == before + 1  # where it glides to: what it glides from is known
 
 
 @pytest.mark.slow
@@ -218,10 +218,10 @@ def test_automation_that_no_hand_feels_takes_no_force_away(tmp_path: Path):
         own.ok("lfo k1.K 1..30 period 2bar now")
         own.run(0.5)
         assert own.scale == 1.0
-        asked = own.engine.guard.asked
+        asked = own.engine.force_bounds.asked
         own.ok("lfo k1.K 1..40 period 2bar now")
         own.run(0.3)
-        assert own.engine.guard.asked <= asked + 1
+        assert own.engine.force_bounds.asked <= asked + 1
 
 
 def test_automation_with_more_values_than_are_checked_is_refused(tmp_path: Path):

@@ -6,7 +6,7 @@ from checked import check, found
 from sweep import few
 
 from ergon.scores.edits import parts
-from ergon.scores.edits.keeping import keep
+from ergon.scores.edits.excerpt import keep
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece

@@ -9,8 +9,8 @@ from ergon import _core
 from ergon.notation.text.errors import Diagnostic
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
-from ergon.scores.staging.fallback import solo
 from ergon.scores.staging.hands import ALL
+from ergon.scores.staging.recording_stages import solo
 from ergon.scores.staging.stage import Going, Span, Stage, StageError, stage
 
 TAKES = Path(__file__).parents[2] / "scores/library/takes"

@@ -10,8 +10,8 @@ from sessions import Stepped
 from sweep import few
 
 from ergon.notation.text.errors import Collector
-from ergon.scores.reading.passing import SWEEPS
 from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.sweep_fields import SWEEPS
 from ergon.scores.staging.built_network import BuiltNetwork, build_network
 from ergon.scores.staging.stage import stage
 from ergon.scores.staging.striking import ANY, Striking

@@ -15,7 +15,7 @@ from ergon.notation.text.files import is_shipped
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork
-from ergon.scores.staging.leading import Points, Where
+from ergon.scores.staging.parameter_values import Points, Where
 
 FULL = 5_000.0  # [Hz] a body that stops below sounds dull
 _MOST_RADIUS = 400

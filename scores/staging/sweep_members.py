@@ -11,7 +11,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.passing import SWEEPS, Passing, Point
+from ergon.scores.reading.sweep_fields import SWEEPS, Passing, Point
 from ergon.space.directions import angles, sine_cosine
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ergon import _core
 from ergon.live.automated import MAX_SETS, RATIO, SHORT, Values, felt, value_sets
 from ergon.scores.staging.built_network import OVER, acting
-from ergon.scores.staging.gliding import Glide
+from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
     import numpy as np
@@ -92,7 +92,7 @@ def _answer(reached: _core.ReachableNetwork, tick_frames: int, reach: float) -> 
     return felt * (reach * reach * (1 + reached.others))
 
 
-class Guard:
+class ForceBounds:
     """Finds the force that real hands may get of a piece before it takes over.
 
     Each piece is played once.
