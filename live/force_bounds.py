@@ -1,4 +1,7 @@
-"""The stiffness that a key meets, and the part of the piece's force that its hand may get."""
+"""The stiffness that a key meets, and the part of the piece's force that its hand may get.
+
+Decided here, before a piece takes over; `core-rs/live/src/perform/scale.rs` scales tick by tick.
+"""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ class _Reading:
         if self.count > MOST:
             raise ModelError(f"the XML has more than {MOST:,} elements", self.line())
         if len(self.path) > _MOST_DEPTH:
-            raise ModelError(f"elements stand deeper than {_MOST_DEPTH}", self.line())
+            raise ModelError(f"elements are nested deeper than {_MOST_DEPTH}", self.line())
         where = self.path[1:]
         if len(where) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
             known = ("global", "MAT", "Link")

@@ -146,7 +146,7 @@ class Values:
         """Raises ModelError where expressions take too long, or stand too deep in one another."""
         self._steps += 1
         if self._steps > _MOST_STEPS or self._depth > _MOST_DEEP:
-            raise ModelError("its expressions stand too deep in one another, or are too many", line)
+            raise ModelError("its expressions are nested too deeply, or are too many", line)
 
     def _value_of(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
         if node.kind == "number":

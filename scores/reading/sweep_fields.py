@@ -1,4 +1,7 @@
-"""Strikes by what passes an instrument: a front that sweeps over it, or a head on a path."""
+"""The fields of strikes by a sweep over an instrument, or by a point on a path, as written.
+
+Which members they strike, and when, is computed by `scores/staging/sweep_members.py`.
+"""
 
 from __future__ import annotations
 

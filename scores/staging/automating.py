@@ -1,4 +1,7 @@
-"""From `automation:` to points in time through which the engine moves parameters."""
+"""From `automation:` to points in time through which the engine moves parameters.
+
+Which may move is decided by `scores/reading/automatable.py`.
+"""
 
 from __future__ import annotations
 

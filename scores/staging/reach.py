@@ -2,6 +2,7 @@
 
 Nothing passes between two islands of a network, so what hangs together by links is frozen together
 or not at all. A fixed or imposed point ends an island; a live hand's key does not: it is felt.
+`rendering/frozen.py` writes the parts.
 """
 
 from __future__ import annotations

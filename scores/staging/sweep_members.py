@@ -1,4 +1,4 @@
-"""Which members of an instrument a front or a head passes, and when."""
+"""Which members of an instrument a sweep or a point on a path passes, and when."""
 
 from __future__ import annotations
 

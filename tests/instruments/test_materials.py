@@ -284,8 +284,16 @@ def test_pitches_of_bodies_of_a_material_move_as_those_of_others():
             "write for instance `material: steel`",
         ),
         ("PLATE: {M: 1g, f: A3, radius: 30cm}", "E103", "radius: 12, rings"),
-        ("PLATE: {M: 1g, f: A3, radius: 3, thickness: 2mm}", "E103", "write material"),
-        ("PLATE: {M: 1g, f: A3, radius: 3, masses: 90}", "E103", "write material"),
+        (
+            "PLATE: {M: 1g, f: A3, radius: 3, thickness: 2mm}",
+            "E103",
+            "write for instance `material: steel`",
+        ),
+        (
+            "PLATE: {M: 1g, f: A3, radius: 3, masses: 90}",
+            "E103",
+            "write for instance `material: steel`",
+        ),
         ("PLATE: {material: steel, radius: 12, thickness: 1mm}", "E103", "needs its size"),
         ("PLATE: {material: steel, radius: 9cm}", "E103", "write thickness or f too"),
         ("PLATE: {material: steel, radius: 9cm, f: A3, thickness: 1mm}", "E111", "remove one of"),

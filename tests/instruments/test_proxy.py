@@ -216,8 +216,11 @@ WRONG = {
         "d: {PLATE: {shape: disc, radius: 3, M: 9g, f: 90Hz}}\np: {PROXY: {of: d, at: 1.5}}",
         "is a disc, whose masses are not in rows",
     ),
-    "imposed": ("p: {PROXY: {of: s, at: 1}}\nx: {ENX: {to: p, from: 1mm}}", "impose"),
-    "no span": ("p: {PROXY: {of: s, follows: wall, span: 0m}}", "move it nowhere"),
+    "imposed": (
+        "p: {PROXY: {of: s, at: 1}}\nx: {ENX: {to: p, from: 1mm}}",
+        "drive one of its masses",
+    ),
+    "no span": ("p: {PROXY: {of: s, follows: wall, span: 0m}}", "would not move it"),
     "only": ("p: {PROXY: {of: s, at: 1, span: 2m}}", "only a PROXY with follows"),
 }
 

@@ -254,7 +254,7 @@ def test_scales_and_chords_have_names():
         ("{set: bell.m.f, to: A3@0 C4@1, over: 1, at: 1|1}", "E111", "times of its own"),
         ("{set: bell.m.f, to: A3@0 smooth H4@1, at: 1|1}", "E201", "neither a frequency"),
         ("{set: bell.m.f, to: A3@0 smoth C4@1, at: 1|1}", "E204", "unknown word"),
-        ("{set: bell.m.f, to: A3@0 throw C4@1, at: 1|1}", "E204", "not thrown"),
+        ("{set: bell.m.f, to: A3@0 throw C4@1, at: 1|1}", "E204", "is for gestures only"),
         ("{set: bell.m.f, to: A3@0 hold C4@1, at: 1|1}", "E204", "keeps the value"),
         ("{set: bell.m.f, to: A3@1 C4@2, at: 1|1}", "E204", "begins at 0"),
         ("{lfo: bell.m.f, range: 1..2, period: 1, over: 1, at: 1|1}", "E111", "does not belong"),

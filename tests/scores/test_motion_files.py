@@ -142,7 +142,7 @@ def test_auto_goes_along_the_path(tmp_path):
     assert np.abs(back.x - 0.3 * along).max() < 3e-4
     turning = np.stack([np.cos(6 * s), np.sin(6 * s), s], 1) * 100
     path = wrote(tmp_path, ".c3d", files.c3d(np.stack([turning, 0 * turning], 1)))
-    with pytest.raises(TakeError, match="no straight line"):
+    with pytest.raises(TakeError, match="not move along a straight line"):
         read(path, "RWRI.auto")
     with pytest.raises(TakeError, match="does not move"):
         read(path, "LWRI.auto")
@@ -267,7 +267,7 @@ def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
         ("MARKER_NAMES", "BODY_NAMES", "the bodies need 32"),
         ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\t13", "says 13 frames, and holds 12"),
         ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\tmany", "is not a number"),
-        ("FREQUENCY\t100", "FREQUENCY\t0", "is no rate"),
+        ("FREQUENCY\t100", "FREQUENCY\t0", "is not a number above 0"),
         ("\t-", "\t-999999999999", "no camera sees"),
         ("\t-", "\tleft", "not a row of numbers"),
         ("\t-", "\t1\t", "the markers need 6"),
@@ -331,7 +331,7 @@ def test_csv_of_optitrack_without_a_rate_or_unit_asks_for_them(tmp_path):
         ("Position", "Place", "no columns called Position"),
         ("Frames,12", "Frames,13", "says 13 frames, and holds 12"),
         ("Frames,12", "Frames,many", "is not a number"),
-        ("Rate,100", "Rate,-1", "is no rate"),
+        ("Rate,100", "Rate,-1", "is not a number above 0"),
         ('"Board 1"', '"Board 1', "quotation in this line is not closed"),
         (",0,7,", ",0,7,9,", "but the header has 15 columns"),
         (",0,7,", ",0,seven,", "not a row of numbers"),

@@ -251,7 +251,11 @@ def test_what_is_rendered_is_struck():
         ("to: gong.all, at: 1|1, for: 4, sweep: upward, impulse: 1mNs", "E304", "no pitch each"),
         ("to: sky.all, at: 1|1, for: 4, sweep: inward, rate: 2Hz, impulse: 1mNs", "E111", "rate"),
         ("to: sky.all, at: 1|1, for: 4, sweep: inward, width: 1, impulse: 1mNs", "E111", "width"),
-        ("to: sky.all, at: 1|1, for: 4, every: 1, width: 1, impulse: 1mNs", "E111", "only strikes"),
+        (
+            "to: sky.all, at: 1|1, for: 4, every: 1, width: 1, impulse: 1mNs",
+            "E111",
+            "needs `path` beside it",
+        ),
         (
             "to: sky.all, at: 1|1, for: 4, sweep: inward, path: 1 0deg -> 0 0deg, impulse: 1mNs",
             "E111",
@@ -261,7 +265,7 @@ def test_what_is_rendered_is_struck():
         (
             "to: sky.all, at: 1|1, for: 4, path: 1 0deg -> 0.3, impulse: 1mNs",
             "E201",
-            "radius and angle",
+            "a radius and an angle",
         ),
         ("to: sky.all, at: 1|1, for: 4, path: 1 0deg -> 0.3 9mm, impulse: 1mNs", "E203", "mm"),
         (

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
+use super::contact_peaks::ContactPeaks;
+use super::energy_gain::Gains;
 use super::fault::Mutes;
 use super::fine::Fine;
-use super::gain::Gains;
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::strike_points;
 use super::real_hands::{HandState, hand_bindings};
 use super::rest::Rest;
 use super::sounds_in::sound_drives;
-use super::touched::Touches;
 use super::written_hand::framed::FramedGesture;
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
@@ -159,7 +159,7 @@ impl Island {
             targets: Vec::new(),
             laws,
             stream: Stream::new(options.record),
-            touches: Touches::default(),
+            touches: ContactPeaks::default(),
             unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,
