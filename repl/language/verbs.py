@@ -120,7 +120,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("every", "ev", "runs a block again and again, the first time from here on",
               "fill every 4bar", blocks.run_every, Slot("name", "NAME", blocks.BLOCK),
               Slot("trigger", "LENGTH", blocks.EVERY), subject=True),
-        _form("when", "w", "runs a block where a condition on bar or beat holds",
+        _form("when", "w", "runs a block where a condition on bar or beat is true",
               "when bar % 4 == 3 fill", blocks.run_when,
               Slot("rule", "CONDITION NAME", blocks.RULE, many=True)),
         _form("stop", "st", "stops a block that runs by itself", "stop fill", c.StopBlock,

@@ -148,7 +148,7 @@ def defined(version: Version, name: str, sounding: Piece, now: float) -> list[st
     value, is_led = _value(sounding, (part, module.name), module, parameter, now)
     shown = []
     if value is not None:
-        where = f" at {sounding.tempo_map.written(now)}, as its automation leads it"
+        where = f" at {sounding.tempo_map.written(now)}, by its automation"
         amount = said(float(f"{value:.6g}"), parameter, is_ca=is_ca)
         shown.append(f"{name}: {amount}{where if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses

@@ -113,7 +113,7 @@ _OPTIONS = (
     *OF_PATTERN,
     Field("nth", _TURNS, "transformations of every nth round"),
     *OF_ENTRY,
-    Field("rate", k.RATE, "not used: the rate of the key holds"),
+    Field("rate", k.RATE, "not used; the rate of the key is"),
 )
 PLAY = Record(
     "part entry",

@@ -54,7 +54,7 @@ def test_a_parameter_is_shown_as_it_sounds(own: Stepped):
     own.run(0.5)
     value, _, rest = own.ok("show bell.m.f").lines[0].removeprefix("bell.m.f: ").partition("Hz at ")
     assert 200.0 < float(value) < 400.0
-    assert rest.endswith(", as its automation leads it")
+    assert rest.endswith(", by its automation")
 
 
 def test_scope_draws_where_the_key_has_been(own: Stepped):
