@@ -48,7 +48,7 @@ class AdmittanceOptions(ReadOptions):
         if self.frequencies is not None:
             asked = np.asarray(self.frequencies, dtype=float)
             if asked.ndim != 1 or not np.all(np.isfinite(asked) & (asked > 0)):
-                raise OptionError("frequencies", "must be a row of numbers above 0 [Hz]")
+                raise OptionError("frequencies", "write a row of numbers above 0 [Hz]")
             return asked
         low, high = hertz("low", self.low), hertz("high", self.high)
         if not low < high:
@@ -165,7 +165,9 @@ def _masses(
     moving = {mat for part in parts for mat in part.mats}
     own = [mat for mat in found if mat in moving]
     if not own:
-        raise OptionError(option, f"{target.text} is held: no force moves it")
+        raise OptionError(
+            option, f"{target.text} is fixed, so no force moves it; name a point that moves"
+        )
     return own
 
 
@@ -176,7 +178,10 @@ def _with_peaks(
     import numpy as np
 
     if len(parts) > 1:
-        raise OptionError("peaks", f"needs points of one part; these lie in {', '.join(parts)}")
+        raise OptionError(
+            "peaks",
+            f"peaks are those of one part; name points of one part, not of {', '.join(parts)}",
+        )
     poles = network.part_modes(parts[0], to=float(axis[-1])).poles
     swinging = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
     # A velocity is largest where the frequency is that of the mode without its damping.

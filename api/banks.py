@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _HITS = ("BUT", "LNL", "BRISTLE", "DRY")
 _POINTS = 200  # that are struck or touched
-_LEAST = 1e-12  # of the largest amplitude: less is no sound, but rounding
+_LEAST = 1e-12  # of the largest amplitude: less is not a sound, but rounding
 _LEVEL = 0.1  # of full scale, of what is at the reference level
 
 
@@ -44,12 +44,12 @@ def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
     labels = [f"out {one.name}" if one.name else "out" for one in outputs]
     heard = [one for one in zip(outputs, labels, strict=True) if one[1] in found.points]
     if not heard:
-        raise OptionError("parts", f"nothing of {found.part} is heard: it has no SOX, SOV or SOA")
+        raise OptionError("parts", f"{found.part} has no output of motion; add a SOX, SOV or SOA")
     inputs = _inputs(piece, ready, found)
     ca_rate = instrument.ca_rate if instrument else None
     if len(inputs) > _POINTS:
-        why = f"{found.part} is struck at {len(inputs):,} points, and at most {_POINTS} are "
-        why += "written; name other PARTs"
+        why = f"{found.part} is struck at {len(inputs):,} points; a bank can have at most "
+        why += f"{_POINTS}: name other PARTs"
         raise OptionError("parts", why)
     ways: list[Way] = []
     for struck, (_, moves, _) in enumerate(inputs):
@@ -57,8 +57,8 @@ def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
             gain = (moves * found.points[label])[swings] / swing(poles, ca_rate)
             ways += _way(struck, at, found, swings, gain)
     if sum(len(way.rows) for way in ways) > most:
-        why = f"at most {most:,} resonators are written; name a lower --upto, or fewer outputs"
-        raise OptionError("upto", f"; {found.part} has too many modes: {why}")
+        why = f"a file holds at most {most:,} resonators; use a lower --upto, or fewer outputs"
+        raise OptionError("upto", f"{found.part} has too many modes: {why}")
     return Bank(
         found.part,
         piece.rate,
@@ -143,11 +143,11 @@ def left_out(found: PartModes) -> list[str]:
         noun = "mode that does" if n_out == 1 else "modes that do"
         warnings.append(f"{n_out} {noun} not oscillate left out")
     if found.n_laws:
-        warnings.append("laws of its links were taken at their slope at rest")
+        warnings.append("laws of its links were linearised at rest")
     if found.n_contacts:
         warnings.append("its contacts counted as open")
     if not found.is_certified:
-        warnings.append("modes may be missing, for the search ended before all were known")
+        warnings.append("modes may be missing, because the search ended before all were known")
     return warnings
 
 

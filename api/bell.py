@@ -52,7 +52,7 @@ def bell(
     by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
     files = [(place, Path(file)) for place, own in by_place.items() for file in own]
     if not files:
-        raise OptionError("strokes", "has no file; give a recording of a stroke")
+        raise OptionError("strokes", "no file is given; give a recording of a stroke")
     for place in by_place:
         if not NAME.fullmatch(place) or place in ("all", "last", "centre", "mic"):
             message = f"names a place {place!r}; a name has letters, digits, '-' and '_', begins "
@@ -61,7 +61,10 @@ def bell(
     tables = [file for _, file in files if file.suffix.lower() not in SOUNDS]
     if tables:
         if len(files) > 1:
-            message = f"{tables[0]} is no WAV or FLAC file, and a table of resonances stands alone"
+            message = (
+                f"{tables[0]} is neither WAV nor FLAC, so it is read as a table of resonances; "
+            )
+            message += "use a table without other files"
             raise OptionError("strokes", message)
         return bells.of_table(resonances.read(tables[0]), count)
     heard = [(place, stroke.stroke(str(file), *stroke.read(file))) for place, file in files]

@@ -59,7 +59,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     if loaded.piece is None:
         return None, []
     from ergon import _core
-    from ergon.scores.staging.highest import highest_modes, passes_limit, stops_low
+    from ergon.scores.staging.highest_modes import highest_modes, passes_limit, stops_low
     from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.stage import StageError, prepare
     from ergon.scores.staging.unused import unused
@@ -85,7 +85,7 @@ def stage_as_checked(piece: Piece, report: Report | None) -> Stage:
     """Stage a piece by a plan where it names an accuracy, else as written. Raises StageError."""
     from ergon.exchange.plan_store import of_user
     from ergon.scores.reading.piece import Accuracy
-    from ergon.scores.staging.fallback import stage_or_plan
+    from ergon.scores.staging.recording_stages import stage_or_plan
     from ergon.scores.staging.stage import stage
 
     with (report or Report()).waiting("planning"):

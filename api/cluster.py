@@ -27,7 +27,7 @@ from . import cluster_worker
 from .cluster_worker import Job
 from .errors import OptionError
 from .plan import budget_of
-from .shipped import digest, shipped
+from .score_bundle import bundled, digest
 from .spread import spread
 
 if TYPE_CHECKING:
@@ -276,7 +276,7 @@ def _begun(distributed: Any, count: int) -> Any:
                 )
         except (RuntimeError, OSError) as error:
             reason = str(error)
-    raise ClusterError(f"local:{count}: the processes do not begin: {reason}")
+    raise ClusterError(f"local:{count}: the processes did not start: {reason}")
 
 
 def sharing(cluster: Cluster, job: Job) -> Sharing:
@@ -288,13 +288,13 @@ def sharing(cluster: Cluster, job: Job) -> Sharing:
 def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -> Job:
     """A staged piece as plain data, with the `rate` [Hz] and the `seed` that were asked for.
 
-    Raises NotShippedError.
+    Raises NotBundledError.
     """
     plan, wished = stage.plan, stage.planned_for
     assert plan is not None
     assert wished is not None
     score = next(iter(loaded.files))  # the score is read first
-    content = shipped(score, loaded)
+    content = bundled(score, loaded)
     text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(wished)))
     own = hashlib.sha256(text.encode()).hexdigest()
     return Job(

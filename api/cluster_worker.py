@@ -21,7 +21,7 @@ from ergon.rendering.remote import Answer, ClusterError, IslandRequest, Request
 
 from . import score as scores
 from .options import AccuracyOptions
-from .shipped import Shipped, unpacked
+from .score_bundle import ScoreBundle, unpacked
 
 if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
@@ -37,7 +37,7 @@ class Job(TypedDict):
     rate [Hz] and seed where they are not the score's, and a `digest` of all of it."""
 
     version: list[Any]
-    content: Shipped
+    content: ScoreBundle
     plan: str
     plan_hash: str
     rate: float | None
@@ -57,7 +57,10 @@ def check_version(asked: list[Any]) -> None:
             f"ergon {a} (plans of version {b}, requests of version {c})"
             for a, b, c in (asked, version())
         )
-        raise ClusterError(f"it has {here}, and this machine {home}; install the same on both")
+        raise ClusterError(
+            f"this worker has {here}, and the machine that asks has {home}; install the same "
+            "version on both"
+        )
 
 
 @dataclass(slots=True, eq=False)
@@ -119,7 +122,9 @@ def _staged(job: Job) -> _Ready:
         staged = scores.stage_piece(loaded, options, rate=job["rate"])
         made = staged.stage.plan
         if made is None or made.hash != job["plan_hash"]:
-            raise ClusterError("it makes another plan of the same score; install the same ergon")
+            raise ClusterError(
+                "this worker makes another plan of the same score; install the same ergon"
+            )
     simulation, network = staged.stage.simulation, staged.stage.network
     n_modules = network.n_mat + network.n_lia
     while _ready and (len(_ready) >= _MOST or _n_modules() + n_modules > MODULES_MAX):
@@ -136,10 +141,14 @@ def _advanced(ready: _Ready, request: Request, own: IslandRequest) -> tuple[byte
     """The sound of an island and its state after it."""
     at, stop, number = request["at"], request["stop"], own["number"]
     if not 0 <= number < len(ready.islands):
-        raise ClusterError("it has other islands in the same score; install the same ergon")
+        raise ClusterError(
+            "this worker finds other islands in the same score; install the same ergon"
+        )
     island, simulation = ready.islands[number], ready.simulation
     if simulation.island_key(island, at, stop, own["before"]) != own["key"]:
-        raise ClusterError("it reads the same score otherwise; install the same ergon")
+        raise ClusterError(
+            "this worker reads the same score in another way; install the same ergon"
+        )
     try:
         simulation.set_state(island, own["state"])
         sound = simulation.advance(island, stop - at).astype("<f8", copy=False).tobytes()

@@ -202,18 +202,27 @@ def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
 
     for name in names:
         if name in piece.keys and piece.keys[name].reach != 1.0:
-            error = ModelError(f"{name}: a key behind a lever", piece.keys[name].place.line)
+            error = ModelError(
+                f"key {name} has a lever (`reach`), which this format cannot "
+                "hold; name other PARTs",
+                piece.keys[name].place.line,
+            )
             error.file = piece.keys[name].place.file
             raise error
     for name in names:
         if name in piece.instruments and piece.instruments[name].space is not None:
             error = ModelError(
-                f"{name}: an instrument in space", piece.instruments[name].place.line
+                f"{name} is an instrument in space, which this format cannot "
+                "hold; name other PARTs",
+                piece.instruments[name].place.line,
             )
             error.file = piece.instruments[name].place.file
             raise error
     if piece.duet and len(names) == len(piece.keys) + len(piece.instruments):
-        error = ModelError("a link of a duet comes and goes; name PARTs", piece.duet[0].place.line)
+        error = ModelError(
+            "this format cannot hold a coupling that begins and ends; name the PARTs to export",
+            piece.duet[0].place.line,
+        )
         error.file = piece.duet[0].place.file
         raise error
     found = []

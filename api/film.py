@@ -36,7 +36,10 @@ def film(stage: Stage, job: RenderJob) -> Film:
     from ergon.rendering.filmed import Film
 
     if job.target == "-":
-        raise OptionError("motion", "sound on stdout has no name for a motion file; name one by -o")
+        raise OptionError(
+            "motion",
+            "sound on stdout gives the motion file no name; write the sound into a file by -o",
+        )
     stop = job.stop if job.fades_from is None else min(job.stop, stage.n_looked_at)
 
     def begin(simulation: Simulation) -> MotionRecorder:
@@ -64,7 +67,11 @@ def _seeing(stage: Stage, simulation: Simulation, duration: float | None) -> dic
     from ergon import _core
 
     if stage.timeline is None:
-        raise OptionError("motion", "parts that were computed before have no motion")
+        raise OptionError(
+            "motion",
+            "this performance consists of parts that were computed before, which "
+            "have no motion; leave motion out",
+        )
     look = _core.MotionLook(simulation)
     return {
         "simulation": simulation,

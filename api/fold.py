@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.exchange.wave_header import WaveInfo
     from ergon.scores.reading.piece import Piece
+    from ergon.space.fold_filters import Field
     from ergon.space.head import Head
-    from ergon.space.ways import Field
 
 _AMBISONICS = "ambix"
 
@@ -131,11 +131,13 @@ def fold_of(
     Raises OptionError, NoLayoutError, ScoreError (a layout with mistakes), FoldError and OSError.
     """
     from ergon import _core
-    from ergon.space.ways import Field
+    from ergon.space.fold_filters import Field
 
     if options.to is None:
         if options.head is not None:
-            raise OptionError("head", "only `--to binaural` has a head")
+            raise OptionError(
+                "head", "a head is used by `--to binaural` only; leave this option out"
+            )
         return None
     layout = piece.mix.layout
     if layout is None:
@@ -161,7 +163,7 @@ def _folded(
 def _whole(
     path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail: int
 ) -> Iterator[NDArray[np.float64]]:
-    """What a file holds and what sounds on, in blocks. Raises FoldError for what is no number."""
+    """What a file holds and what sounds on, in blocks. Raises FoldError for infinite samples."""
     import numpy as np
 
     at = 0
@@ -189,7 +191,7 @@ def _order(word: str, option: str) -> int | None:
 def _named(word: str, option: str, report: Report) -> Field:
     """Ambisonics by its order, or loudspeakers of a layout."""
     from ergon.space.ambisonics import MOST
-    from ergon.space.ways import Field
+    from ergon.space.fold_filters import Field
 
     from .layouts import NoLayoutError, read_layout
 
@@ -207,7 +209,7 @@ def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) ->
     from ergon.exchange import adm
     from ergon.exchange.xml_text import XmlError
     from ergon.space.directions import point
-    from ergon.space.ways import Field
+    from ergon.space.fold_filters import Field
 
     if options.from_ is not None:
         found = _named(options.from_, "from", report)
@@ -233,20 +235,20 @@ def _filters(
 
     `heard`: where it goes, and the SOFA file of a head.
     """
-    from ergon.space import head, ways
+    from ergon.space import fold_filters, head
     from ergon.space.panning import ArrayError
 
     to, sofa = heard
     if sofa is not None and to != "binaural":
-        raise OptionError("head", "only `--to binaural` has a head")
+        raise OptionError("head", "a head is used by `--to binaural` only; leave this option out")
     if to == "stereo":
-        return ways.to_stereo(source), None
+        return fold_filters.to_stereo(source), None
     if to == "binaural":
         own = head.kemar() if sofa is None else _head(sofa, source)
-        return ways.to_ears(source, own, rate), None
+        return fold_filters.to_ears(source, own, rate), None
     target = _named(to, "to", report)
     try:
-        return ways.to_field(source, target), target
+        return fold_filters.to_field(source, target), target
     except ArrayError as error:
         raise OptionError("to", str(error), value=to) from None
 
@@ -254,10 +256,10 @@ def _filters(
 def _head(path: str | Path, source: Field) -> Head:
     """The head of a SOFA file, for the directions of a field."""
     from ergon.exchange import sofa
-    from ergon.space import head, ways
+    from ergon.space import fold_filters, head
     from ergon.space.directions import point, unit_vectors
 
     measured = sofa.read(Path(path))
     directions = unit_vectors(point(a, e, 1.0) for a, e in measured.angles.tolist())
-    wanted = ways.directions_of(source)
+    wanted = fold_filters.directions_of(source)
     return head.prepared(directions, measured.responses, measured.rate, wanted)

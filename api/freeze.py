@@ -135,7 +135,9 @@ def _are_there(piece: Piece, parts: Iterable[str]) -> None:
             continue
         if part in piece.instruments:
             raise OptionError(
-                "freeze", "no route of the mix leads from this instrument to a channel", value=part
+                "freeze",
+                "this instrument has no route to a channel; add a route to the mix",
+                value=part,
             )
         close = nearest(part, heard)
         asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(heard)}"

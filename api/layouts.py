@@ -12,7 +12,7 @@ from .errors import ScoreError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Layout
-    from ergon.space.ways import Field
+    from ergon.space.fold_filters import Field
 
 
 class NoLayoutError(ErgonError, LookupError):
@@ -38,7 +38,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
             close = nearest(path.stem, shipped)
             meant = f"did you mean {close}? " if close else ""
             known = ", ".join(shipped)
-            message = f"{quote(str(name))} is no file of a layout; {meant}The library has {known}"
+            message = f"{quote(str(name))} is not a layout file; {meant}The library has {known}"
             raise NoLayoutError(message.replace("; The", "; the"))
         path = shipped[path.name]
     collector = Collector()
@@ -65,6 +65,6 @@ def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> byte
     """The same of a score's layout, where there is one and the file has its channels."""
     if layout is None or len(layout.speakers) != n_channels:
         return b""
-    from ergon.space.ways import Field
+    from ergon.space.fold_filters import Field
 
     return chunks_of(Field(layout.speakers), title)

@@ -162,7 +162,7 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
         except NotTakenError as error:
             raise OptionError("resume", f"{resume}: {error}") from None
     if path is None:
-        raise ErgonError("no score is given, and no journal to resume")
+        raise ErgonError("neither a score nor a journal is given; name one of them")
     loaded = scores.read(path, ReadOptions(trust=options.trust), report, leave_out=("N401",))
     piece = scores.piece_of(loaded)
     texts = Texts.read(path, scores.bounds(path, options.trust))
@@ -201,7 +201,7 @@ def _frozen(
         report.say(f"from {folder.folder}: {', '.join(names)}, up to {end} of the score")
     others = [part.name for part in folder.parts if part.name not in names]
     if others:
-        report.say(f"computed, for the session has changed them: {', '.join(others)}")
+        report.say(f"computed live, because the session has changed them: {', '.join(others)}")
     return folder.beside(Path(options.journal)), parts
 
 

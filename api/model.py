@@ -120,7 +120,7 @@ def _pmpd(
 ) -> ImportedModel:
     """Messages to an object of Pure Data. Raises ModelError, DialectError and OptionError."""
     if options.values:
-        raise OptionError("set", "messages to pmpd have no parameters")
+        raise OptionError("set", "models of pmpd have no parameters; leave this option out")
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
     wanted: Object | None = None
@@ -142,9 +142,9 @@ def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input
         try:
             given[parameter] = float(value)
         except ValueError:
-            raise OptionError("set", f"{value} is no number", value=parameter) from None
+            raise OptionError("set", f"{value} is not a number", value=parameter) from None
         if not isfinite(given[parameter]):
-            raise OptionError("set", f"{value} is no number", value=parameter)
+            raise OptionError("set", f"{value} is not a number", value=parameter)
     sheet = sam_sheet(text)
     unfed = _unfed(inputs, sam_ports(sheet))
     count = len(sheet.statements) + len(sheet.code)
@@ -156,7 +156,7 @@ def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
     if options.inputs:
-        raise OptionError("input", "a model of miPhysics has no inputs")
+        raise OptionError("input", "models of miPhysics have no inputs; leave this option out")
     rate = str(RATE)
     for parameter, value in options.values.items():
         if parameter != "rate":

@@ -130,7 +130,9 @@ class MovieMaker:
             reason = f"the piece ends at {duration:.2f} s"
             raise OptionError("from", reason, value=options.start)
         if start >= end:
-            raise OptionError("to", "the end of a film is after its beginning", value=options.end)
+            raise OptionError(
+                "to", "the end of a film must be after its beginning", value=options.end
+            )
         n = max(1, round((end - start) * options.rate))
         if n > _PICTURES_MAX:
             raise OptionError("fps", f"{n:,} pictures; a film has at most {_PICTURES_MAX:,}")
@@ -194,7 +196,9 @@ def _stops(text: str) -> list[tuple[int, float]]:
         stops.append((int(found[1]), float(found[2] or 0.0)))
     times = [when for _, when in stops]
     if not stops or any(later <= earlier for earlier, later in pairwise(times)):
-        raise OptionError("camera", "each view is reached after the one before it", value=text)
+        raise OptionError(
+            "camera", "each view must be reached later than the one before it", value=text
+        )
     return stops
 
 

@@ -36,9 +36,9 @@ def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
 def sees_all(options: PerformanceOptions) -> bool:
     """Whether what nobody hears is computed for pages. Raises OptionError."""
     if options.see not in (None, "all"):
-        raise OptionError("see", f"there is nothing to see by '{options.see}'; write all")
+        raise OptionError("see", "the only possible value is all", value=options.see)
     if options.see and not options.view and options.view_at is None:
-        raise OptionError("see", "says what pages show; add view")
+        raise OptionError("see", "this needs a page; add the option view")
     return options.see is not None
 
 
@@ -62,8 +62,8 @@ def serve(
         raise OptionError(option, str(error)) from None
     if key is not None:
         report.say(
-            "other machines open the address with this machine's own instead of 127.0.0.1; "
-            "who knows the key sees the piece"
+            "from another machine, replace 127.0.0.1 in the address by the address of this "
+            "machine; anyone who has the address with its key can watch the piece"
         )
     return server
 

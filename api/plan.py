@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ergon.exchange.plan_file import Budget, Choices
     from ergon.scores.reading.piece import Accuracy
 
-    from .shares import Piece, Shares
+    from .work_shares import Piece, Shares
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Plan:
 
     def shares(self, count: int) -> Shares:
         """How the work would be shared out among `count` processes."""
-        from .shares import shares
+        from .work_shares import shares
 
         return shares(self.pieces, self.cost, count)
 
@@ -78,9 +78,9 @@ def plan(
     score: str | Path, options: AccuracyOptions | None = None, *, report: Report | None = None
 ) -> Plan:
     """Plan a score within its accuracy. Raises ScoreError and OptionError."""
-    from ergon.scores.staging.highest import highest_modes
+    from ergon.scores.staging.highest_modes import highest_modes
 
-    from .shares import pieces
+    from .work_shares import pieces
 
     options = options or AccuracyOptions()
     loaded = scores.read(score, options, report)

@@ -110,9 +110,9 @@ def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
     for player, names in automation_felt(stage, real).items():
         raise OptionError(
             "live",
-            f"{player}'s hand may feel the automation of {', '.join(names)}, and this command "
-            "finds the force that a hand may get for the values at the beginning alone: "
-            "`ergon repl` finds it for all of them; or leave the device out",
+            f"the automation of {', '.join(names)} can change the force on the key of {player}, "
+            "and this command checks the stability of the device for the values at the beginning "
+            "only; use `ergon repl`, which checks all values, or play without this device",
         )
 
 
@@ -134,10 +134,10 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
         if limit.scale < 1.0:
             live = stage.live[limit.hand]
             report.warn(
-                f"{live.player} on {live.key}: the piece is {limit.stiffness:,.0f} N/m stiff "
-                f"there, and the device bears {limit.limit:,.0f} N/m at "
+                f"{live.player} on {live.key}: the piece is {limit.stiffness:,.0f} N/m stiff at "
+                f"this key, and the device is stable up to {limit.limit:,.0f} N/m at "
                 f"{stage.rate / live.tick_frames:.0f} Hz; "
-                f"its forces are scaled to {limit.scale:.0%}"
+                f"forces on {live.player} are scaled to {limit.scale:.0%}"
             )
 
 
@@ -242,11 +242,15 @@ def _input_file(options: PlayOptions, piece: Piece) -> Path | None:
     if options.record_input is None:
         return None
     if not any(take.input for take in piece.takes.values()):
-        raise OptionError("record_input", "records inputs, and this score has none")
+        raise OptionError(
+            "record_input", "this score has no inputs to record; leave this option out"
+        )
     if options.from_ is not None:
-        raise OptionError("record_input", "begins with the piece", excludes="from_")
+        raise OptionError(
+            "record_input", "; a recording of inputs begins with the piece", excludes="from_"
+        )
     if Path(options.record_input).suffix.lower() != ".wav":
-        raise OptionError("record_input", "is a .wav file", value=options.record_input)
+        raise OptionError("record_input", "the file must end in .wav", value=options.record_input)
     if Path(options.record_input).exists():
         message = f"{options.record_input} exists, and a recording overwrites no file"
         raise OptionError("record_input", message)
@@ -255,7 +259,7 @@ def _input_file(options: PlayOptions, piece: Piece) -> Path | None:
 
 def _recording(path: str, stage: Stage) -> Path:
     if not stage.live:
-        raise OptionError("record", "records live hands, and this score has none")
+        raise OptionError("record", "this score has no live hands to record; leave this option out")
     target = Path(path)
     if target.exists():
         raise OptionError("record", f"{path} exists, and a recording overwrites no file")

@@ -174,9 +174,9 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     check_ending(target)
     file = options if isinstance(options, FileOptions) else FileOptions()
     if file.see not in (None, "all"):
-        raise OptionError("see", f"there is nothing to see by '{file.see}'; write all")
+        raise OptionError("see", "the only possible value is all", value=file.see)
     if file.see and not file.motion:
-        raise OptionError("see", "says what a motion file holds; add motion")
+        raise OptionError("see", "this needs a motion file; add the option motion")
     if options.on is not None:
         check_shared(options)
     recorded = _recorded(loaded, options, report)
@@ -320,9 +320,9 @@ def _hearing(loaded: Loaded, options: RenderOptions) -> Loaded:
     piece = scores.piece_of(loaded)
     path = Path(options.input)
     if not any(take.input for take in piece.takes.values()):
-        raise OptionError("input", "is of a score with inputs, and this one has none")
+        raise OptionError("input", "this score has no inputs; leave the option out")
     if path.suffix.lower() != ".wav" or not path.is_file():
-        raise OptionError("input", "there is no such .wav file", value=str(path))
+        raise OptionError("input", "this is not a .wav file that exists", value=str(path))
     takes = {
         name: take if take.input is None else replace(take, path=path, channel=None)
         for name, take in piece.takes.items()

@@ -93,9 +93,9 @@ def stage_piece(
     """
     from ergon.exchange import machine_speed
     from ergon.exchange.plan_store import of_user
-    from ergon.scores.staging.fallback import stage_or_plan
     from ergon.scores.staging.implausible import implausible
     from ergon.scores.staging.planning import draft_error
+    from ergon.scores.staging.recording_stages import stage_or_plan
     from ergon.scores.staging.stage import stage
     from ergon.scores.staging.unused import unused
 
@@ -138,10 +138,10 @@ def stage_piece(
 def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) -> Stage:
     """A stage whose simulation records its ergons. Raises ScoreError.
 
-    A note says so where its rate is a multiple of the score's (`scores.staging.fallback`).
+    A note says so where its rate is a multiple of the score's (`scores.staging.recording_stages`).
     """
     from ergon.exchange.plan_store import of_user
-    from ergon.scores.staging.fallback import stage_recording
+    from ergon.scores.staging.recording_stages import stage_recording
 
     piece = piece_of(loaded)
     with staging(lambda: loaded, report):

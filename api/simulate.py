@@ -13,9 +13,9 @@ from . import score as scores
 from .check import stage_as_checked
 
 if TYPE_CHECKING:
+    from ergon.rendering.bow_sticking import Sliding
     from ergon.rendering.follow import GestureFidelity
-    from ergon.rendering.slides import Sliding
-    from ergon.rendering.swings import Closing, Swing
+    from ergon.rendering.mass_excursions import Closing, Swing
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.stage import Stage
@@ -46,7 +46,7 @@ class Simulated:
 def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated:
     """Play a piece to its end; `report` hears of its progress under the name of `task`."""
     from ergon.rendering.follow import followed
-    from ergon.rendering.swings import swings
+    from ergon.rendering.mass_excursions import swings
     from ergon.scores.staging.probes import probed
 
     report = report or Report()

@@ -13,7 +13,7 @@ from .simulate import shared_name
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module, Target
-    from ergon.rendering.swings import Closing
+    from ergon.rendering.mass_excursions import Closing
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.hands import StagedGesture
 
@@ -75,9 +75,10 @@ def _told(piece: Piece, done: Simulated, points: list[Closing], kinds: _Kinds) -
         n_as_far = sum(one.reach >= least and one.reach > 0.0 for one in later)
         if n_as_far:
             when = scores.where(piece, first / done.rate)
-            message = f"contact {quote(contact.whole)} closes at {when} and never again, "
+            message = f"contact {quote(contact.whole)} closes at {when} only, "
             message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.one}"
-            help = "see where its masses swing: what is struck may not come back in time"
+            help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
+            help += "may not have returned"
             return Diagnostic("W334", message, contact.module.place, None, help)
     return None
 

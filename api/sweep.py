@@ -22,7 +22,7 @@ from ergon.exchange.wave_header import Bits
 from . import score as scores
 from .errors import OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions
-from .shipped import Shipped, digest, shipped
+from .score_bundle import ScoreBundle, bundled, digest
 from .spread import spread
 from .sweep_table import FIGURES, SweepRow, Table
 from .sweep_variant import Outcome, compute, on_worker
@@ -129,7 +129,9 @@ def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]
     from ergon.scores.edits.varying import SEED, combined, parse
 
     if not options.vary:
-        raise OptionError("vary", "is missing; write for instance bell.m.K=1kN/m..9kN/m:32")
+        raise OptionError(
+            "vary", "no values are given; write for instance bell.m.K=1kN/m..9kN/m:32"
+        )
     try:
         varied = [parse(text) for text in options.vary]
         values = combined(varied, is_zipped=options.zip)
@@ -202,7 +204,7 @@ def _wanted(score: str, options: SweepOptions, made: Iterator[Variant]) -> list[
             name = f"{stem}-{count}"
         names.add(name.lower())
         file = f"{name}.wav" if options.sound else ""
-        key = digest(shipped(score, variant.loaded), sorted(asked.items()), _version())
+        key = digest(bundled(score, variant.loaded), sorted(asked.items()), _version())
         found.append(_Wanted(number, variant.values, variant.texts, file, key))
     return found
 
@@ -271,8 +273,8 @@ def _compute(
     asked = _asked(options)
     pairs: Iterator[tuple[_Wanted, Outcome]]
 
-    def content(one: _Wanted) -> Shipped:
-        return shipped(score, one.texts.load())
+    def content(one: _Wanted) -> ScoreBundle:
+        return bundled(score, one.texts.load())
 
     jobs = min(options.jobs, len(missing))
     if options.on is not None:

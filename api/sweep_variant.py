@@ -17,7 +17,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import DivergedError
 from .render import RenderOptions, prepare
-from .shipped import Shipped, at_home, unpacked
+from .score_bundle import ScoreBundle, at_home, unpacked
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,7 +40,7 @@ class Outcome(TypedDict):
     sound: bytes
 
 
-def compute(content: Shipped, options: dict[str, Any], name: str) -> Outcome:
+def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome:
     """Render a variant with the RenderOptions `options`; `name` is that of a file, "" for none."""
     with unpacked(content) as path:
         try:
@@ -52,7 +52,9 @@ def compute(content: Shipped, options: dict[str, Any], name: str) -> Outcome:
     return Outcome(status="ok", reason="", figures=figures, sound=sound)
 
 
-def on_worker(version: list[Any], content: Shipped, options: dict[str, Any], name: str) -> Outcome:
+def on_worker(
+    version: list[Any], content: ScoreBundle, options: dict[str, Any], name: str
+) -> Outcome:
     """Compute a variant on a worker of a cluster. Raises ClusterError where its ergon differs."""
     from . import cluster_worker
 

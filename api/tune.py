@@ -169,27 +169,33 @@ def _wanted(
             if word.strip() != "_"
         }
         if len(ratios) < (2 if base is None else 1):
-            raise OptionError("targets", f"'{targets}' names no ratio; write for instance 1:2.76")
+            raise OptionError("targets", f"'{targets}' is not a ratio; write for instance 1:2.76")
         if base is None:
             return ratios, True
         pitch = hertz("base", base)
         return {number: pitch * ratio for number, ratio in ratios.items()}, False
     if base is not None:
-        raise OptionError("base", "is for ratios, such as 1:2.76:5.4; leave it out")
+        raise OptionError(
+            "base", "a base is used with ratios only, such as 1:2.76:5.4; leave this option out"
+        )
     if isinstance(targets, Mapping):
         pairs = list(targets.items())
     else:
         each = targets.split() if isinstance(targets, str) else targets
         pairs = [(n, one) for n, one in enumerate(each, 1) if one != "_"]
     if not pairs:
-        raise OptionError("targets", "are missing; write ratios (1:2.76), frequencies or notes")
+        raise OptionError(
+            "targets", "no target is given; write ratios (1:2.76), frequencies or notes"
+        )
     found = {}
     for number, one in sorted(pairs):
         if number < 1:
             raise OptionError("targets", f"name mode {number}; modes count from 1")
         found[number] = hertz("targets", one)
     if any(a >= b for a, b in zip(list(found.values()), list(found.values())[1:], strict=False)):
-        raise OptionError("targets", "must rise from mode to mode: modes count by their pitch")
+        raise OptionError(
+            "targets", "the targets must rise from mode to mode, because modes count by their pitch"
+        )
     return found, False
 
 
@@ -199,7 +205,7 @@ def _ratio(word: str) -> float:
     except ValueError:
         ratio = math.nan
     if not 0 < ratio < math.inf:
-        reason = f"'{word}' is no ratio above 0; write for instance 1:2.76:5.4"
+        reason = f"'{word}' is not a ratio above 0; write for instance 1:2.76:5.4"
         raise OptionError("targets", reason)
     return ratio
 
@@ -282,7 +288,7 @@ class _Search:
                 self.values.append(value)
         if values and not self.values:
             names = ", ".join(own.target(value) for value in values)
-            raise OptionError("by", f"no mode feels {names}; name others, or leave `by` out")
+            raise OptionError("by", f"no mode depends on {names}; name others, or leave `by` out")
 
     def frequencies(self, values: Mapping[Where, float]) -> NDArray[np.float64]:
         """Of the modes that have targets [Hz]."""

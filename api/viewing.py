@@ -56,7 +56,7 @@ def beside(motion: Path, report: Report) -> Path | None:
     except (NotWaveError, OSError):
         heard = None
     if heard is None or heard != seen:
-        report.say(f"{found} is not the sound of {motion}: it is not played")
+        report.say(f"{found} is not the sound of {motion}, so it is not played")
         return None
     return found
 

@@ -72,7 +72,9 @@ def of_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) 
         left = float(np.sum(rest**2) / np.sum(one.sound**2))
         if not own.f.size or left > LEFT:
             what = "none of it" if not own.f.size else f"only {100.0 * (1.0 - left):.0f} % of it"
-            message = f"{one.name}: it is no single stroke of something that rings: damped modes "
+            message = (
+                f"{one.name}: it is not a single stroke of something that rings: damped modes "
+            )
             raise NotAStrokeError(message + f"explain {what}; 75 % is the least")
         found.append((own, uncertainty(own, rest, one.rate)))
     f, d = _joined(found)

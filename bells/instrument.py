@@ -29,7 +29,7 @@ class FormError(ErgonError):
 def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
     """The file of an instrument, with what was found in its comments. Raises FormError."""
     if form not in _FORMS:
-        raise FormError(f"{quote(form)} is no form of a bell; write modes, cels or chain")
+        raise FormError(f"{quote(form)} is not a form of a bell; write modes, cels or chain")
     body = {"modes": _modes, "cels": _cels, "chain": _chain}[form]
     head = [f"# {line}".rstrip() for line in _head(bell, form)]
     lines = ["ergon: 1", "instruments:", f"  {name}:", f"    f: {_number(bell.pitch)}Hz"]

@@ -50,7 +50,7 @@ def read(path: Path) -> tuple[Array, float]:
     samples = np.concatenate(blocks)
     samples = samples.reshape(len(samples), -1)
     if not np.isfinite(samples).all():
-        raise NotAStrokeError(f"{path}: it has samples that are no numbers")
+        raise NotAStrokeError(f"{path}: it has samples that are not numbers")
     loudest = int(np.argmax(np.sum(samples * samples, axis=0)))
     return np.ascontiguousarray(samples[:, loudest]), float(info.format.rate)
 

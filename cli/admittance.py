@@ -67,7 +67,7 @@ def admittance(
     parts = " + ".join(found.parts)
     if found.n_laws:
         laws = plural(found.n_laws, "link")
-        console.warn(f"{parts}: the law of {laws} was taken at its slope at rest")
+        console.warn(f"{parts}: the law of {laws} was linearised at rest")
     if found.n_contacts:
         console.warn(f"{parts}: {plural(found.n_contacts, 'contact')} counted as open")
     _write(console, found, table, npz, svg, force)
@@ -133,7 +133,7 @@ def _peaks(found: Admittance, row: int) -> str:
     peaks = sorted(all_peaks[:_SHOWN].tolist())
     span = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
     if not found.values[row].any():
-        return f"{head}: nothing leads there, it does not move\n"
+        return f"{head}: no force from there reaches this point, so it does not move\n"
     if not peaks:
         ends = f"{levels[0]:.1f} dB at {f[0]:g} Hz, {levels[-1]:.1f} dB at {f[-1]:g} Hz"
         return f"{head}: no peak from {span}: {ends}\n"

@@ -96,7 +96,7 @@ def _lines(bell: Bell) -> str:
         left = 10.0 * np.log10(max(1.0 - one.explained, 1e-12))
         contact = f", contact {1e3 * one.contact:.2g} ms" if one.contact else ""
         if one.contact is None and sum(other.place == one.place for other in bell.strokes) > 1:
-            contact = ", contact not told by these strokes"
+            contact = ", contact time not measurable from these strokes"
         impulse = f"impulse {one.impulse:.2g} of the hardest" if one.impulse != 1.0 else "hardest"
         what = f"{100.0 * one.explained:.2f} % of the energy explained, {left:.1f} dB left"
         lines.append(f"{one.name} at {one.place}: {what}; {impulse}{contact}")

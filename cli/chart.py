@@ -101,7 +101,9 @@ def chart(
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()
     if on is not None:
-        where += f", points by workers ({on}), costs in proportion to a yardstick's here and there"
+        where += (
+            f", points by workers ({on}), costs scaled by a reference computation on both machines"
+        )
     _report(console, result)
     table = chart_table.csv(result, title, where)
     laboratory.write(console, stem, table, lambda: draw(result, title, where), force)
@@ -121,7 +123,7 @@ def _budget(text: str | None) -> float | None:
     except TextError as error:
         raise Refused(f"--error: {error}") from None
     if db >= 0.0:
-        raise Refused(f"--error: {text} is not below the sound itself; give a level such as -60dB")
+        raise Refused(f"--error: {text} is not below 0 dB; write a level such as -60dB")
     return db
 
 

@@ -68,7 +68,7 @@ def _named(console: Console) -> None:
     except BoardError as error:
         raise Refused(str(error)) from None
     if not table and not console.json:
-        console.data(f"device  none has a name; names stand in {config_path()}\n")
+        console.data(f"device  none has a name yet; write names into {config_path()}\n")
 
 
 def _ports(console: Console, probe: bool) -> None:

@@ -98,7 +98,8 @@ def _safety(console: Console) -> None:
                 console.data(f"    {cell.device:9}  {cell.said}{mark}\n")
     if exceeding:
         raise Findings(
-            f"a force lasts longer, is greater or grows faster than it may: {'; '.join(exceeding)}"
+            "a force lasts longer, is greater or grows faster than its "
+            f"bound: {'; '.join(exceeding)}"
         )
 
 

@@ -108,7 +108,7 @@ def export(
     given = {"PART": parts or None, "--no-stems": stems, "--bits": bits, "--upto": upto}
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[to]:
-            raise Refused(f"{name} means nothing with --to {to}")
+            raise Refused(f"{name} cannot be used with --to {to}; leave it out")
     if to == "daw":
         _for_workstation(console, score_path, output, stems is not False, bits, force, trust)
         return

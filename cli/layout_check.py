@@ -59,7 +59,7 @@ def check(console: Console, name: str) -> None:
         )
     if len(found) == 1:
         console.data(
-            "they do not surround the middle of the room: nothing is panned between them\n"
+            "they do not surround the middle of the room, so sounds cannot be panned between them\n"
         )
     elif is_open:
         console.data("a hole overhead: no loudspeaker lies within 60° of the zenith\n")

@@ -32,7 +32,7 @@ def calibration(file: str) -> Calibration:
     except OSError as error:
         raise Refused(f"{file}: {error.strerror or error}") from None
     except UnicodeDecodeError:
-        raise Refused(f"{file}: this is no text") from None
+        raise Refused(f"{file}: this file is not text") from None
     except MeasurementError as error:
         raise Refused(f"{file}: {error}") from None
 

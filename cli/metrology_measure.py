@@ -225,11 +225,11 @@ def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
     )
     if ladder.axis.sign < 0:
         console.say(
-            "the motor pushes the other way round; that was turned here, and "
+            "the motor pushes in the opposite direction; this measurement corrects that, and "
             "`ergon devices calibrate` turns it for scores"
         )
     if ladder.needs_guide:
-        console.say("the key has no spring to speak of, so a soft guide keeps it in its place")
+        console.say("the key has almost no spring, so a soft virtual spring holds it in place")
     return ladder
 
 

@@ -77,7 +77,9 @@ def replay(
         check_target(Path(output), force=force, inputs=[Path(file)])
     is_take = Path(real).is_file()
     if is_take and score is not None:
-        raise Refused("--score leads a key of a device; a take holds its own gesture")
+        raise Refused(
+            "--score is for a key of a device; a take has its own gesture: leave --score out"
+        )
     path = metrology_score.path(console, score, key)
     took = (
         gesture(console, Path(real), hand)

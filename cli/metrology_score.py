@@ -21,7 +21,7 @@ chosen = options.several(
     click.option(
         "--score",
         metavar="SCORE",
-        help="Lead the key along what this score plays on it, instead of knocks, for up to 8 s.",
+        help="Move the key along what this score plays on it, instead of knocks, for up to 8 s.",
     ),
     click.option("--key", metavar="KEY", help="Which key of the score; not needed for its only."),
 )

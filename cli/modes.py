@@ -145,12 +145,12 @@ def _words(number: int, f: float, t60: float) -> str:
 def _warn(console: Console, part: PartModes) -> None:
     if part.n_laws:
         laws = plural(part.n_laws, "link")
-        console.warn(f"{part.part}: the law of {laws} was taken at its slope at rest")
+        console.warn(f"{part.part}: the law of {laws} was linearised at rest")
     if part.n_contacts:
         console.warn(f"{part.part}: {plural(part.n_contacts, 'contact')} counted as open")
     if not part.is_certified:
         why = "the search ended before all were known"
-        console.warn(f"{part.part}: modes may be missing, or be told twice: {why}")
+        console.warn(f"{part.part}: modes may be missing or listed twice: {why}")
 
 
 def _lines(part: PartModes) -> str:

@@ -17,7 +17,7 @@ from .tables import table
 
 if TYPE_CHECKING:
     from ergon._core import PlanRow
-    from ergon.api.shares import Shares
+    from ergon.api.work_shares import Shares
 
 _HOW = {
     "stepped": "module by module, CA",
@@ -279,7 +279,7 @@ def _why(row: PlanRow) -> list[str]:
     if row.stays is not None:
         said.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.contact_substeps > 1:
-        said.append("  Closed contacts, and laws that stand alone, are computed between frames,")
+        said.append("  Closed contacts, and single laws, are computed between frames,")
         said.append(f"  {row.contact_substeps} steps a frame or more.")
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"

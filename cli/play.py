@@ -44,7 +44,7 @@ _playing = options.several(
 @click.option(
     "--watch",
     is_flag=True,
-    help="Play each saved version of the score on from where the one before stands.",
+    help="Play each saved version of the score from the position that is reached.",
 )
 def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
     """Play a score through the loudspeakers.

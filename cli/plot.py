@@ -104,7 +104,7 @@ def _staged(
     console: Console, loaded: Loaded, name: str, key: str | None
 ) -> tuple[Stage, Sequence[StagedGesture]]:
     """The stage to look at, and which of its gestures are meant."""
-    from ergon.scores.staging.fallback import solo
+    from ergon.scores.staging.recording_stages import solo
 
     piece = score.piece_of(loaded)
     if key is None:

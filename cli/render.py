@@ -88,7 +88,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
 @click.option(
     "--see",
     type=click.Choice(["all"]),
-    help="What --motion shows: all computes for it what nobody hears too.",
+    help="What --motion shows; all also computes parts that are not heard.",
 )
 @options.on
 @options.accuracy
@@ -155,7 +155,7 @@ def _render_several(
     dry: bool,
     strict: bool,
 ) -> None:
-    from ergon.api.several import render_several, staged
+    from ergon.api.batch_render import render_several, staged
 
     from .app import explain
 

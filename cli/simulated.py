@@ -15,7 +15,7 @@ from .units import metres
 
 if TYPE_CHECKING:
     from ergon.rendering.follow import GestureFidelity
-    from ergon.rendering.swings import Closing, Swing
+    from ergon.rendering.mass_excursions import Closing, Swing
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
 

@@ -88,8 +88,8 @@ def _lines(part: PartStats) -> str:
     text = f"{part.part}: {masses} of {each}, {_kilograms(part.mass)} in all; {held}\n"
     for name, mass in part.mode_masses.items():
         text += (
-            f"{name}: its modes have {_kilograms(mass)} (M) where their level is 1; the masses are "
-            "those of the network that moves as it does\n"
+            f"{name}: M = {_kilograms(mass)} for each mode at level 1; the masses listed are those "
+            "of the equivalent network\n"
         )
     if part.links:
         rows = [("links", "count", "stiffness", "damping")]
@@ -124,7 +124,9 @@ def _modes(part: PartStats) -> str:
 def _points(part: PartStats) -> str:
     if not part.points:
         return ""
-    rows = [("point", "mass", "answer to 1 N", "mean frequency", "modes with most energy")]
+    rows = [
+        ("point", "mass", "static deflection at 1 N", "mean frequency", "modes with most energy")
+    ]
     for point in part.points:
         answer = "no bound" if math.isinf(point.compliance) else metres(point.compliance)
         mean = f"{point.centroid:.1f} Hz"

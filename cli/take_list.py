@@ -29,7 +29,7 @@ def list_takes(console: Console, folder: str | None) -> None:
     if folder is None and not where.is_dir():
         where = Path()
     if not where.is_dir():
-        raise Refused(f"{where} is no folder")
+        raise Refused(f"{where} is not a folder")
     paths = sorted(path for path in where.iterdir() if path.suffix.lower() == SUFFIX)
     for path in paths:
         _tell(console, path)

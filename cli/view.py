@@ -39,7 +39,7 @@ _film_options = options.several(
     click.option("--from", "start", metavar="TIME", help="Begin the film here: 90s, or a mark."),
     click.option("--to", "end", metavar="TIME", help="End the film here: 120s, or a mark."),
     click.option(
-        "--words", is_flag=True, default=None, help="Show in the film what the page writes too."
+        "--words", is_flag=True, default=None, help="Show the text of the page in the film too."
     ),
 )
 _FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # of names that are other words
@@ -56,7 +56,7 @@ _FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # of names that are othe
 @click.option(
     "--see",
     type=click.Choice(["all"]),
-    help="Of a score: all computes what nobody hears too.",
+    help="Of a score: all also computes parts that are not heard.",
 )
 @click.option(
     "--at",
@@ -99,13 +99,16 @@ def view(
     """
     is_motion = _is_motion(path)
     if sound is not None and not is_motion:
-        raise Refused("--sound goes with a .motion file: a score is rendered with its sound")
+        raise Refused(
+            "--sound needs a .motion file, because a score is rendered with "
+            "its sound; leave --sound out"
+        )
     if see is not None and is_motion:
-        raise Refused(f"--see goes with a score: {path} holds what it holds")
+        raise Refused(f"--see needs a score, because what {path} holds is fixed; leave --see out")
     given = {name: value for name, value in film.items() if value is not None}
     if movie is None and given:
         name = next(iter(given))
-        raise Refused(f"--{_FLAGS.get(name, name)} goes with --movie: it says how a film is made")
+        raise Refused(f"--{_FLAGS.get(name, name)} needs --movie; it says how a film is made")
     maker = None if movie is None else _maker(movie, given | {"strobe": strobe, "force": force})
     with TemporaryDirectory(prefix="ergon-view-") as folder:
         if is_motion:

@@ -10,7 +10,7 @@
     ├ NotRegularError, FileRefusedError, NotPlanError, NotFrozenError, NotRecordingError,
     │ NotWaveError         a file that cannot be read or may not be written
     ├ ClusterError,
-    │ NotShippedError      other processes cannot compute what is asked of them
+    │ NotBundledError      other processes cannot compute what is asked of them
     └ ScoreError, OptionError, DeviceError, … of `ergon.api.errors`, which `import ergon` offers
 
 The rooms `live`, `repl` and `lab` add their own, each a direct child of the root. Refusals of the

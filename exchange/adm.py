@@ -207,4 +207,4 @@ def _number(text: str | None) -> float:
     try:
         return float(text or "")
     except ValueError:
-        raise XmlError(f"{(text or '')[:40]!r} is no number") from None
+        raise XmlError(f"{(text or '')[:40]!r} is not a number") from None

@@ -83,7 +83,7 @@ def _read_iem(data: bytes) -> list[Angles]:
     try:
         whole = json.loads(data.decode("utf-8-sig"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise LayoutFileError(f"this is no JSON: {error}") from None
+        raise LayoutFileError(f"this is not JSON: {error}") from None
     layout = whole.get("LoudspeakerLayout") if isinstance(whole, dict) else None
     rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
@@ -126,7 +126,7 @@ def _read_ear(data: bytes) -> list[Angles]:
         if isinstance(error, LayoutFileError):
             raise
         said = " ".join(str(error).split())
-        raise LayoutFileError(f"this is no YAML: {said}") from None
+        raise LayoutFileError(f"this is not YAML: {said}") from None
     rows = whole.get("speakers") if isinstance(whole, dict) else whole
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise LayoutFileError("it has no list `speakers`")
@@ -225,7 +225,7 @@ def _number(value: Any, what: str) -> float:
         if abs(number) > 1e9 or number != number:
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        raise LayoutFileError(f"{printable(str(value)[:40])!r} is no {what}") from None
+        raise LayoutFileError(f"{printable(str(value)[:40])!r} is not a valid {what}") from None
     return number
 
 

@@ -65,7 +65,7 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
         return []
     found: list[SpacePoint] = []
     if not isinstance(table, list):
-        raise NotMotionError("its table of points in space is no list")
+        raise NotMotionError("its table of points in space is not a list")
     taken: set[int] = set()
     for axes in table:
         is_point = isinstance(axes, list) and len(axes) in _ALONG
@@ -105,7 +105,7 @@ def threads(motion: Motion, space: Sequence[SpacePoint]) -> list[Thread]:
         if chunk.kind == _BROKEN:
             told = np.frombuffer(motion.payload(at), [("dt", "<f4"), ("link", "<u4")])
             if told.size and int(told["link"].max()) >= len(pairs):
-                raise NotMotionError("a link that broke is none of its table")
+                raise NotMotionError("a link that broke is not in its table")
             np.minimum.at(broken, told["link"], chunk.seconds + told["dt"].astype(float))
     number = np.full(len(motion.names), -1)
     number[[point.axes[0] for point in space]] = np.arange(len(space))

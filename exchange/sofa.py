@@ -52,7 +52,7 @@ def read(path: Path) -> Measured:
     except (IndexError, KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
         if isinstance(error, SofaError):
             raise
-        raise SofaError(f"{path} is no SOFA file that can be read: {error}") from None
+        raise SofaError(f"{path} is not a SOFA file that can be read: {error}") from None
 
 
 def _responses(file: Any, path: Path) -> Measured:

@@ -1,5 +1,8 @@
 """The chunks of a WAVE file, written and read: RIFF or RF64, extensible format, broadcast data.
 
+`core-rs/live/src/audio/wave.rs` writes the same header for float samples: a performance records
+without Python, so that no interpreter stands between its sound and the disk. It reads nothing.
+
 Sources: Microsoft, "Multiple channel audio data and WAVE files" (WAVE_FORMAT_EXTENSIBLE); EBU Tech
 3306 (RF64 and ds64); EBU Tech 3285 (bext). They are written here and not by libsndfile because that
 needs to seek (no pipe), puts its own version into `bext`, and stamps the clock into float files.

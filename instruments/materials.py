@@ -118,7 +118,7 @@ OWN_MATERIAL = Record(
     "material",
     "a material of one's own, or a named one with other values",
     (
-        Field("like", _NAMED, "the material whose values hold where none are written"),
+        Field("like", _NAMED, "the material whose values are used where none are written"),
         Field("density", k.DENSITY, "mass of a cubic metre"),
         Field("young", k.PRESSURE, "Young's modulus E; of wood along its grain"),
         Field("across", k.PRESSURE, "Young's modulus across the grain of a wood"),

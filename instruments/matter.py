@@ -66,10 +66,12 @@ def _needs_material(kind: str, values: Values) -> None:
     needing = (*MATTER, "masses") if kind == "PLATE" else MATTER
     for name in needing:
         if values.written(name):
-            raise _Refused("E103", "a size needs a matter: write material: steel beside it", name)
+            message = "a size in metres needs a material; write for instance `material: steel` too"
+            raise _Refused("E103", message, name)
     for name, count in (("radius", "radius: 12, rings"), ("sides", "sides: [40, 25], masses")):
         if _is_size(values.given.get(name)):
-            message = f"a size needs a matter: write material: bronze beside it, or {count}"
+            message = "a size in metres needs a material; write for instance `material: bronze` "
+            message += f"too, or {count}"
             raise _Refused("E103", message, name)
 
 
@@ -84,7 +86,7 @@ def _open(values: Values, names: tuple[str, ...], what: str) -> str:
     words = f"{', '.join(names[:-1])} and {names[-1]}"
     if not missing:
         others = f"{', '.join(names[:-2])} and {names[-2]}"
-        message = f"{others} set it already; remove one of {words}"
+        message = f"{others} already determine it; remove one of {words}"
         raise _Refused("E111", message, names[-1])
     if len(missing) > 1:
         need = f"{what} needs all but one of {words}; write {' or '.join(missing)} too"

@@ -139,7 +139,7 @@ def _mats_and_links(ca: bool) -> dict[str, tuple[Record, tuple[str, ...]]]:
             _bristle(ca),
             "sigma0 Fc",
         ),
-        "DRY": ("dry friction: it holds up to a level, then slides", _dry(ca), "F"),
+        "DRY": ("dry friction: it sticks up to a level, then slides", _dry(ca), "F"),
     }
     return {
         name: (

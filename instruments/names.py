@@ -132,8 +132,10 @@ class PartNames:
         if owner.axes > 1 and module.kind not in LINKS:
             return self._in_space(name, owner, module, some, axis, wanted, who)
         if wanted in ("point", "points"):
-            message = f"{who}: {quote(name)} is no point in space: it moves along one axis; "
-            message += "a link to a coordinate stands in an instrument of one axis"
+            message = f"{who}: {quote(name)} moves along one axis, not in space; to link one "
+            message += (
+                "coordinate of a point to it, write the link in an instrument without `space`"
+            )
             self.collector.error("E304", message, name.place)
             return None
         return self._members(name, owner, module, some, wanted, who)

@@ -63,7 +63,7 @@ def check(kind: str, values: Values) -> None:
             message = f"{values.context.of(name)}: only a PROXY with {' or '.join(only[name])} has "
             values.error("E111", f"{message}this field", name)
     if 0.0 in (values["span"] or ()):
-        message = f"{values.context.of('span')}: 0 m would move it nowhere; write a length"
+        message = f"{values.context.of('span')}: a span of 0 m would not move it; write a length"
         values.error("E105", message, "span")
 
 

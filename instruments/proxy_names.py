@@ -20,7 +20,7 @@ def resolve(
         return False
 
     if part.struck is not None:
-        return wrong("a PROXY stands in an instrument, not in a key")
+        return wrong("a PROXY can be a module of an instrument, not of a key")
     of = [part_names.target(name, "body", who, part) for name in fields["of"] or ()]
     follows = [part_names.target(name, "mat", who, part) for name in fields["follows"] or ()]
     rim = fields["rim"] and part_names.target(fields["rim"], "mat", who, part)
@@ -46,7 +46,7 @@ def resolve(
         shape = part_names.parts[target.part].modules[target.module].fields.get("shape")
         if shape not in (None, "rectangle"):
             message = (
-                f"{quote(target.text)} is a {shape}, whose masses lie in no rows; write shares"
+                f"{quote(target.text)} is a {shape}, whose masses are not in rows; write shares"
             )
             return wrong(message)
     columns = fields["columns"] or _columns(masses, part_names) or count

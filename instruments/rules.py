@@ -141,8 +141,10 @@ def _drive(
     if target is None or module.kind != "ENX":
         return
     if part_names.parts[target.part].modules[target.module].kind == "PROXY":
-        message = f"{who}: {quote(target.text)} is a PROXY, which moves as its masses do; "
-        part_names.collector.error("E304", f"{message}impose the position of a MAT", module.place)
+        message = (
+            f"{who}: {quote(target.text)} is a PROXY, which moves as its masses do; drive one "
+        )
+        part_names.collector.error("E304", f"{message}of its masses instead", module.place)
     first = driven.setdefault(_point(target), module.name)
     if first != module.name:
         message = (

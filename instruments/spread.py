@@ -161,7 +161,8 @@ def may_meet(
     problem = ""
     code = "E304"
     if is_wall and a.count > b.count:
-        problem = f"{quote(a.text)} has {a.count:,} points; the first end is the wall, one point"
+        problem = f"{quote(a.text)} has {a.count:,} points; the first end is the wall and must be "
+        problem += "one point"
     elif a.part == b.part and a.module == b.module and isinstance(a.first, int):
         is_same = (a.first, a.count) == (b.first, b.count)
         last = min(a.first + a.count, b.first + b.count) if isinstance(b.first, int) else 0

@@ -9,9 +9,9 @@ from math import inf
 
 import numpy as np
 
-from ergon.lab import canonical, cut
+from ergon.lab import canonical, slow_key_scene
 from ergon.lab.canonical import RATE
-from ergon.lab.case import Case, Stepped
+from ergon.lab.map_point import MapPoint, Stepped
 from ergon.lab.maps import Map
 from ergon.lab.metrics import Floats
 from ergon.lab.names import SLOW
@@ -54,7 +54,7 @@ def built_in(method: str) -> dict[str, Map]:
 
 
 def _cell(method: str) -> Map:
-    def case(kappa: float, zeta: float) -> Case:
+    def case(kappa: float, zeta: float) -> MapPoint:
         def exact(n_frames: int) -> Truth:
             return Truth(canonical.cell_exactly(kappa, zeta, n_frames), EXACT_DB)
 
@@ -73,14 +73,14 @@ def _cell(method: str) -> Map:
 
 def _oversampled(
     method: str, make: Callable[[float], Bare], finer: int = 16
-) -> Callable[[float, float], Case]:
+) -> Callable[[float, float], MapPoint]:
     """Cases of a scene over oversampling. What it really does does not depend on that."""
 
     @cache
     def truth(x: float, n_frames: int) -> Truth:
         return converged(make(x), n_frames, finer)
 
-    def case(x: float, times: float) -> Case:
+    def case(x: float, times: float) -> MapPoint:
         setting = Setting(method, round(times))
         return Stepped(make(x), setting, lambda n_frames: truth(x, n_frames))
 
@@ -112,7 +112,7 @@ def _strike(method: str) -> Map:
 
 
 def _rate(method: str) -> Map:
-    def case(rate: float, masses: float) -> Case:
+    def case(rate: float, masses: float) -> MapPoint:
         scene = canonical.string(round(masses), rate)
         return Stepped(scene, Setting(method), _found(scene))
 
@@ -138,18 +138,18 @@ def _coupling(method: str) -> Map:
 # A key, and what is said of it. What a plan calls preserved is right; above 20 frames it says the
 # figure alone, and the map goes on at -70 dB.
 _CUTS = {
-    "soft": (cut.SOFT, "23 Hz"),
-    "quick": (cut.QUICK, "264 Hz, its last mass 1 g"),
+    "soft": (slow_key_scene.SOFT, "23 Hz"),
+    "quick": (slow_key_scene.QUICK, "264 Hz, its last mass 1 g"),
 }
 _PRESERVED = ((10.0, -75.0), (inf, -70.0))
 
 
-def _cut(name: str, key: cut.Key, modes: str) -> Map:
-    def case(stiffness: float, every: float) -> Case:
-        return cut.Slow(cut.Cut(key, 1e3 * stiffness, round(every)))
+def _cut(name: str, key: slow_key_scene.Key, modes: str) -> Map:
+    def case(stiffness: float, every: float) -> MapPoint:
+        return slow_key_scene.Slow(slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(every)))
 
     def load(stiffness: float, every: float) -> float:
-        return cut.load(key, 1e3 * stiffness)
+        return slow_key_scene.load(key, 1e3 * stiffness)
 
     title = f"a slow key, modes to {modes}, pulls a string"
     every = tuple(float(frames) for frames in range(2, 61, 2))
@@ -184,7 +184,7 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
         n_frames = round(seconds * piece.rate * top) + 1
         return converged(scene(factor, top), n_frames, finer=4)
 
-    def case(factor: float, times: float) -> Case:
+    def case(factor: float, times: float) -> MapPoint:
         def truth(n_frames: int) -> Truth:
             found = finest(factor)
             if found.frames is None:

@@ -16,7 +16,7 @@ import numpy as np
 from ergon.api import score as scores
 from ergon.api.cluster import Cluster
 from ergon.api.cluster_worker import check_version, lock, version
-from ergon.api.shipped import Shipped, at_home, unpacked
+from ergon.api.score_bundle import ScoreBundle, at_home, unpacked
 from ergon.lab import atlas
 from ergon.lab.chart import ROUNDS, Played, Point, played_beside, yardstick
 from ergon.lab.maps import Map, Spot, look
@@ -41,7 +41,7 @@ class _Which(TypedDict):
     method: str
     seconds: float
     accurate: float | None
-    content: NotRequired[Shipped]
+    content: NotRequired[ScoreBundle]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Workers:
     """A cluster that computes points; of a score, which comes with its files."""
 
     cluster: Cluster
-    content: Shipped | None = None
+    content: ScoreBundle | None = None
 
     def played(
         self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
@@ -109,7 +109,7 @@ class Surveyors:
 
 def play(
     asked: list[Any],
-    content: Shipped,
+    content: ScoreBundle,
     setting: dict[str, Any],
     n_frames: int,
     has_energy: bool,

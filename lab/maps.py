@@ -9,7 +9,7 @@ from math import inf
 from typing import Protocol
 
 from ergon import _core
-from ergon.lab.case import Case
+from ergon.lab.map_point import MapPoint
 from ergon.lab.metrics import EARLY, Floats, early_db, spectral
 from ergon.scores.staging.stage import StageError
 
@@ -36,7 +36,7 @@ class Map:
     xs: tuple[float, ...]
     ys: tuple[float, ...]
     seconds: float
-    case: Callable[[float, float], Case]
+    case: Callable[[float, float], MapPoint]
     load: Callable[[float, float], float] | None = None
     log_x: bool = True
     log_y: bool = True
@@ -131,7 +131,9 @@ def look(found: Map, x: float, y: float) -> Spot:
     return spot if case is None or frames is None else _judged(found, spot, case, frames)
 
 
-def predicted_and_run(found: Map, x: float, y: float) -> tuple[Spot, Case | None, Floats | None]:
+def predicted_and_run(
+    found: Map, x: float, y: float
+) -> tuple[Spot, MapPoint | None, Floats | None]:
     """Predict and run one spot: its case and frames are there where it ran and was stable."""
     load = None if found.load is None else found.load(x, y)
     theory = None if load is None else load < 1.0
@@ -147,7 +149,7 @@ def predicted_and_run(found: Map, x: float, y: float) -> tuple[Spot, Case | None
     return spot, case, ran.frames if ran.stable else None
 
 
-def _judged(found: Map, spot: Spot, case: Case, frames: Floats) -> Spot:
+def _judged(found: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
     truth, right_db = case.truth(len(frames)), found.right_db(spot.y)
     if truth.frames is None:
         reason = "accuracy is not known: no finer run went through"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ergon.scores.staging.automating import value_at
 
 if TYPE_CHECKING:
-    from ergon.scores.staging.leading import Points, Where
+    from ergon.scores.staging.parameter_values import Points, Where
     from ergon.scores.staging.stage import Stage
 
 

@@ -106,7 +106,7 @@ def _found(url: str) -> dict[int, tuple[Axis, bool]]:
 def _table(config: dict[str, Any]) -> dict[str, Any]:
     table = config.get(_TABLE, {})
     if not isinstance(table, dict):
-        raise BoardError(f"{config_path()}: [{_TABLE}] is no table")
+        raise BoardError(f"{config_path()}: [{_TABLE}] is not a table")
     return table
 
 
@@ -190,8 +190,7 @@ def remember(url: str, number: int, axis: Axis) -> Path:
         kept = False
     if not kept:
         raise BoardError(
-            f"{path} is written in a way that is not ours to change; add to it:\n"
-            + ("\n".join(lines))
+            f"{path} has a form that ergon cannot edit; add to it:\n" + ("\n".join(lines))
         )
     with writing(path, binary=False, force=True) as file:
         file.write(after.encode())

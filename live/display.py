@@ -13,7 +13,7 @@ from .trouble import gaps, troubles
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.guard import HandForceBounds
+    from ergon.live.force_bounds import HandForceBounds
     from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.stage import Stage
 
@@ -176,20 +176,22 @@ def force_sentence(bearing: HandForceBounds) -> str:
     """The part of the piece's force that a hand gets, in words."""
     last = bearing.last
     if last.scale >= 1.0:
-        return f"{bearing.player} feels all of it again"
+        return f"{bearing.player} gets the full force of the piece again"
     return (
-        f"{bearing.player} feels {_percent(last.scale)} of it: {last.met:,.0f} N/m met, "
-        f"{last.limit:,.0f} N/m borne"
+        f"{bearing.player} gets {_percent(last.scale)} of the force of the piece: the piece is "
+        f"{last.met:,.0f} N/m stiff at this key, and its device is stable up to "
+        f"{last.limit:,.0f} N/m"
     )
 
 
 def why_too_stiff(bearing: HandForceBounds) -> str:
-    """Why a line is refused because a hand's device cannot bear the piece."""
+    """Why a line is refused because a hand's device would not be stable with the piece."""
     least = bearing.least
     return (
-        f"{bearing.player} would meet {least.met:,.0f} N/m, and the key's device bears "
-        f"{least.limit:,.0f} N/m: less than {FORCE_SCALE_MIN:.0%} of the force would be left; "
-        "a smaller K or a larger Z may do"
+        f"with this line the piece would be {least.met:,.0f} N/m stiff at the key of "
+        f"{bearing.player}, whose device is stable up to {least.limit:,.0f} N/m: "
+        f"{bearing.player} would get less than {FORCE_SCALE_MIN:.0%} of the force; "
+        "use a smaller K or a larger Z"
     )
 
 
@@ -205,19 +207,20 @@ def event_sentence(
     board = boards[int(number)] if int(number) < len(boards) else "a device"
     player = players[int(number)] if int(number) < len(players) else "a hand"
     return {
-        "gone": f"{board} is gone: what stands in for it plays on",
+        "gone": f"{board} is disconnected; its stand-in plays on",
         "back": f"{board} is back: its hand takes over at the next bar",
         "took over": f"{player} plays",
-        "lost": f"the physics thread was held up for {number:.3f} s",
+        "lost": f"the physics thread was stopped for {number:.3f} s",
         "tripped: not finite": f"{player}'s key tripped: the piece's force was not finite; "
         "no force for a while",
         "tripped: speed": f"{player}'s key tripped: it was too fast; no force for a while",
-        "tripped: wrong way": f"{player}'s key tripped: its motor pushes the wrong way; "
-        "no force until `release`, and `ergon devices calibrate` finds which way it goes",
-        "tripped: at stop": f"{player}'s key tripped: the piece pushes it into its stop; no force "
-        "until 3 s after that has ended",
-        "tripped: frozen": f"{player}'s key tripped: its position stays the same whatever the "
-        "force does; no force until it has moved for 3 s",
-        "muted": "a part diverged or made energy, and is muted",
-        "finer": "links became too stiff for one frame: such frames are computed in finer steps",
+        "tripped: wrong way": f"{player}'s key tripped: its motor pushes in the wrong direction; "
+        "no force until `release`; `ergon devices calibrate` finds the direction",
+        "tripped: at stop": f"{player}'s key tripped: the piece pushes it into its stop; the "
+        "force returns 3 s after that has ended",
+        "tripped: frozen": f"{player}'s key tripped: its position does not change while the force "
+        "does; the force returns when the key has moved for 3 s",
+        "muted": "a part diverged or created energy, and is muted",
+        "finer": "links became too stiff for one step a frame: such frames are computed in finer "
+        "steps",
     }.get(what, "")

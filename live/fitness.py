@@ -124,7 +124,7 @@ def waking(found: Checkup, what: str = "wake-up") -> Finding:
     todo = ""
     if late > _OFTEN * len(lateness):
         todo = (
-            "the machine is held up: close other programs, set the processor's governor to "
+            "the machine is too busy: close other programs, set the processor's governor to "
             "performance, and keep more ready for the card (--ahead 4096)"
         )
     numbers = {"ticks": len(lateness), "late_ticks": late, **histogram(lateness)}
@@ -192,7 +192,7 @@ def device(url: str, seconds: float) -> list[Finding]:
         todo.append("replies are lost: try another cable or port, without a hub")
     slow = quantile(trips, 0.99)
     if not lockstep and slow > _LATE * PERIOD:
-        todo.append("it needs much of a tick: a score's `tick: 500Hz` leaves it more time")
+        todo.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
     numbers: dict[str, object] = {
         "url": url,
         "asked": asked,
@@ -213,10 +213,10 @@ def _felt(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
     """The delay from the position of a hand to the force that answers it."""
     structural = STRUCTURAL_TICKS * PERIOD
     usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
-    how = "in its own time, for it is in lockstep" if lockstep else f"p99 {ms(mostly)}"
+    how = "in emulated time (lockstep)" if lockstep else f"p99 {ms(mostly)}"
     said = (
-        f"{url}: {ms(usual)} = {STRUCTURAL_TICKS} tick of {ms(PERIOD)} and a round trip of "
-        f"{ms(usual - structural)}; {how}"
+        f"{url}: {ms(usual)} from a position to its force, which is {STRUCTURAL_TICKS} tick of "
+        f"{ms(PERIOD)} and a round trip of {ms(usual - structural)}; {how}"
     )
     numbers: dict[str, object] = {
         "url": url,

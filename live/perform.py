@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.rendering.render import BLOCK, frames_of
 
 from .boards import Board
-from .guard import response
+from .force_bounds import response
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import VerifiedStem

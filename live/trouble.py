@@ -36,16 +36,16 @@ def _troubles(
         yield f"HANDS NOT RECORDED ({recording})"
     for player, hand in zip(players, status.hands, strict=False):
         if hand.hot:
-            yield f"{player} HOT"
+            yield f"{player} MOTOR HOT"
         if hand.tripped:
             yield f"{player} tripped"
         if hand.let_go:
-            yield f"{player} let go {hand.let_go}"
+            yield f"{player} forces dropped by device {hand.let_go}"
         if hand.stalls:
-            yield f"{player} stalls {hand.stalls}"
+            yield f"{player} host stalls {hand.stalls}"
     if count := gaps(status):
         yield f"gaps {count}"
     if status.input_gaps:
         yield f"input gaps {status.input_gaps}"
     if status.lost:
-        yield f"held up {status.lost}"
+        yield f"clock resets {status.lost}"

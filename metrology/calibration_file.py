@@ -210,7 +210,7 @@ def read(said: str) -> Calibration:
     missing = [name for name in ("M", "K", "Z") if name not in figures]
     if missing:
         raise MeasurementError(
-            f"this is no calibration that ergon metrology has written: it lacks {missing[0]}"
+            f"this is not a calibration file of ergon metrology: it lacks {missing[0]}"
         )
     return Calibration(figures, deviations, tuple(modes), date, correlations)
 

@@ -241,8 +241,8 @@ def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True
     sent = recording.sent()[:, axis].astype(float)
     if not sent.any():
         raise MeasurementError(
-            "this take holds no force that was sent to the key, and without one it does not tell "
-            "what the key is made of"
+            "this take has no force that was sent to the key, so the key cannot be measured by it; "
+            "use a take of `ergon metrology DEVICE`"
         )
     ticks = recording.ticks()
     fresh = recording.flags()[:, axis] & _FRESH != 0

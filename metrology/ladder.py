@@ -55,17 +55,17 @@ _ENDS = {
     "touched": "a hand touched the key, so its force is zero; let go of it and measure again",
     "gate closed": "the device lets no force through but while a hand touches the key, "
     "and nobody may touch it; measure with a firmware without that gate, and --no-gate",
-    "not finite": "the device sent a position that is no number, so its force is zero",
+    "not finite": "the device sent a position that is not a number, so its force is zero",
     "unplugged": "the device was unplugged, or its program ended",
     "silent": "the device no longer answers",
     "shared": "another program sends forces to the device",
     "stopped": "stopped; the force is zero",
-    "late": "too few replies of the device came in time; end what else loads this machine",
-    "tripped: not finite": "a position or force was no number, so the force is zero",
+    "late": "too few replies of the device came in time; close other programs on this machine",
+    "tripped: not finite": "a position or force was not a number, so the force is zero",
     "tripped: speed": "the key went too fast, so its force is zero",
-    "tripped: wrong way": "the motor pushes against what it is told, so its force is zero",
+    "tripped: wrong way": "the motor pushes in the wrong direction, so its force is zero",
     "tripped: at stop": "the key was pushed into an end of its travel, so its force is zero",
-    "tripped: frozen": "the sensor shows one place whatever the force does, so the force is zero",
+    "tripped: frozen": "the sensor shows one position whatever the force is, so the force is zero",
 }
 
 
@@ -304,7 +304,8 @@ class _Place:
             else:
                 length *= 1.5
         raise MeasurementError(
-            f"it could not be found how the key moves under {force:.2g} N: check the power of its "
+            f"the motion of the key could not be measured under {force:.2g} "
+            "N: check the power of its "
             "motor, and let go of the key"
         )
 

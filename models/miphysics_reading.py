@@ -105,12 +105,12 @@ class _Reading:
         if self.count > MOST:
             raise ModelError(f"the XML has more than {MOST:,} elements", self.line())
         if len(self.path) > _MOST_DEPTH:
-            raise ModelError(f"elements stand deeper than {_MOST_DEPTH}", self.line())
+            raise ModelError(f"elements are nested deeper than {_MOST_DEPTH}", self.line())
         where = self.path[1:]
         if len(where) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
             known = ("global", "MAT", "Link")
             raise ModelError(
-                f"{quote(tag)} is no part of a model", self.line(), nearest(tag, known)
+                f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known)
             )
         if len(where) == 2 and where[0] == "global":
             self.whole(tag, given)
@@ -140,7 +140,7 @@ class _Reading:
             self.direction = (x, y, z)
         else:
             known = ("gravity", "friction", "vector")
-            message = f"{quote(tag)} is no part of what holds for all"
+            message = f"{quote(tag)} is not part of what holds for all"
             raise ModelError(message, self.line(), nearest(tag, known))
 
     def part(
@@ -155,7 +155,7 @@ class _Reading:
             raise ModelError(f"{kind}: {_REFUSED[kind]}", at)
         if kind not in forms:
             what = "masses" if forms is MASSES else "links"
-            message = f"{quote(kind)} is no kind of {what}"
+            message = f"{quote(kind)} is not a kind of {what}"
             raise ModelError(message, at, nearest(kind, forms))
         name = given.get("name", "")
         if not name:
@@ -181,5 +181,5 @@ class _Reading:
         except ValueError:
             value = math.nan
         if not math.isfinite(value) or "_" in text:
-            raise ModelError(f"{name} is {quote(text)}, which is no number", self.line())
+            raise ModelError(f"{name} is {quote(text)}, which is not a number", self.line())
         return value

@@ -76,8 +76,8 @@ def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> flo
     try:
         found = evaluate(text, params)
     except TextError as error:
-        message = error.message.replace("name of `let:`, no note and no number", "parameter")
+        message = error.message.replace("name of `let:`, a note or a number", "parameter")
         raise ModelError(f"{what}: {message}", line, error.suggestion) from None
     if found.unit:
-        raise ModelError(f"{what}: {quote(text)} is no number and no parameter", line)
+        raise ModelError(f"{what}: {quote(text)} is neither a number nor a parameter", line)
     return float(found.number)

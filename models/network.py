@@ -203,7 +203,7 @@ class _Builder:
             )
         if not any(part.outputs for part in parts):
             names = ", ".join(part.name for part in parts)
-            self._refuse(parts[0].modules[0].place, f"nothing of {names} is heard: it has no out")
+            self._refuse(parts[0].modules[0].place, f"{names} has no output; add an `out`")
         if self.refused:
             raise refusal(self.refused)
         self._start()

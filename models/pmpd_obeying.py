@@ -87,7 +87,7 @@ def _obey(made: Network, message: Message) -> None:
         (other,) = (name for name in OBJECTS if name != made.kind)
         of = f"; it is one of [{other}]" if message.word in FORMS[other] else ""
         near = None if of else nearest(message.word, forms)
-        raise ModelError(f"{quote(message.word)} is no word of [{made.kind}]{of}", line, near)
+        raise ModelError(f"{quote(message.word)} is not a word of [{made.kind}]{of}", line, near)
     least = sum(value.default is None for value in form)
     if not least <= len(message.rest) <= len(form):
         said = f"{written(message.word, form)}; here it has {len(message.rest)} values"
@@ -128,7 +128,7 @@ def _value(made: Network, value: Value, word: str | None, line: int) -> Any:
             return of
         return [_index(made, own, found, line)]
     if found is None:
-        raise ModelError(f"{value.name} is {quote(word)}, which is no number", line)
+        raise ModelError(f"{value.name} is {quote(word)}, which is not a number", line)
     if value.kind in _KINDS:
         return _index(made, _KINDS[value.kind], found, line)
     if value.kind == "port":

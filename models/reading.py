@@ -41,7 +41,7 @@ def _text_of(path: Path) -> str:
         raise ModelError(f"it is larger than {MOST_BYTES >> 20} MB")
     if b"\0" in data:
         raise ModelError(
-            "it is no text: it has null bytes", data[: data.index(b"\0")].count(10) + 1
+            "it is not text: it has null bytes", data[: data.index(b"\0")].count(10) + 1
         )
     try:
         return data.decode("utf-8-sig")
@@ -117,14 +117,14 @@ def _family(row: tuple[str, ...], dialect: Dialect) -> str:
 def _statement(line: int, row: tuple[str, ...], dialect: Dialect, macros: set[str]) -> Statement:
     name, *words = row
     if not _NAME.fullmatch(name):
-        message = f"{quote(name)} is no name: write @, a letter, then letters, digits and _"
+        message = f"{quote(name)} is not a name: write @, a letter, then letters, digits and _"
         raise ModelError(message, line)
     if not words:
         raise ModelError(f"{name} says nothing: a word such as mass or spring follows", line)
     keyword, *rest = words
     form = FORMS[dialect].get(keyword)
     if form is None:
-        message = f"{quote(keyword)} is no word of {NAMES[dialect]}"
+        message = f"{quote(keyword)} is not a word of {NAMES[dialect]}"
         raise ModelError(message, line, nearest(keyword, FORMS[dialect]))
     if len(rest) < form.points:
         raise ModelError(f"{keyword} is written {form.words}", line)
@@ -149,7 +149,7 @@ def _statement(line: int, row: tuple[str, ...], dialect: Dialect, macros: set[st
 def _point(word: str, line: int) -> Point:
     name, *along = word.strip("[]").split(None, 1)[:2] if word.strip("[] ") else ("",)
     if not _NAME.fullmatch(name):
-        raise ModelError(f"{quote(word)} is no point: write @ and its name", line)
+        raise ModelError(f"{quote(word)} is not a point: write @ and its name", line)
     return Point(name[1:], tuple(along[0].split()) if along else ())
 
 
@@ -207,7 +207,7 @@ def _params(model: Model, given: Mapping[str, str]) -> dict[str, Amount]:
     own = {one.name: one for one in model.of("param")}
     for name in given:
         if name not in own:
-            raise ModelError(f"{quote(name)} is no parameter", 0, nearest(name, own))
+            raise ModelError(f"{quote(name)} is not a parameter", 0, nearest(name, own))
     for name, one in own.items():
         if one.keyword == "audioParam":
             if not re.fullmatch(r"@in[1-9]\d?", one.values["input"]):
@@ -234,11 +234,11 @@ def _known_points(model: Model, macros: set[str]) -> None:
                     message = f"a point of {quote(point.name)} needs {way}"
                     raise ModelError(message, statement.line)
             elif point.name not in masses:
-                message = f"{quote('@' + point.name)} is no mass of this model"
+                message = f"{quote('@' + point.name)} is not a mass of this model"
                 suggestion = nearest(point.name, (*masses, *macros))
                 raise ModelError(message, statement.line, suggestion)
             elif point.along:
-                message = f"{quote(point.name)} is no macro and has no places"
+                message = f"{quote(point.name)} is not a macro and has no places"
                 raise ModelError(message, statement.line)
 
 

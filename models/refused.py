@@ -8,7 +8,7 @@ REFUSED = {
         "M follows a signal, which --input NAME=FILE.wav feeds"
     ),
     "two signals": "{what}: {text} follows two signals; a value of a score follows one",
-    "curved": "{what}: {text} is no straight line of its signal, as a value of a score must be",
+    "curved": "{what}: {text} is not a straight line of its signal, as a value of a score must be",
     "macro force": "the force at a point of a macro is 0 at all times; remove this output",
     "pushed force": "the force on a mass that an input pushes too is not built yet",
     "still force": "no link ends on this mass, so that its force is 0; remove this output",

@@ -57,7 +57,7 @@ def hear(own: Writing, one: Statement, sound: Sound, channel: int) -> None:
     still = [name for name in heard if name in own.masses and own.masses[name].kind == "ground"]
     constant = sound.constant + sum(heard.pop(name) * own.masses[name].x0 for name in still)
     if constant != 0.0 and not any(each.order for each in sound.filters):
-        raise ModelError(f"a constant of {constant:g} is no sound; leave it out", one.line)
+        raise ModelError(f"a constant of {constant:g} is not a sound; leave it out", one.line)
     highpass, comment = _filter(sound)
     for nth, (name, factor) in enumerate(heard.items(), 1):
         out = own.targets[one.name]

@@ -121,7 +121,7 @@ def _statement(said: str, at: int, before: tuple[str, ...], behind: str) -> Stat
     if word in REFUSED:
         raise ModelError(f"{word}: {REFUSED[word]}", at)
     if word not in WORDS:
-        message = f"{quote(word)} is no word of Synth-A-Modeler"
+        message = f"{quote(word)} is not a word of Synth-A-Modeler"
         raise ModelError(message, at, nearest(word, WORDS))
     if not said.rstrip().endswith(";"):
         raise ModelError("a statement ends with a semicolon", at)
@@ -162,7 +162,7 @@ def _statement(said: str, at: int, before: tuple[str, ...], behind: str) -> Stat
 def _name(text: str, at: int) -> str:
     name = text.strip()
     if not _NAME.fullmatch(name):
-        raise ModelError(f"{quote(name)} is no name: a letter, then letters and digits", at)
+        raise ModelError(f"{quote(name)} is not a name: a letter, then letters and digits", at)
     return name
 
 

@@ -90,7 +90,7 @@ class Values:
         """The number that an expression is. Raises ModelError."""
         value = self._value(parse(text, line), {}, line)
         if not isinstance(value, float):
-            raise ModelError(f"{what}: {quote(text[:60])} is no number", line)
+            raise ModelError(f"{what}: {quote(text[:60])} is not a number", line)
         return value
 
     def sound(self, text: str, line: int) -> Sound:
@@ -146,7 +146,7 @@ class Values:
         """Raises ModelError where expressions take too long, or stand too deep in one another."""
         self._steps += 1
         if self._steps > _MOST_STEPS or self._depth > _MOST_DEEP:
-            raise ModelError("its expressions stand too deep in one another, or are too many", line)
+            raise ModelError("its expressions are nested too deeply, or are too many", line)
 
     def _value_of(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
         if node.kind == "number":

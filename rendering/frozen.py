@@ -1,4 +1,7 @@
-"""Parts of a staged piece into frozen files: a WAV file for each, and the manifest."""
+"""Parts of a staged piece into frozen files: a WAV file for each, and the manifest.
+
+Which parts may be frozen is decided by `scores/staging/reach.py`.
+"""
 
 from __future__ import annotations
 

@@ -329,7 +329,7 @@ def _simulate(
     last = min(stage.n_frames, job.stop + max(latencies, default=0))
     fade = None
     if job.fades_from is not None:
-        fade = _core.FadeFinder(stage.rate, job.format.n_channels, job.fades_from)
+        fade = _core.SilenceDetector(stage.rate, job.format.n_channels, job.fades_from)
     blocks = frames_of(simulation, last, job.block)
     # What is filmed goes on after the sound has faded: no block may be given up midway.
     # Nor is another process waited for where Ctrl-C does not arrive.

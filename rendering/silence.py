@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_FALL, _RISE = 0.005, 0.002  # [s], as `audio/shape` of the live core
+_FALL, _RISE = 0.005, 0.002  # [s], as `audio/output_fades` of the live core
 
 
 @dataclass(frozen=True, slots=True)

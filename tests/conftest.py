@@ -39,7 +39,7 @@ _FIRST = (
     "robust/test_conditions.py",
     "rendering/test_resumed.py",
     "house/test_docs.py",
-    "lab/test_lab_cut.py",
+    "lab/test_lab_slow_key_scene.py",
     "scores/test_memory.py",
     "rendering/test_frozen.py",
     "repl/test_repl_live.py",

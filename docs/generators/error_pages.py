@@ -19,7 +19,7 @@ from ergon.api.strokes import closed_once
 from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
-from ergon.scores.staging.highest import highest_modes, passes_limit, stops_low
+from ergon.scores.staging.highest_modes import highest_modes, passes_limit, stops_low
 from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.stage import StageError, stage
 from ergon.scores.staging.unused import unused

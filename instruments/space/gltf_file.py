@@ -38,7 +38,7 @@ def read(text: str) -> Mesh:
     try:
         return _Reader(root).mesh()
     except (KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
-        raise MeshFileError("it is not whole: something that it names is not there") from error
+        raise MeshFileError("it is incomplete: something that it refers to is missing") from error
 
 
 class _Reader:

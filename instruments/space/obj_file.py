@@ -85,7 +85,7 @@ class Reader:
         ends = [*corners, corners[0]] if kind == "f" else corners
         for a, b in pairwise(ends):
             if a == b:
-                raise MeshFileError(f"vertex {a + 1} stands twice in a row")
+                raise MeshFileError(f"vertex {a + 1} is written twice in a row")
             self._edges[min(a, b), max(a, b)] = None
         if len(self._edges) > MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
@@ -97,6 +97,6 @@ class Reader:
         index = number - 1 if number > 0 else len(self._points) + number
         if number == 0 or not 0 <= index < len(self._points):
             raise MeshFileError(
-                f"{quote(word)} is no vertex that stands before; there are {len(self._points):,}"
+                f"{quote(word)} is not a vertex of a line above; there are {len(self._points):,}"
             )
         return index

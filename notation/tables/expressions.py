@@ -116,7 +116,7 @@ class _Reader:
         found = self._sum(0)
         if self.at < len(self.text):
             rest = self.text[self.at :]
-            message = f"{quote(rest)} cannot stand here; write + - * / between values"
+            message = f"{quote(rest)} is not allowed here; write + - * / between values"
             raise self._error(message, self.at, len(rest))
         return found
 
@@ -144,7 +144,7 @@ class _Reader:
             if sign == "+":
                 return found
             if found.unit == "note":
-                raise self._error("a note has no opposite", start, 1)
+                raise self._error("a note cannot be negated; subtract semitones (7st)", start, 1)
             return Amount(-found.number, found.unit)
         if self._sign("("):
             found = self._sum(depth + 1)
@@ -155,10 +155,10 @@ class _Reader:
 
     def _root(self, of: Amount, at: int, length: int) -> Amount:
         if of.unit:
-            message = f"{_called(of)} has no root here; take that of a ratio, sqrt(heavy/100g)"
-            raise self._error(message, at, length)
+            message = f"cannot take the square root of {_called(of)}; take that of a ratio, "
+            raise self._error(f"{message}sqrt(heavy/100g)", at, length)
         if of.number < 0:
-            raise self._error("a number below 0 has no root", at, length)
+            raise self._error("cannot take the square root of a number below 0", at, length)
         # IEEE 754 rounds a root correctly: the same bits everywhere.
         return Amount(Fraction(math.sqrt(float(of.number))), "")
 
@@ -192,12 +192,12 @@ class _Reader:
             steps = _LETTERS[letter] + _SIGNS[sign] + 12 * (int(octave) - 4)
             return Amount(Fraction(steps), "note")
         if word is not None:
-            message = f"{quote(word[0])} is no name of `let:`, no note and no number"
+            message = f"{quote(word[0])} is not a name of `let:`, a note or a number"
             near = nearest(word[0], self.names)
             raise self._error(message, start, len(word[0]), near)
         if start >= len(self.text):
             raise self._error("a value is missing at the end", max(0, start - 1), 1)
-        raise self._error(f"{quote(self.text[start])} begins no value", start, 1)
+        raise self._error(f"{quote(self.text[start])} cannot begin a value", start, 1)
 
     def _added(self, a: Amount, b: Amount, sign: str, at: int) -> Amount:
         number = b.number if sign == "+" else -b.number
@@ -210,12 +210,12 @@ class _Reader:
         if a.unit == "note" and b.unit == "note":
             if sign == "-":
                 return Amount(a.number - b.number, "st")
-            raise self._error("two notes have no sum; add semitones (7st)", at, 1)
+            raise self._error("cannot add two notes; add semitones (7st)", at, 1)
         a, b = self._as_hertz(a, b), self._as_hertz(b, a)
         if a.unit != b.unit:
-            message = (
-                f"{_called(a)} and {_called(b)} have no {'sum' if sign == '+' else 'difference'}"
-            )
+            message = f"cannot add {_called(a)} and {_called(b)}"
+            if sign == "-":
+                message = f"cannot subtract {_called(b)} from {_called(a)}"
             raise self._error(message, at, 1)
         return Amount(a.number + (b.number if sign == "+" else -b.number), a.unit)
 
@@ -226,13 +226,15 @@ class _Reader:
             b = Amount(Fraction(_hertz(b)), "Hz")
         if sign == "*":
             if a.unit and b.unit:
-                message = f"{_called(a)} and {_called(b)} are not multiplied; one is a plain number"
+                message = (
+                    f"cannot multiply {_called(a)} by {_called(b)}; one must be a plain number"
+                )
                 raise self._error(message, at, 1)
             return Amount(a.number * b.number, a.unit or b.unit)
         if b.number == 0:
             raise self._error("this divides by zero", at, 1)
         if b.unit and a.unit != b.unit:
-            message = f"{_called(a)} is not divided by {_called(b)}"
+            message = f"cannot divide {_called(a)} by {_called(b)}"
             raise self._error(message, at, 1)
         return Amount(a.number / b.number, "" if b.unit else a.unit)
 

@@ -154,10 +154,10 @@ def full_scale(text: str) -> tuple[float, bool]:
     word = text.strip()
     is_force = word.endswith("N")
     if not is_force and not word.endswith("m"):
-        raise TextError(f"{quote(word)} has no unit of a force or a length, such as 2mN or 0.1mm")
+        raise TextError(f"{quote(word)} must have a unit of force or length, such as 2mN or 0.1mm")
     value = quantity(text, INPUT_FORCE if is_force else INPUT_LENGTH)
     if value == 0.0:
-        raise TextError("full scale is not 0")
+        raise TextError("full scale must not be 0")
     return value, is_force
 
 
@@ -249,7 +249,7 @@ def _trimmed(text: str) -> str:
         suggestion = word.replace("\u2212", "-")
         raise TextError(message, length=len(word), suggestion=suggestion, code="E201")
     if not word.replace("µ", "u").replace("μ", "u").replace("♯", "#").replace("♭", "b").isascii():
-        message = f"{quote(word)} has a character that belongs to no number or unit"
+        message = f"{quote(word)} has a character that no number and no unit has"
         raise TextError(message, length=len(word), code="E201")
     return word
 

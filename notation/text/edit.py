@@ -229,7 +229,7 @@ class _Edit:
             if span.kind == "alias":
                 shared = f"{named(path[:depth])} is the alias `*{span.value}` of a value "
                 raise EditError(
-                    f"{shared}that stands elsewhere; replace the alias by the value first"
+                    f"{shared}that is written elsewhere; replace the alias by the value first"
                 )
             number = span.index(name)
             if number is None:

@@ -210,7 +210,7 @@ class Changes:
             after = lay.mark(parent, 1)
             if "#" in lay.text[lay.line_end(end) : after]:
                 raise EditError(
-                    "a comment stands between this entry and the next; move the comment first"
+                    "a comment is between this entry and the next; move the comment first"
                 )
             return [Splice(start, after, "")]
         first, after = lay.line_start(start), lay.next_line(end)

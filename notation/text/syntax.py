@@ -18,7 +18,7 @@ _SENTENCES = (
     ("did not find expected key", "this line is indented differently from the lines around it"),
     (
         "mapping values are not allowed",
-        "a name cannot stand here: there is a second ':' or a wrong indentation",
+        "a name is not allowed here: there is a second ':' or a wrong indentation",
     ),
     ("could not find expected ':'", "the name has no ':' after it"),
     ("expected ',' or ']'", "a list that begins with '[' is not closed with ']'"),

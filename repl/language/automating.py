@@ -15,9 +15,9 @@ from ergon.repl.language.scope import Scope
 from ergon.scores.pattern.order import WAYS
 from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import parse_strikes
+from ergon.scores.reading.automatable import ALL
 from ergon.scores.reading.automation import AUTOMATION, parse_range
 from ergon.scores.reading.curves import is_curve, parse_curve
-from ergon.scores.reading.leads import ALL
 
 _OF_SET = {
     "every": "1",

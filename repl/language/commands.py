@@ -12,7 +12,7 @@ from ergon.repl.language.triggers import Trigger
 from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import Transform
-from ergon.scores.reading.piece import Manner
+from ergon.scores.reading.piece import PlayingOptions
 
 
 class Now(Enum):
@@ -74,7 +74,7 @@ class Plays(BlockCommand):
     times: int | None
     until: Position | None
     do: tuple[Transform, ...]
-    manner: Manner
+    manner: PlayingOptions
     entry: Entry | None = field(default=None, compare=False, repr=False)  # as a part has it
 
 

@@ -15,8 +15,8 @@ from ergon.repl.language.scope import Scope
 from ergon.scores.edits.entries import of_play
 from ergon.scores.gesture.transforms import ARITY, Transform
 from ergon.scores.pattern import words as play_words
-from ergon.scores.reading.manner import manner
 from ergon.scores.reading.part import PLAY, SHAPES
+from ergon.scores.reading.playing_options import playing_options
 
 # Options that a line may not set: the rate of a gesture belongs to the score.
 _ELSEWHERE = {"rate": "'rate' belongs to the score: leave it out here"}
@@ -141,7 +141,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
         options.get("times"),
         options.get("until"),
         play.do,
-        manner(options),
+        playing_options(options),
         of_play(play.written, words["play"].text).with_fields(at=None),
         when=at or when,
         words=said,

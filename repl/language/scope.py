@@ -14,7 +14,7 @@ from ergon.instruments.spread import GAP
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.gesture import space_path
-from ergon.scores.reading.leads import FACTOR, PARAMETERS, whole
+from ergon.scores.reading.automatable import FACTOR, PARAMETERS, whole
 from ergon.scores.reading.piece import Gesture, Piece
 
 SUFFIXES = (".yaml", ".yml")  # of scores

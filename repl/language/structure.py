@@ -16,7 +16,7 @@ from ergon.repl.language.scope import Scope
 from ergon.repl.language.values import Completion, CompletionContext, Value
 
 _TEMPO = (
-    "a link joins two modules; Ableton Link is no part of ergon, because its bindings contain "
+    "a link joins two modules; Ableton Link is not part of ergon, because its bindings contain "
     "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
 _FROM = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")

@@ -153,6 +153,6 @@ def _clause(text: str, offset: int) -> Clause:
         most = f"{clause.what}s count from 1 to {_MOST:,}"
         if modulus is not None:
             most = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
-        message = f"{quote(text)} never holds: {most}"
+        message = f"{quote(text)} is never true: {most}"
         raise TextError(message, offset=offset, length=len(text))
     return clause

@@ -96,7 +96,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "release", c.Release, timed=False),
     ),
     "time": (
-        _form("play", "pl", "runs the piece from a position, or from where it stands",
+        _form("play", "pl", "starts the piece at a position, or where it was stopped",
               "play from B", c.Play,
               Slot("start", "WHERE", v.POSITION, "from", optional=True), timed=False),
         _form("stop", "st", "stops the piece where it is", "stop", c.Stop),
@@ -120,10 +120,10 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("every", "ev", "runs a block again and again, the first time from here on",
               "fill every 4bar", blocks.run_every, Slot("name", "NAME", blocks.BLOCK),
               Slot("trigger", "LENGTH", blocks.EVERY), subject=True),
-        _form("when", "w", "runs a block where a condition on bar or beat holds",
+        _form("when", "w", "runs a block where a condition on bar or beat is true",
               "when bar % 4 == 3 fill", blocks.run_when,
               Slot("rule", "CONDITION NAME", blocks.RULE, many=True)),
-        _form("stop", "st", "runs a block no further by itself", "stop fill", c.StopBlock,
+        _form("stop", "st", "stops a block that runs by itself", "stop fill", c.StopBlock,
               Slot("name", "NAME", blocks.BLOCK)),
     ),
     "matter": (

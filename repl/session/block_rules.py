@@ -33,7 +33,7 @@ def read_rules(event: Event) -> Mapping[str, Rule]:
     """The rules in a journal's event. Raises JournalError."""
     rows: list[object] = event.get("rules", list, [])
     if len(rows) > MAX_RULES:
-        event.wrong("its rules are more than any session has")
+        event.wrong("it has more rules than a session can have")
     return dict(_read_row(event, row) for row in rows)
 
 

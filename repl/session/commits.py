@@ -223,8 +223,11 @@ class Commits:
                     read_again(one.line, version)
                 version = made_of
             except REFUSALS as error:
-                waits = f"'{one.line}' waits for {version.piece.tempo_map.written(one.beat)}"
-                raise NotTakenError(f"{waits} and would fail after this line: {error}") from error
+                due = version.piece.tempo_map.written(one.beat)
+                raise NotTakenError(
+                    f"after this line, the waiting line '{one.line}' (due at {due}) would fail: "
+                    f"{error}; `undo` cancels waiting lines, the last one first"
+                ) from error
             further.append(version)
         # From here on nothing can fail, so the queue may change.
         for one, (running, on) in zip(queue, made, strict=True):
@@ -363,7 +366,10 @@ class Commits:
         if now > tempo.bars.start(tempo.bars.bar_beat(running.until)[0] - left):
             if now > running.until + SAME:  # the program was stopped, or a line took very long
                 first, last = tempo.written(running.until), tempo.written(now)
-                self.said.append(f"the session stood still: nothing began from {first} to {last}")
+                self.said.append(
+                    "the program was suspended, or a line took too long: what was to begin from "
+                    f"{first} to {last} was skipped"
+                )
             damp = running.version.damp
             again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
             if again.start >= before:
@@ -372,7 +378,9 @@ class Commits:
                 self.take(again)
             except REFUSALS as error:  # a value that automation reaches later, under a real hand
                 end = self.running.version.piece.tempo_map.written(running.until)
-                self.said.append(f"nothing new begins from {end} on: {error}")
+                self.said.append(
+                    f"the score could not be continued after {end}: {error}; what plays rings out"
+                )
                 self.running = replace(running, until=math.inf)
                 return late
             late += self.tick(before)

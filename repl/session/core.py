@@ -21,12 +21,12 @@ from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.disk import Disk, folder_of
+from ergon.repl.session.fast_values import FastValues
 from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import effect_fields, text_fields
 from ergon.repl.session.midi_input import MidiInput
-from ergon.repl.session.movements import Movements
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops
@@ -109,7 +109,7 @@ class SessionCore:
         self.computing = computing.Computing()
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
-        self.movements = Movements(self)
+        self.fast_values = FastValues(self)
         self.block_runs = BlockRuns(self)
         self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
@@ -185,7 +185,10 @@ class SessionCore:
         for spot in version.dropped:
             line = self._typed_at(spot)
             typed = f"'{in_short(line)}'" if line else "what was typed"
-            found.append(f"{spot} has changed in the file too, which stands: {typed} is dropped")
+            found.append(
+                f"{spot} was changed by {typed} and in the file; the value in the file is kept, "
+                "and the line is discarded"
+            )
         return found
 
     def _typed_at(self, spot: Spot) -> str:
@@ -293,10 +296,10 @@ class SessionCore:
         ]
         self._frozen = frozen
         if thawed:
-            verb = "is" if len(thawed) == 1 else "are"
+            verb, start = ("is", "starts") if len(thawed) == 1 else ("are", "start")
             self._messages.append(
-                f"{', '.join(thawed)} {verb} computed again from this line on, from rest: the line "
-                "changes what was frozen"
+                f"from this line on {', '.join(thawed)} {verb} computed live and {start} at rest, "
+                "because the line changes what was frozen"
             )
 
     def _tell_moved(self) -> None:
@@ -354,7 +357,7 @@ class SessionCore:
                 )
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
-            self.movements.turn()
+            self.fast_values.turn()
             if not self.stops.panicked:
                 self.block_runs.turn()
             if (own := self.captures.ready(self.commits)) is not None:

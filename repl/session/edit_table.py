@@ -77,7 +77,7 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
         return frozenset(piece.families[name])
     player = piece.players.get(name)
     if player is None:  # a line that was typed later and acts earlier has renamed or removed it
-        raise NotTakenError(f"nothing is called {name} any more")
+        raise NotTakenError(f"{name} was renamed or removed by another line")
     key = player.key
     touched = frozenset(
         end.part
@@ -87,7 +87,7 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
     )
     if not touched:
         raise NotTakenError(
-            f"{name} plays the key {key}, which touches no instrument: name an instrument"
+            f"key {key} of {name} is linked to no instrument; name the instrument to change instead"
         )
     return touched
 

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon import _core
-    from ergon.live.guard import HandForceBounds
-    from ergon.scores.staging.gliding import Glide
+    from ergon.live.force_bounds import HandForceBounds
     from ergon.scores.staging.stage import Stage
+    from ergon.scores.staging.version_glides import Glide
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from ergon.repl.language.scope import SUFFIXES
 from ergon.repl.session import save_as
 from ergon.repl.session.disk import as_written, folder_of, home
 from ergon.repl.session.version import NotTakenError, piece_of
-from ergon.scores.edits import keeping, parts
+from ergon.scores.edits import excerpt, parts
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.automating import value_on
 
@@ -35,7 +35,7 @@ def keep(session: SessionCore, length: Length, name: str) -> list[str]:
         if not length.seconds:
             start = stop - tempo.after(0.0, length)
         try:
-            kept = keeping.keep(version.texts, version.piece, name, max(0.0, start), stop, value_on)
+            kept = excerpt.keep(version.texts, version.piece, name, max(0.0, start), stop, value_on)
             break
         except EditError:
             if not ends:
@@ -76,7 +76,7 @@ def beside(texts: Texts, target: Path, suffix: str) -> Path:
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
     if not is_inside:
         raise NotTakenError(
-            f"a session writes in {folder.resolve()} alone", f"record audio {path.name}"
+            f"a session writes only into {folder.resolve()}", f"record audio {path.name}"
         )
     return folder / path.name
 
@@ -94,7 +94,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
     if not is_inside:
         raise NotTakenError(
-            f"save the score in {folder.resolve()}: it names the files that it uses from there",
+            f"save the score in {folder.resolve()}: the paths in it are relative to that folder",
             f"save {path.name}",
         )
     return None if is_own else folder / path.name
@@ -138,6 +138,6 @@ def _proven(
     if there is None or there.digest() != piece_of(texts).digest():
         names = ", ".join(sorted(Path(file).name for file in changed))
         raise NotTakenError(
-            f"{score.name} would not read the changes to {names}; `save` "
-            "without a name writes them in place"
+            f"the changes to {names} would be lost in {score.name}; `save` without a name writes "
+            "them to their own files"
         )

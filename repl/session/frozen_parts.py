@@ -210,7 +210,7 @@ def frozen_of(first: Event, journal: Path, *, trust: bool) -> FrozenFolder | Non
         return None
     name = first.get("frozen", str)
     if not name or "\0" in name:
-        first.wrong("the field 'frozen' is no name of a folder")
+        first.wrong("the field 'frozen' is not the name of a folder")
     folder = journal.parent / name
     if not trust and not any(is_below(folder, own) for own in (Path(), journal.parent)):
         first.wrong(

@@ -1,4 +1,7 @@
-"""The versions of a session in the order in which they took effect, for `undo` and `history`."""
+"""Numbers of versions in order of effect; `commits.past` holds the versions.
+
+`undo`, `redo`, `back` and `history` go by these numbers.
+"""
 
 from __future__ import annotations
 

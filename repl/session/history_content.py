@@ -100,7 +100,7 @@ def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVers
             files[name] = _applied(row, files.get(name, ""), delta)
         left -= sum(map(len, files.values()))
         if left < 0:
-            event.wrong("its history is larger than any session's")
+            event.wrong("its history is longer than that of a session can be")
         named = {"score": row.get("score", str), "text": files.get("", ""), "overlay": _used(files)}
         read = texts(Event(event.file, event.number, "history", named))
         versions.append(

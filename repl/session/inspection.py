@@ -16,10 +16,10 @@ from ergon.scores.edits import entries
 from ergon.scores.edits.matter import said
 from ergon.scores.edits.positions import END
 from ergon.scores.gesture import space_path
-from ergon.scores.reading import leads
+from ergon.scores.reading import automatable
 from ergon.scores.staging.automating import value_on
-from ergon.scores.staging.leading import Led
 from ergon.scores.staging.live import leading
+from ergon.scores.staging.parameter_values import Led
 
 if TYPE_CHECKING:
     import numpy as np
@@ -105,7 +105,7 @@ def scoped(
     ticks = range(max(0, last - int(_SCOPE * rate) // every), last)
     is_real = hands is not None and any(hand.player == name for hand in running.stage.live)
     if len(ticks) < _SCOPE_MIN:
-        raise NotTakenError(f"nothing of {name} is to be seen yet")
+        raise NotTakenError(f"{name} has not moved yet, so there is nothing to draw")
     if is_real and hands is not None:
         path = _recorded(hands, name, ticks)
     else:
@@ -141,14 +141,14 @@ def defined(version: Version, name: str, sounding: Piece, now: float) -> list[st
     `sounding`, which lines that wait have not changed yet.
     """
     head, _, parameter = name.rpartition(".")
-    found = leads.found(head, sounding.keys, sounding.instruments) if head else None
+    found = automatable.found(head, sounding.keys, sounding.instruments) if head else None
     if found is None:
         return _defined(version.texts, name)
     part, module, is_ca = found
     value, is_led = _value(sounding, (part, module.name), module, parameter, now)
     shown = []
     if value is not None:
-        where = f" at {sounding.tempo_map.written(now)}, as its automation leads it"
+        where = f" at {sounding.tempo_map.written(now)}, by its automation"
         amount = said(float(f"{value:.6g}"), parameter, is_ca=is_ca)
         shown.append(f"{name}: {amount}{where if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses

@@ -174,10 +174,10 @@ def read(path: Path) -> Iterator[Event]:
     try:
         with open_regular(path) as file:
             if os.fstat(file.fileno()).st_size > MAX_BYTES:
-                raise JournalError(f"{path} is larger than any session's journal")
+                raise JournalError(f"{path} is larger than the journal of a session can be")
             yield from _events(path, file)
     except NotRegularError:
-        raise JournalError(f"{path} is not a regular file, so it is no journal") from None
+        raise JournalError(f"{path} is not a regular file, so it cannot be a journal") from None
     except OSError as error:
         raise JournalError(f"{path}: {error.strerror or error}") from None
 

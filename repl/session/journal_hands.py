@@ -67,7 +67,7 @@ def take_of(first: Event, journal: Path) -> JournalTake | None:
         return None
     name = first.get("take", str)
     if Path(name).name != name or Path(name).suffix != _SUFFIX or "\\" in name or "\0" in name:
-        first.wrong(f"the field 'take' is no name of a {_SUFFIX} file beside the journal")
+        first.wrong(f"the field 'take' is not the name of a {_SUFFIX} file beside the journal")
     listed = first.get("hands", list)
     if not 1 <= len(listed) <= _HANDS_MAX or not all(isinstance(one, dict) for one in listed):
         first.wrong("the field 'hands' has the wrong type or value")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ergon._core import has_let_go, let_go
 from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
-from ergon.live.guard import Guard
+from ergon.live.force_bounds import ForceBounds
 from ergon.live.perform import PlaybackConfig, bars, perform, tick_frames
 from ergon.live.trouble import troubles
 from ergon.repl.session.engine import (
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ergon import _core
-    from ergon.live.guard import HandForceBounds
-    from ergon.scores.staging.gliding import Glide
+    from ergon.live.force_bounds import HandForceBounds
     from ergon.scores.staging.stage import Stage
+    from ergon.scores.staging.version_glides import Glide
 
 _BARS = 120.0  # [s] of bars sent ahead: a hand that reconnects waits for the next bar
 _PATIENCE = 2.0  # [s] to play out the ring buffer
@@ -49,7 +49,7 @@ class LiveEngine:
         self._real = {player for board in config.boards for _, player in board.axes}
         numbers = [hand.index for hand in stage.live if hand.player in self._real]
         reaches = [hand.reach for hand in stage.live]
-        self.guard = Guard(self._performance.hand_limit, reaches, numbers)
+        self.force_bounds = ForceBounds(self._performance.hand_limit, reaches, numbers)
         self._boards = [board.shown for board in config.boards]
         self._on_board = [[player for _, player in board.axes] for board in config.boards]
         self._sound = 0
@@ -75,7 +75,7 @@ class LiveEngine:
 
         Raises NotTakenError where a key cannot bear the stage.
         """
-        found = self.guard.bearings(stage, start, glides, before)
+        found = self.force_bounds.bearings(stage, start, glides, before)
         for one in found:
             if not one.least.is_enough:
                 raise NotTakenError(why_too_stiff(one))

@@ -201,7 +201,7 @@ class ClockIn:
             bpm = 60.0 / length
             line = f"tempo {bpm:.8g} at {session.written(beat)}"
             self._aimed = beat
-            session.movements.set_now("MIDI clock", line)
+            session.fast_values.set_now("MIDI clock", line)
 
     def close(self) -> None:
         """End following."""

@@ -13,7 +13,7 @@ from ergon.repl.session.midi_maps import Place, moved_line, number_of, struck
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
     from ergon.repl.session.engine import EngineEvent
-    from ergon.repl.session.movements import Movements
+    from ergon.repl.session.fast_values import FastValues
     from ergon.repl.session.stops import Stops
 
 _UNDER_WAY = 1024  # strikes whose events have not come: the engine keeps 4096 events
@@ -23,7 +23,7 @@ class Played(Protocol):
     """What notes and controllers act on."""
 
     commits: Commits
-    movements: Movements
+    fast_values: FastValues
     stops: Stops
 
 
@@ -44,7 +44,7 @@ class MidiInput:
         if isinstance(found, Note):
             self._strike(found)
         elif isinstance(found, Control):
-            self._session.movements.move(f"cc {found.number}", partial(moved_line, found))
+            self._session.fast_values.move(f"cc {found.number}", partial(moved_line, found))
 
     def _strike(self, note: Note) -> None:
         """Strike what the note is mapped to in the version that plays; nothing in a panic."""

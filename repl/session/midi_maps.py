@@ -173,7 +173,7 @@ def read_maps(event: Event) -> Mapping[str, Map]:
     """The maps in a journal's event. Raises JournalError."""
     rows: list[object] = event.get("maps", list, [])
     if len(rows) > MAX_MAPS:
-        event.wrong("its maps are more than any session has")
+        event.wrong("it has more maps than a session can have")
     found = [_read_row(event, row) for row in rows]
     return {own.name: own for own in found}
 

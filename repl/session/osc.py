@@ -75,7 +75,7 @@ class SessionOsc:
         """Move a level: the latest of many values becomes a line."""
         value = f"{level:.6g}dB" if level > SILENT else "x0"
         line = " ".join(filter(None, ("gain", name, value, "now")))
-        self._session.movements.move(address, lambda version: line)
+        self._session.fast_values.move(address, lambda version: line)
 
     def _enter(self, line: str, answer: Answer | None) -> None:
         if self._waiting >= _WAITING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ergon.scores.staging.fallback import solo
+from ergon.scores.staging.recording_stages import solo
 from ergon.scores.staging.stage import StageError
 
 if TYPE_CHECKING:

@@ -165,7 +165,10 @@ class ReplayedSession:
             _, place, impulse, event = self._strikes.popleft()
             self._engine.strike(number_of(place), impulse)
             if any(one.strike is not None and one.is_late for one in self._engine.events()):
-                event.wrong("what plays there has no point for this strike")
+                event.wrong(
+                    "the piece that plays at this strike has no such mass; the journal does not "
+                    "match its score"
+                )
 
 
 def _frozen(

@@ -11,12 +11,12 @@ from ergon.repl.session.frozen_parts import HeldPart, placed, still_frozen
 from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import UNSAID, Play
-from ergon.scores.staging.gliding import Glide, LeavingLink, glides, leaving, with_leaving
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.stage import Going, Span, stage
+from ergon.scores.staging.version_glides import Glide, LeavingLink, glides, leaving, with_leaving
 
 if TYPE_CHECKING:
-    from ergon.live.guard import HandForceBounds
+    from ergon.live.force_bounds import HandForceBounds
     from ergon.notation.clock.tempo import TempoMap
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version

@@ -39,7 +39,9 @@ def _takes(command: c.Takes, version: Version, beat: float) -> Texts:
     if command.key not in piece.keys:
         like = command.like or next(iter(piece.keys), None)
         if like is None:
-            raise NotTakenError("the score has no key that a new one could be like")
+            raise NotTakenError(
+                "the score has no key to copy; write a key in the file and type `reload`"
+            )
         texts = structure.key(texts, command.key, like)
     elif command.like is not None:
         raise NotTakenError(f"{command.key} exists already: leave out 'like {command.like}'")
@@ -79,8 +81,8 @@ def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
         struck = (own.name for own in version.piece.strikes)
         first = next((name for name in struck if f"strikes {quote(name)}" in needing), None)
         raise NotTakenError(
-            f"{command.name} is not removed: {', '.join(needing)} would refer to nothing; change "
-            "or remove that first",
+            f"cannot remove {command.name}, because it is used by {', '.join(needing)}; change or "
+            "remove that first",
             None if first is None else f"remove {first}",
         )
     return texts

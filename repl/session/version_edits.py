@@ -332,7 +332,7 @@ def summary(command: c.Command, made: Running, where: str) -> str:
         own = "have their own values" if many else "has its own value"
         return f"{said}; {', '.join(made.version.released)} {own} again"
     if isinstance(command, c.Load) and made.version.enters == 0.0 and where != "1|1":
-        return f"{Path(command.file).name} begins at 1|1, for its bars are past"
+        return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, c.Guide):
         by = command.by
         return (

@@ -13,7 +13,7 @@ from ergon.scores.edits.lists import dropped, place
 from ergon.scores.edits.matter import said
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading import leads
+from ergon.scores.reading import automatable
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece
 
@@ -54,7 +54,7 @@ def glide(
     head, _, parameter = target.rpartition(".")
     check(piece, target)
     if value.startswith("x") and any(one.name == target for one in piece.automation):
-        known = leads.found(head, piece.keys, piece.instruments)
+        known = automatable.found(head, piece.keys, piece.instruments)
         assert known is not None
         part, module, _ = known
         if module.kind != "BANK":
@@ -68,12 +68,12 @@ def glide(
 def check(piece: Piece, target: str) -> None:
     """Raise EditError where a parameter cannot glide."""
     head, _, parameter = target.rpartition(".")
-    known = leads.found(head, piece.keys, piece.instruments)
+    known = automatable.found(head, piece.keys, piece.instruments)
     if known is None:
-        raise EditError(f"{target} cannot glide; leave out `over`, and it is set at once")
+        raise EditError(f"{target} cannot change gradually; leave out `over` to set it at once")
     _, module, is_ca = known
-    if why := leads.refusal(module, parameter, is_ca=is_ca):
-        raise EditError(f"{head} {why}; leave out `over`, and it is set at once")
+    if why := automatable.refusal(module, parameter, is_ca=is_ca):
+        raise EditError(f"{head} {why}; leave out `over` to set it at once")
 
 
 def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
@@ -81,7 +81,9 @@ def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
     texts, count = _ended(texts, piece, at, target)
     if not count:
         where = piece.tempo_map.written(at)
-        raise EditError(f"{target} follows no pattern and does not swing at {where}")
+        raise EditError(
+            f"no pattern and no lfo controls {target} at {where}, so there is nothing to end"
+        )
     return texts
 
 

@@ -25,7 +25,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading import leads, overlay
+from ergon.scores.reading import automatable, overlay
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import KEY
 
@@ -82,7 +82,7 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     """
     part, _, name = target.rpartition(".")
     made = piece.instruments.get(part)
-    if name == "f" and made is not None and leads.whole(made) is not None:
+    if name == "f" and made is not None and automatable.whole(made) is not None:
         return _set_pitch(texts, made, value)
     owner, name = _owner(texts, target)
     changes = _changes(owner, piece, target, name, value)
@@ -110,11 +110,14 @@ def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
     """
     owner, name = _owner(texts, target)
     if owner.said.written("modes"):
-        raise EditError(f"{quote(target)}: its modes stand in a file; set them there")
+        raise EditError(
+            f"{quote(target)}: the modes are read from a file and cannot be set here; change the "
+            "file"
+        )
     if moving := owner.own.written("f", "transpose"):
         raise EditError(
-            f"{quote(target)}: '{moving[0]}' of its instrument moves what is written there; "
-            f"remove it first"
+            f"{quote(target)}: '{moving[0]}' of the instrument transposes all its pitches; remove "
+            f"'{moving[0]}' before you set a single one"
         )
     node = owner.said.nodes.get(name)
     items = node.items if isinstance(node, document.Sequence) else [node]
@@ -139,7 +142,10 @@ def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
     names, _ = texts.names()
     entry = names.tables["instruments"].get(made.name)
     if entry is None or not isinstance(entry.values, Values):
-        raise EditError(f"{made.name} is one note of an instrument: glide it, or set its modules")
+        raise EditError(
+            f"{made.name} is one note of an instrument, whose pitch cannot be set at once; write "
+            "`over` and a length, or set its modules"
+        )
     own, file = entry.values, entry.values.node.document.file
     path = ("instruments", own.context.name)
     assert made.pitch is not None
@@ -291,8 +297,8 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
     amount = now.get(name)
     if owner.said.written("modes"):
         raise EditError(
-            f"{quote(target)}: its modes stand in a file; `transpose` moves them, or `set` over a "
-            "length lets them glide"
+            f"{quote(target)}: the modes are read from a file and cannot be set at once; use "
+            "`transpose`, or `set` with `over` and a length"
         )
     if isinstance(amount, tuple):
         ends = [_text(one * factor, name, owner) for one in amount]

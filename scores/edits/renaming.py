@@ -37,7 +37,9 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
     """
     section, _ = written_in(texts, old)
     if section not in _RENAMED or "." in old:
-        raise EditError(f"{old} is no gesture, phrase, take, player, block, key or instrument")
+        raise EditError(
+            f"{old} is not the name of a gesture, phrase, take, player, block, key or instrument"
+        )
     names: dict[str, Container[str]] = {"players": piece.players, "blocks": piece.blocks}
     names["phrases"] = piece.phrases
     parts = {*piece.keys, *piece.instruments, *piece.families}
@@ -64,8 +66,8 @@ def _check(piece: Piece, changed: Texts, old: str, new: str) -> None:
     back = None if made is None else SoundingNames({new: old}).piece(made)
     if back is None or replace(back, takes={}).digest() != replace(piece, takes={}).digest():
         raise EditError(
-            f"{old} is named where `rename` does not find it: change the name in the file, and "
-            "`load` it"
+            f"`rename` cannot find every use of {old}, so nothing was changed; rename it in the "
+            "file, then type `load`"
         )
 
 

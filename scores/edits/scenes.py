@@ -13,7 +13,7 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import automation, entries, matter, parts, rounds, times
+from ergon.scores.edits import automation, entries, matter, parts, scene_patterns, times
 from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, Line
 from ergon.scores.edits.lists import items, place
@@ -24,7 +24,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
-from ergon.scores.reading import leads
+from ergon.scores.reading import automatable
 from ergon.scores.reading.piece import Key, Piece, Strikes
 from ergon.scores.reading.uses import Names
 
@@ -129,7 +129,7 @@ def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
     """The entries that play an entry again every so many beats: the first beat of each."""
     entry = line.entry.with_fields(times=None, until=None)
     if isinstance(line.starts, Steps):
-        yield from rounds.entries(entry, line.starts, line.count_before(beats), beats)
+        yield from scene_patterns.entries(entry, line.starts, line.count_before(beats), beats)
         return
     entry = entry.with_fields(every=f"{beats:.12g}")
     begins = [line.begin] if line.starts is None else [*line.starts]
@@ -216,7 +216,10 @@ def _automated(texts: Texts, piece: Piece, scene: Scene, at: float, until: str |
     for node, one in zip(nodes, scene.piece.automation, strict=True):
         begin, over = tempo.resolve(one.at), automation.ending(scene.piece, one)
         head = one.name.rpartition(".")[0]
-        if begin >= scene.beats - SAME or leads.found(head, piece.keys, piece.instruments) is None:
+        if (
+            begin >= scene.beats - SAME
+            or automatable.found(head, piece.keys, piece.instruments) is None
+        ):
             continue
         said = edit.tree(node)
         assert isinstance(said, dict)
@@ -270,7 +273,7 @@ def _struck(
         places = strikes.steps(scene.piece)
         count = n_before(places, scene.beats - SAME)
         notes = {name: _note(name, amount) for name, amount in strikes.notes.items()}
-        found = [*rounds.strikes(body, places, count, scene.beats, notes)]
+        found = [*scene_patterns.strikes(body, places, count, scene.beats, notes)]
     else:
         limit = None if strikes.until is None and strikes.span is None else stop
         every, most = strikes.every, strikes.times

@@ -41,7 +41,7 @@ def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
     if name not in piece.players:
         return texts.put(("players", name), edit.flow({"key": key}))
     if piece.players[name].hand != "virtual":
-        raise EditError(f"{name} is a real hand, which has the key of its device")
+        raise EditError(f"{name} is a real hand, whose key is that of its device")
     return texts.put(("players", name, "key"), key)
 
 
@@ -141,7 +141,9 @@ def written_in(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
             return section, (section, name)
         if module and _has(texts, (section, part, "modules", module)):
             return section, (section, part, "modules", module)
-    raise EditError(f"{name} stands in a file that the score uses: change that file, and `reload`")
+    raise EditError(
+        f"{name} is written in a file that the score uses; change that file, then `reload`"
+    )
 
 
 def _has(texts: Texts, path: Sequence[str]) -> bool:

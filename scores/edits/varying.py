@@ -98,7 +98,10 @@ def _with(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
             raise EditError(f"seed={value}: a seed is a whole number")
         return names.seed(texts, int(value))
     if any(one.name == target for one in piece.automation):
-        raise EditError(f"{target} is led by `automation`: what is set would not be heard")
+        raise EditError(
+            f"{target} is changed by `automation`, so a value set here would not be "
+            "heard; remove the automation"
+        )
     try:
         return matter.set_value(texts, piece, target, value)
     except TextError as error:
@@ -108,7 +111,7 @@ def _with(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
 def _range(target: str, said: str) -> Iterator[str]:
     match = _RANGE.fullmatch(said)
     if match is None:
-        raise EditError(f"{quote(f'{target}={said}')} is no range, {_EXAMPLE}")
+        raise EditError(f"{quote(f'{target}={said}')} is not a range, {_EXAMPLE}")
     unit, other = match["unit"].strip(), match["unit2"].strip()
     if unit != other:
         raise EditError(

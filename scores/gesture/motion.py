@@ -107,7 +107,7 @@ def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int,
         name = channel if channel in points else point or channel
         close = name if name in points else nearest(name, points)
         raise TakeError(
-            f"'{channel[:60]}' is no point with an axis ({', '.join(AXES)}); the points are "
+            f"'{channel[:60]}' is not a point with an axis ({', '.join(AXES)}); the points are "
             f"{listed}",
             path,
             suggestion=f"{close}.x" if close else None,
@@ -127,11 +127,11 @@ def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int,
 def scale(of_file: float | None, unit: float | None, path: Path) -> float:
     """What 1.0 in a file means [m], by the file or by who reads it. Raises TakeError."""
     if of_file is not None and unit is not None:
-        raise TakeError("the file tells its own unit; remove `unit`", path, field="unit")
+        raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
     metres = unit if of_file is None else of_file
     if metres is None:
         raise TakeError(
-            "the file does not tell the unit of its lengths; write what 1.0 means, "
+            "the file does not state the unit of its lengths; write what 1.0 means, "
             "such as unit: 1cm",
             path,
             field="unit",
@@ -150,11 +150,11 @@ def track(
     index, axis = chosen(motion.points, channel, path)
     metres = scale(motion.metres, unit, path)
     if motion.rate is not None and rate is not None:
-        raise TakeError("the file tells its own rate; remove `rate`", path, field="rate")
+        raise TakeError("the file states its own rate; remove `rate`", path, field="rate")
     hertz = motion.rate if rate is None else rate
     if hertz is None:
         raise TakeError(
-            "the file does not tell its rate; write it, such as rate: 100Hz", path, field="rate"
+            "the file does not state its rate; write it, such as rate: 100Hz", path, field="rate"
         )
     places = np.concatenate([np.empty((0, 3)), *(b[:, index].copy() for b in motion.blocks())])
     seen = np.flatnonzero(np.isfinite(places).all(axis=1))
@@ -199,8 +199,9 @@ def _direction(places: Floats, point: str, path: Path) -> Floats:
     share = float(values[-1] / values.sum())
     if share < _STRAIGHT:
         raise TakeError(
-            f"'{point[:60]}' goes along no straight line: the nearest holds {100 * share:.0f}% of "
-            f"its variance, and auto needs {100 * _STRAIGHT:.0f}%; choose x, y or z",
+            f"'{point[:60]}' does not move along a straight line: the nearest one holds "
+            f"{100 * share:.0f}% of its variance, and auto needs {100 * _STRAIGHT:.0f}%; choose x, "
+            "y or z",
             path,
             field="channel",
         )

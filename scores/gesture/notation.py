@@ -207,7 +207,7 @@ def _no_pending(pending: tuple[str, int] | None) -> None:
 def _close(stack: list[_Group], token: re.Match[str], count: str | None) -> None:
     offset = token.start(2)
     if len(stack) == 1:
-        raise TextError("')' closes no group", offset=offset)
+        raise TextError("')' has no '(' before it", offset=offset)
     if count is None:
         raise TextError("this group has no number of repetitions; write ( … )*4", offset=offset)
     if not re.fullmatch(r"[0-9]{1,9}", count) or int(count) == 0:

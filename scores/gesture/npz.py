@@ -71,7 +71,8 @@ class Npz:
             raise TakeError("the members of the archive have more bytes than the file", path)
         for name, member in zip(self.names, self._members, strict=True):
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                raise TakeError(f"'{name[:40]}' is compressed by an unsupported method", path)
+                how = "must be stored or compressed by deflate, as numpy.savez_compressed does"
+                raise TakeError(f"'{name[:40]}' {how}", path)
             if member.file_size > _RATIO_MAX * member.compress_size:
                 raise TakeError(f"'{name[:40]}' has an impossible size", path)
 

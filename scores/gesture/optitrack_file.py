@@ -119,7 +119,7 @@ def _text(path: Path) -> io.TextIOWrapper:
 
 def _count(said: str, path: Path) -> int:
     if not said.isdecimal() or len(said) > 9:
-        raise TakeError("the number of frames of this file of Motive is no number", path)
+        raise TakeError("the number of frames in this file of Motive is not a number", path)
     return int(said)
 
 
@@ -133,5 +133,5 @@ def _rate(header: Mapping[str, str], path: Path) -> float | None:
     except ValueError:
         rate = 0.0
     if not 0 < rate <= 1e6:
-        raise TakeError("the frame rate of this file of Motive is no rate", path)
+        raise TakeError("the frame rate in this file of Motive is not a number above 0", path)
     return rate

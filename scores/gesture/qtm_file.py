@@ -108,7 +108,7 @@ def _text(path: Path) -> io.TextIOWrapper:
 
 def _count(values: list[str], path: Path) -> int:
     if not values or not values[0].strip().isdecimal() or len(values[0]) > 9:
-        raise TakeError("NO_OF_FRAMES of this file of QTM is no number", path)
+        raise TakeError("NO_OF_FRAMES in this file of QTM is not a number", path)
     return int(values[0])
 
 
@@ -121,7 +121,7 @@ def _rate(values: list[str], path: Path) -> float | None:
     except (ValueError, IndexError):
         rate = 0.0
     if not 0 < rate <= 1e6:
-        raise TakeError("FREQUENCY of this file of QTM is no rate", path)
+        raise TakeError("FREQUENCY in this file of QTM is not a number above 0", path)
     return rate
 
 

@@ -204,7 +204,7 @@ def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
 
 def _check_unit(unit: float | None, path: Path) -> None:
     if unit is not None:
-        raise TakeError("the file tells its own unit; remove `unit`", path, field="unit")
+        raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
 
 
 def _checked(t: Floats, x: Floats, path: Path) -> Samples:

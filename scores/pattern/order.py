@@ -119,7 +119,7 @@ def parse(text: str, called: Called | None = None) -> Group:
                 top.items.extend((leaf, None, offset) for leaf in leaves)
             continue
         if len(stack) == 1:
-            raise TextError("')' closes no group", offset=token.start(2))
+            raise TextError("')' has no '(' before it", offset=token.start(2))
         _not_empty(stack.pop())
         stack[-1].items.append((top, times, top.offset))
     if len(stack) > 1:
@@ -141,7 +141,7 @@ def _leaves(word: str, offset: int, called: Called) -> list[Leaf]:
     if word == REST:
         return [Leaf(None)]
     if word in WAYS:
-        message = f"'{word}' stands at the beginning of a pattern or a group: ({word} knock lean)"
+        message = f"'{word}' must be at the beginning of a pattern or a group: ({word} knock lean)"
         raise TextError(message, offset=offset, length=len(word))
     found = called(word, offset)
     return [Leaf(found)] if isinstance(found, str) else [Leaf(name) for name in found]

@@ -54,7 +54,8 @@ def parse_swing(text: str) -> float:
     share = q.quantity(text, q.CHANCE)
     if not _LOW <= share <= _HIGH:
         message = (
-            f"'{text.strip()}' is no swing: the first of two steps takes from {_LOW:g} to {_HIGH:g}"
+            f"'{text.strip()}' is not a swing: the first of two steps takes "
+            f"from {_LOW:g} to {_HIGH:g}"
             " of both, 0.5 is even, 2/3 is a triplet"
         )
         raise TextError(message, length=max(1, len(text)), code="E202")

@@ -21,8 +21,8 @@ from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Course, Pattern
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount, parse_values
+from ergon.scores.reading.automatable import reader
 from ergon.scores.reading.curves import CurvePoint, amount_of, is_curve, parse_curve
-from ergon.scores.reading.leads import reader
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 
 Shape = Literal["sine", "triangle", "ramp", "square"]
@@ -218,7 +218,7 @@ def one_amount(text: str, module: Module, parameter: str) -> Amount:
     word = text.strip()
     amount = amount_of(word, reader(module, parameter))
     if not amount.value > 0.0:
-        message = f"{quote(word)}: a glide ends above 0, for nothing glides from 0"
+        message = f"{quote(word)}: a glide must end above 0, because no factor leads away from 0"
         raise TextError(message, length=max(1, len(word)), code="E202")
     return amount
 

@@ -24,8 +24,6 @@ from ergon.scores.gesture import midi_file, notation, space_path, take_file
 from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import calibration, mixing
-from ergon.scores.reading.manner import manner
-from ergon.scores.reading.passing import passing
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
     Accuracy,
@@ -43,7 +41,9 @@ from ergon.scores.reading.piece import (
     TakeFile,
     TempoEntry,
 )
+from ergon.scores.reading.playing_options import playing_options
 from ergon.scores.reading.sections import LAYOUT
+from ergon.scores.reading.sweep_fields import passing
 from ergon.space import directions
 
 START = Position()
@@ -123,7 +123,7 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
     except TextError as error:
         values.context.text_error(error, text, name, inside=True)
         return None
-    own = values["do"] or (), manner(values.given), values.place, text
+    own = values["do"] or (), playing_options(values.given), values.place, text
     made = [Gesture(values.context.name, one.points, one.bar_checks, *own) for one in read]
     return {"": made[0]} if len(made) == 1 else dict(zip(AXES, made, strict=False))
 
@@ -187,7 +187,9 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         v.error("E111", f"{v.context.of('clamp')}: `gain` is {unit}, so `clamp` is one", "clamp")
     elif clamp < 0.0:
         v.error(
-            "E202", f"{v.context.of('clamp')}: acts either way; write it without a sign", "clamp"
+            "E202",
+            f"{v.context.of('clamp')}: this limit acts in both directions; write it without a sign",
+            "clamp",
         )
     path = None
     if v["file"] is not None:

@@ -14,12 +14,12 @@ from ergon.instruments.names import PartNames
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
-from ergon.scores.reading import automation, build, leads, melodies
+from ergon.scores.reading import automatable, automation, build, melodies
 from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
 from ergon.scores.reading.matter import Matter
 from ergon.scores.reading.melody import Voices
-from ergon.scores.reading.movements import Movements
 from ergon.scores.reading.piece import (
     Coupling,
     Piece,
@@ -44,8 +44,8 @@ class Checker:
         self.score = names.score
         self.collector = uses.collector
         self.part_names = PartNames(self.collector)
-        self.movements = Movements(names, uses)
-        self.matter = Matter(names, uses, self.part_names, self.movements)
+        self.gestures_and_takes = GesturesAndTakes(names, uses)
+        self.matter = Matter(names, uses, self.part_names, self.gestures_and_takes)
 
     def piece(self) -> Piece:
         """The whole piece; its values are good only when nothing was reported."""
@@ -54,7 +54,7 @@ class Checker:
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
         times = Times(score, self.collector, self.uses.files.memory)
-        self.movements.own(score.place)
+        self.gestures_and_takes.own(score.place)
         self.matter.read()
         strikes = [s for v in self._own("strikes") if (s := self._strikes(v)) is not None]
         players = {v.context.name: self._player(v) for v in self._own("players")}
@@ -79,8 +79,8 @@ class Checker:
             marks=times.marks,
             keys=self.matter.keys,
             instruments=self.matter.instruments,
-            gestures=self.movements.gestures,
-            takes=self.movements.takes,
+            gestures=self.gestures_and_takes.gestures,
+            takes=self.gestures_and_takes.takes,
             strikes=tuple(strikes),
             players=players,
             duet=tuple(duet),
@@ -143,7 +143,7 @@ class Checker:
         head = f"{prefix}." if prefix else ""
         self.part_names.reached |= {head + name for name in (*piece.keys, *piece.instruments)}
         for name in (*piece.gestures, *piece.takes):
-            self.movements.play(head + name)
+            self.gestures_and_takes.play(head + name)
 
     def _own(self, section: str) -> list[Values]:
         return [v for v in (self.score[section] or {}).values() if isinstance(v, Values)]
@@ -159,7 +159,7 @@ class Checker:
             values.error("E301", message, "key", word=player.key, names=tuple(keys))
         self.part_names.reached.add(player.key)
         if isinstance(player.standin, Name):
-            self.movements.reach(player.standin, values.context.of("standin"))
+            self.gestures_and_takes.reach(player.standin, values.context.of("standin"))
         return player
 
     def _plays(self, known: dict[int, tuple[Play, tuple[str, ...]]]) -> list[Play]:
@@ -184,7 +184,7 @@ class Checker:
                     continue
                 for word in one[1]:
                     who = f"part of {quote(name)}"
-                    if isinstance(word, Name) and self.movements.reach(word, who):
+                    if isinstance(word, Name) and self.gestures_and_takes.reach(word, who):
                         found.add(str(word))
             plays += part
         return plays
@@ -273,7 +273,7 @@ class Checker:
             message = (
                 f"{who}: members of {quote(target.text)} have no pitch each, as those of a BANK "
             )
-            message += "have; let the front go outward or rightward"
+            message += "have; choose a sweep that needs no pitch: outward or rightward"
             self.collector.error("E304", message, target.place)
 
     def _reach_led(self) -> None:
@@ -289,13 +289,13 @@ class Checker:
             return None
         name = values["set"] or values["lfo"]
         head, _, parameter = str(name).rpartition(".")
-        known = leads.found(head, self.matter.keys, self.matter.instruments)
-        if known is None and head and parameter in leads.ALL:
+        known = automatable.found(head, self.matter.keys, self.matter.instruments)
+        if known is None and head and parameter in automatable.ALL:
             # What the head reaches, or what is wrong with it.
             target = self.part_names.target(Name(head, name.place), "mat", "automation")
             if target is None:
                 return None
-            known = leads.found(
+            known = automatable.found(
                 f"{target.part}.{target.module}".rstrip("."),
                 self.matter.keys,
                 self.matter.instruments,
@@ -305,12 +305,12 @@ class Checker:
                 self.collector.error("E304", message, name.place)
                 return None
         if known is None:
-            words = ", ".join(leads.ALL)
+            words = ", ".join(automatable.ALL)
             message = f"automation: {quote(name)} is not a parameter that changes ({words})"
             self.collector.error("E301", message, name.place, help=_of_level(name))
             return None
         part, module, is_ca = known
-        if why := leads.refusal(module, parameter, is_ca=is_ca):
+        if why := automatable.refusal(module, parameter, is_ca=is_ca):
             message = f"automation: {quote(head)} {why}"
             self.collector.error("E304", message, name.place, help=_of_level(name))
             return None
@@ -352,4 +352,4 @@ def _of_level(name: str) -> str | None:
     """Where a level is moved that automation was asked to move."""
     if "gain" not in str(name).replace(".", " ").split():
         return None
-    return "a level moves by the `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"
+    return "to change a level over time, use `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"

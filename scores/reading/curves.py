@@ -74,6 +74,6 @@ def parse_curve(text: str, read: Callable[[str], float]) -> tuple[CurvePoint, ..
     found = []
     for point in points:
         if point.curve == "throw":
-            raise TextError("a parameter is not thrown; write smooth or line", length=len(text))
+            raise TextError("`throw` is for gestures only; write smooth or line", length=len(text))
         found.append(CurvePoint(point.at, amounts[round(point.x)], cast("Way", point.curve)))
     return tuple(found)

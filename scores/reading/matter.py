@@ -22,7 +22,7 @@ from ergon.notation.text.document import Document
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.reading import build, overlay
-from ergon.scores.reading.movements import Movements
+from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.piece import Key
 from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.uses import Entry, Names, Uses, called
@@ -34,14 +34,14 @@ class Matter:
     """The keys and instruments of a score, and those of other files that it reaches."""
 
     def __init__(
-        self, names: Names, uses: Uses, part_names: PartNames, movements: Movements
+        self, names: Names, uses: Uses, part_names: PartNames, gestures_and_takes: GesturesAndTakes
     ) -> None:
         """Take what was read."""
         assert names.score is not None
         self._names = names
         self._uses = uses
         self._part_names = part_names
-        self._movements = movements
+        self._gestures_and_takes = gestures_and_takes
         self._collector = uses.collector
         self._score = names.score
         self._rates = Rates(names.score)
@@ -173,7 +173,7 @@ class Matter:
             total += sum(member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in modules)
             for module in modules:
                 if isinstance(source := module.fields.get("from"), Name) and source in takes:
-                    self._movements.take(source, takes[source])
+                    self._gestures_and_takes.take(source, takes[source])
             if isinstance(made, Key):
                 self._struck(made)
                 every = self._rates.of_key(values)

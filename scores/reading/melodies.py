@@ -52,10 +52,10 @@ def is_whole(values: Values) -> bool:
     own = _OWN.get(kind, tuple(name for name in v.record.by_name if name not in _ONLY))
     for name in v.nodes:
         if name not in own:
-            which = f"strikes with `{kind or _ONLY[name]}` have"
-            which = which if kind else f"only {which}"
-            message = f"{v.context.of(name)}: {which} {'no such' if kind else 'this'} field"
-            v.error("E111", f"{message}; remove it", name)
+            why = f"cannot be used together with `{kind}`; remove it"
+            if not kind:
+                why = f"needs `{_ONLY[name]}` beside it; write that, or remove this"
+            v.error("E111", f"{v.context.of(name)} {why}", name)
             return False
     return all(name in v.given for name in (*needed, *v.written("to", "play", "impulse", "do")))
 

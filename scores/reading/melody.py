@@ -341,7 +341,7 @@ class Voices:
             raise TextError(f"{quote(word)} has no note that could be transposed")
         high = note + semitones
         if not notes.LOWEST <= high <= notes.HIGHEST:
-            raise TextError(f"{quote(word)} leaves the notes from C-1 to B9")
+            raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
         words = word.split(".")
         words[self._place(words)] = notes.name(high)
         return Name(".".join(words), word.place)

@@ -23,9 +23,9 @@ from ergon.notation.text.values import Place
 from ergon.scores.pattern import words
 from ergon.scores.pattern.order import Group, name_of, parse, plain
 from ergon.scores.pattern.turns import parse as parse_turns
-from ergon.scores.reading.manner import DO, OF_ENTRY, manner
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 from ergon.scores.reading.piece import Play
+from ergon.scores.reading.playing_options import DO, OF_ENTRY, playing_options
 
 MAX_ROWS = 1_000_000
 MAX_PATTERN = 10_000  # characters
@@ -58,7 +58,7 @@ def _made(
         times=given.get("times"),
         until=given.get("until"),
         do=given.get("do", ()),
-        manner=manner(given),
+        manner=playing_options(given),
         place=played.place,
         at_place=at,
         until_place=until,
@@ -113,7 +113,7 @@ _OPTIONS = (
     *OF_PATTERN,
     Field("nth", _TURNS, "transformations of every nth round"),
     *OF_ENTRY,
-    Field("rate", k.RATE, "not used: the rate of the key holds"),
+    Field("rate", k.RATE, "not used; the rate of the key is"),
 )
 PLAY = Record(
     "part entry",

@@ -26,7 +26,7 @@ from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.mixing import Fade, Radiation, Room
-from ergon.scores.reading.passing import Passing
+from ergon.scores.reading.sweep_fields import Passing
 
 # Fields that came later: the hash of a score omits an empty one, so that it stays what it was.
 OMIT_EMPTY = {"hash_omits_empty": True}
@@ -78,7 +78,7 @@ class Key:
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class PlayingOptions:
     """How a gesture is played; None leaves it to the gesture, and there to the defaults.
 
     `grain` [s] (None: dense), `join` [s], `force_limit` [N].
@@ -91,27 +91,27 @@ class Manner:
     force_limit: float | None = None
     layer: bool | None = None
 
-    def over(self, other: Manner) -> Manner:
-        """This manner, completed by another."""
+    def over(self, other: PlayingOptions) -> PlayingOptions:
+        """These options, completed by another."""
         if self == UNSAID:
             return other
         pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
-        return Manner(*(mine if mine is not None else theirs for mine, theirs in pairs))
+        return PlayingOptions(*(mine if mine is not None else theirs for mine, theirs in pairs))
 
 
-UNSAID = Manner()
-DEFAULT_MANNER = Manner("open", "event", None, 0.02, None, False)
+UNSAID = PlayingOptions()
+DEFAULT_MANNER = PlayingOptions("open", "event", None, 0.02, None, False)
 
 
 @dataclass(frozen=True, slots=True)
 class Gesture:
-    """A narrative gesture: points, the manner, and what is done to it."""
+    """A narrative gesture: points, how it is played, and what is done to it."""
 
     name: str
     points: tuple[Point, ...]
     bar_checks: tuple[BarCheck, ...]
     do: tuple[Transform, ...]
-    manner: Manner
+    manner: PlayingOptions
     place: Place
     written: Scalar | None = field(default=None, compare=False, repr=False)
 
@@ -283,7 +283,7 @@ class Play:
     times: int | None
     until: Position | None
     do: tuple[Transform, ...]
-    manner: Manner
+    manner: PlayingOptions
     place: Place
     at_place: Place
     until_place: Place | None
@@ -503,6 +503,10 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
 }
 
 
+# Names in a digest stay, for recordings and frozen parts carry digests of earlier versions.
+_HASHED_AS: Mapping[type, str] = {PlayingOptions: "Manner"}
+
+
 def _earlier(value: Any) -> Any:
     """The fields of a module without later ones that have their defaults."""
     if not isinstance(value, Mapping):
@@ -520,7 +524,7 @@ def _chunks(value: Any) -> Iterator[bytes]:
         if isinstance(value, (Place, Scalar)):
             return
         skipped = _NOT_VALUES.get(type(value), ())
-        yield b"{" + type(value).__name__.encode()
+        yield b"{" + _HASHED_AS.get(type(value), type(value).__name__).encode()
         for f in fields(value):
             is_omitted = f.metadata.get("hash_omits_empty") and not getattr(value, f.name)
             if f.name not in skipped and not is_omitted:

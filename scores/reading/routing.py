@@ -68,12 +68,12 @@ def _treated(
     wrong = next((out for out in heard if out.kind != "SOA"), None)
     if route.radiation is not None and wrong is not None:
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
-        help = "listen by SOA: the pressure of a small source goes by its acceleration"
+        help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
     if route.to == "nearest" and any(not out.is_movement and out.nearest is None for out in heard):
         given = "SOF" if any(out.kind == "SOF" for out in heard) else "a distance"
         message = (
-            f"route: `nearest` takes masses, which lie somewhere, and {route.part} gives {given}"
+            f"route: `nearest` needs masses, which have positions, and {route.part} gives {given}"
         )
         help = "name channels, `to: [1, 2]`, or listen to masses by SOX, SOV or SOA"
         part_names.collector.error("E304", message, route.place, help=help)

@@ -33,12 +33,12 @@ from ergon.scores.gesture.points import CURVES
 from ergon.scores.reading import mixing
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.include import INCLUDE
-from ergon.scores.reading.manner import DO, OF_GESTURE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.part import PART
-from ergon.scores.reading.passing import FIELDS as PASSING_FIELDS
 from ergon.scores.reading.patterns import OF_PATTERN
 from ergon.scores.reading.piece import METHODS
+from ergon.scores.reading.playing_options import DO, OF_GESTURE
+from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
 
 RATE = 44100.0  # frames a second of a score that says nothing
 MAX_CHANNELS = 1024
@@ -271,7 +271,7 @@ COUPLING = Record(
     kind_required=True,
 )
 _LINK = (
-    "Ableton Link is no part of ergon, because all bindings to it contain code under the GPL "
+    "Ableton Link is not part of ergon, because all bindings to it contain code under the GPL "
     "(docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
 TEMPO = Record(

@@ -87,7 +87,7 @@ class Times:
             if all(part in self._lets for part in rest):
                 return " - ".join((mark, *rest)), None
             if "-".join(rest) in self._known:
-                return None, f"a mark is no length: write how far before it, such as {mark}-1bar"
+                return None, f"a mark is not a length; write how far before it, such as {mark}-1bar"
         return None, None
 
     def _beats(self, at: Position | None, place: Callable[[], Place]) -> float | None:

@@ -149,7 +149,7 @@ class Uses:
             message = f"what {file} says in {_and(unplayed)} is left out"
             help = f"`use` brings in names of {_and(SECTIONS)}; `include` brings in what is played"
             if is_played:
-                help = f"{_and(YIELDING)} of the score that includes it hold"
+                help = f"{_and(YIELDING)} of the score that includes it are used"
             self.collector.error("W330", message, place, help=help)
 
     def _add(

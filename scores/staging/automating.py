@@ -1,4 +1,7 @@
-"""From `automation:` to points in time through which the engine moves parameters."""
+"""From `automation:` to points in time through which the engine moves parameters.
+
+Which may move is decided by `scores/reading/automatable.py`.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +17,10 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.shifted import NEVER, Shifted, Standing
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.search import first_from, n_before
+from ergon.scores.reading.automatable import moved
 from ergon.scores.reading.automation import Automation, Shape, Swing
-from ergon.scores.reading.leads import moved
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.leading import Led, Points, Where
+from ergon.scores.staging.parameter_values import Led, Points, Where
 
 # A value that a pattern sets is reached in this time [s]: a jump would click.
 GLIDE = 0.02

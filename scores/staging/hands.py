@@ -25,10 +25,10 @@ from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
     UNSAID,
     Gesture,
-    Manner,
     Piece,
     Play,
     Player,
+    PlayingOptions,
 )
 from ergon.scores.staging.takes import Takes
 
@@ -260,7 +260,9 @@ class Hands:
     def standin(self, player: Player) -> None:
         """A live hand's stand-in, from the beginning of the piece."""
         name, place = str(player.standin), player.place
-        play = Play(player.name, name, Position(), None, 1, None, (), Manner(), place, place, None)
+        play = Play(
+            player.name, name, Position(), None, 1, None, (), PlayingOptions(), place, place, None
+        )
         self.play(play, (0.0,))
 
     def _ends(self, play: Play, take: _core.Take) -> list[float]:
@@ -418,7 +420,7 @@ class Hands:
             )
         )
 
-    def _options(self, play: Play, manner: Manner) -> _Options:
+    def _options(self, play: Play, manner: PlayingOptions) -> _Options:
         limit = manner.force_limit
         options = {
             "touch": manner.touch,

@@ -215,13 +215,15 @@ def _cut_short(plan: _core.Plan, error: float | None) -> list[str]:
             found.setdefault((row.error_db, row.error_s), []).extend(row.parts)
     said = []
     for (db, over), parts in found.items():
-        known = "its error is not measured"
+        known = "the error of the chosen method is unknown"
         if db is not None and over is not None:
-            known = f"its error is {db:.0f} dB over the first {over:.2g} s"
-        if error is not None and (db is None or db > error):
-            known += f", and the {error:g} dB asked for are not reached"
+            known = f"the error of the chosen method is {db:.0f} dB over the first {over:.2g} s"
+        if error is not None and db is None:
+            known += f" and may be above the {error:g} dB that you asked for"
+        elif error is not None and db is not None and db > error:
+            known += f", above the {error:g} dB that you asked for"
         names = " + ".join(dict.fromkeys(parts))
-        said.append(f"{names}: planning ended, for its work is bounded; {known}")
+        said.append(f"{names}: planning reached its work limit; {known}")
     return said
 
 
@@ -249,16 +251,16 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
         + (
             f", above the {error:g} dB asked for"
             if spectral is None
-            else "; after that the waveform depends on the method, and the spectrum agrees to "
-            f"{spectral:.1f} dB"
+            else "; after that the motion is chaotic: waveforms differ between methods, while the "
+            f"spectra agree within {spectral:.1f} dB"
         )
         for (db, over, spectral), parts in islands.items()
     ]
     if unknown:
         names = " + ".join(dict.fromkeys(unknown))
         said.append(
-            f"{names}: its error is not measured, for no trial of another method came to its end; "
-            f"whether the {error:g} dB asked for are reached is not known"
+            f"{names}: the error is unknown, because no trial of another method was finished; it "
+            f"may be above the {error:g} dB that you asked for"
         )
     return said
 

@@ -2,6 +2,7 @@
 
 Nothing passes between two islands of a network, so what hangs together by links is frozen together
 or not at all. A fixed or imposed point ends an island; a live hand's key does not: it is felt.
+`rendering/frozen.py` writes the parts.
 """
 
 from __future__ import annotations
@@ -47,8 +48,10 @@ class Tie:
         """A sentence that names the links."""
         way = ", ".join(map(str, self.links))
         if self.player is not None:
-            reached = f"reaches it by {way}" if way else f"is on {self.key}, to which it listens"
-            return f"{self.part} cannot be frozen: {self.player}'s hand {reached}"
+            if not way:
+                why = f"its output listens to {self.key}, the key of {self.player}"
+                return f"{self.part} cannot be frozen: {why}"
+            return f"{self.part} cannot be frozen: {self.player} can feel it through {way}"
         way = f"{way} connects them" if len(self.links) == 1 else f"{way} connect them"
         way = way if self.links else "both listen to one module"
         return f"{self.part} cannot be frozen without {self.other}: {way}"

@@ -19,16 +19,16 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging.automating import automated, led_on
 from ergon.scores.staging.built_network import OVER, BuiltNetwork, acting, build_network
-from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
-from ergon.scores.staging.leading import Led, Points, Where
 from ergon.scores.staging.listening import Listening, check_rooms
 from ergon.scores.staging.live import LiveHand, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
+from ergon.scores.staging.parameter_values import Led, Points, Where
 from ergon.scores.staging.planning import Pins, Store, make
 from ergon.scores.staging.striking import ANY, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
+from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
@@ -308,8 +308,8 @@ def stage(
     native.speed_up(ready.network, ready.n_frames)
     if going.spans is not None:
         ready.timeline.open()
-    _glide(piece, ready, going)
-    _let_strike(piece, ready, going)
+    _add_glides(piece, ready, going)
+    _add_strike_points(piece, ready, going)
     plan, is_kept, planned_for = None, False, None
     try:
         if planned:
@@ -327,7 +327,7 @@ def stage(
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
-            _stay(piece, plan, ready.collector)
+            _report_unused_rates(piece, plan, ready.collector)
         elif fine_contacts:
             plan = _core.Plan.with_fine_contacts(ready.network, ready.timeline)
         simulation = _core.Simulation(
@@ -377,7 +377,7 @@ def _automate(
     return automated(piece, window.since, window.until, collector)
 
 
-def _glide(piece: Piece, ready: Ready, going: Going) -> None:
+def _add_glides(piece: Piece, ready: Ready, going: Going) -> None:
     try:
         for glide in going.glides:
             if glide.written in ready.paths:
@@ -387,7 +387,7 @@ def _glide(piece: Piece, ready: Ready, going: Going) -> None:
         raise _refused(piece, ready.collector, error) from error
 
 
-def _let_strike(piece: Piece, ready: Ready, going: Going) -> None:
+def _add_strike_points(piece: Piece, ready: Ready, going: Going) -> None:
     """Name the MATs that may be struck while it plays."""
     assembly = ready.built.assembly
     try:
@@ -400,11 +400,11 @@ def _let_strike(piece: Piece, ready: Ready, going: Going) -> None:
         raise _refused(piece, ready.collector, error) from error
 
 
-def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
+def _report_unused_rates(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
     """Report parts that have a rate of their own and go at the audio rate all the same (N403)."""
     for name, why in dict.fromkeys(plan.stay()):
         part = piece.keys.get(name) or piece.instruments[name]
-        message = f"rate of {quote(name)} is not used: {why}"
+        message = f"{quote(name)} is computed at the audio rate, not at a rate of its own: {why}"
         collector.error("N403", message, part.place)
 
 
@@ -451,7 +451,7 @@ def _play(
         for strikes in played.strikes:
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
             mats = [mat for target in targets for mat in assembly.members(target)]
-            source = hands.sources.add(partial(_itself, strikes.place))
+            source = hands.sources.add(partial(_same_place, strikes.place))
             striking = Striking(played, timeline, strikes, mats, source, within, assembly)
             ends.append(striking.play(hands.collector))
     for link, (at, until) in zip(couplings, acting(piece), strict=True):
@@ -548,7 +548,7 @@ def _place(piece: Piece, name: str | None) -> Place:
     return piece.place
 
 
-def _itself(place: Place) -> Place:
+def _same_place(place: Place) -> Place:
     return place
 
 

@@ -16,9 +16,9 @@ from ergon.notation.text.values import Time
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_from
 from ergon.scores.pattern.steps import Steps
-from ergon.scores.reading.passing import Passing
 from ergon.scores.reading.piece import Piece, Strikes
-from ergon.scores.staging.passes import visits
+from ergon.scores.reading.sweep_fields import Passing
+from ergon.scores.staging.sweep_members import visits
 
 ANY = (-math.inf, math.inf)
 

@@ -174,9 +174,11 @@ def _singular(key: Key, gesture: StagedGesture) -> str | None:
         if abs(math.sin(omega * dt)) < _SINGULAR and omega * dt > math.pi / 2:
             half = math.pi / omega
             return (
-                f"{quote(gesture.name)}: a throw of {dt:.3f} s on key {quote(key.name)} lasts "
-                f"nearly a multiple of half its period ({half:.3f} s), and needs a very strong "
-                "strike; write a shorter or longer throw"
+                f"{quote(gesture.name)}: a throw (one strike, then free "
+                f"motion) of {dt:.3f} s on key "
+                f"{quote(key.name)} lasts nearly a multiple of half the period of the key "
+                f"({half:.3f} s), so the strike would be very strong; write a shorter or longer "
+                "throw"
             )
     return None
 

@@ -66,7 +66,9 @@ def unused(piece: Piece) -> list[Diagnostic]:
         name = quote(called.get(instrument.name, instrument.name))
         group = groups.of(instrument.name)
         if listened and group not in listened:
-            message = f"nobody hears {name}: no output of it, or of what it is linked to, is routed"
+            message = (
+                f"{name} cannot be heard: no output of it, or of what it is linked to, is routed"
+            )
             help = "add a route to the mix, or an output (`out: {SOX: …}`)"
             found.append(Diagnostic("W321", message, instrument.place, None, help))
         elif is_played and group in listened and group not in moved:

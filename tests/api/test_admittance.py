@@ -103,13 +103,13 @@ def test_points_of_two_parts_have_the_links_between_them():
         ("wirr.s.3", (), {}, "forced: nothing is called 'wirr.s.3'; did you mean 'wire'?"),
         ("wire.s.3", "wire.s.99", {}, "heard: wire.s has members 0 to 23"),
         ("wire.s", (), {}, "forced: wire.s has 24 masses; write one of them: wire.s.0"),
-        ("pad.floor", (), {}, "forced: pad.floor is held: no force moves it"),
-        ("k1", "pad.floor", {}, "heard: pad.floor is held: no force moves it"),
-        ("k1", "pad.m", {"peaks": True}, "peaks: needs points of one part"),
+        ("pad.floor", (), {}, "forced: pad.floor is fixed, so no force moves it"),
+        ("k1", "pad.floor", {}, "heard: pad.floor is fixed, so no force moves it"),
+        ("k1", "pad.m", {"peaks": True}, "peaks: peaks are those of one part"),
         ("k1", (), {"low": 50, "high": "20Hz"}, "high: is 20 Hz; it must be above low, 50 Hz"),
         ("k1", (), {"low": "h3"}, "low: 'h3' is neither a frequency"),
         ("k1", (), {"count": 1}, "count: is 1; it must be at least 2"),
-        ("k1", (), {"frequencies": [1.0, 0.0]}, "frequencies: must be a row of numbers above 0"),
+        ("k1", (), {"frequencies": [1.0, 0.0]}, "frequencies: write a row of numbers above 0"),
     ],
 )
 def test_what_cannot_be_asked_for(forced: str, heard: str, options: dict, message: str):

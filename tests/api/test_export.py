@@ -78,9 +78,9 @@ def test_the_hammer_of_a_part_and_what_is_left_out(capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--to", "modal", "--bits", "16"], "--bits means nothing with --to modal"),
-        (["--upto", "1kHz"], "--upto means nothing with --to daw"),
-        (["wire"], "PART means nothing with --to daw"),
+        (["--to", "modal", "--bits", "16"], "--bits cannot be used with --to modal"),
+        (["--upto", "1kHz"], "--upto cannot be used with --to daw"),
+        (["wire"], "PART cannot be used with --to daw"),
         (["--to", "modal", "wir"], "did you mean 'wire'?"),
         (["--to", "modal", "--upto", "1kg"], "--upto"),
         (["--to", "modal", "wall"], "nothing in this score moves"),

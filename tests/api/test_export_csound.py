@@ -80,8 +80,8 @@ def test_the_orchestra_says_what_its_numbers_are(capsys: pytest.CaptureFixture[s
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("out: {SOV: b.crown}", "", "nothing of bell is heard"),
-        ("count: 40", "count: 201", "sky is struck at 201 points, and at most 200"),
+        ("out: {SOV: b.crown}", "", "bell has no output of motion"),
+        ("count: 40", "count: 201", "sky is struck at 201 points; a bank can have at most 200"),
     ],
 )
 def test_what_is_refused(old: str, new: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:

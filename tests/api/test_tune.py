@@ -144,10 +144,14 @@ def test_a_body_of_modes_that_a_spring_holds():
 @pytest.mark.parametrize(
     ("bowl", "trouble"),
     [
-        ("MODES: {M: 20g, modes: bowl.csv}", "'low.f': its modes stand in a file; set them there"),
+        (
+            "MODES: {M: 20g, modes: bowl.csv}",
+            "'low.f': the modes are read from a file and cannot be set here",
+        ),
         (
             "MODES: {M: 20g, f: [220Hz, 450Hz], t60: 2s}, transpose: -12st",
-            "'low.f': 'transpose' of its instrument moves what is written there; remove it first",
+            "'low.f': 'transpose' of the instrument transposes all its pitches; "
+            "remove 'transpose' before",
         ),
     ],
 )
@@ -231,7 +235,7 @@ def test_values_in_a_file_that_is_used_are_told_and_stay():
     ("part", "targets", "options", "message"),
     [
         ("barr", "1:2", {}, "parts: no instrument or key is called 'barr'; did you mean 'bar'?"),
-        ("bar", "1:x", {}, "targets: 'x' is no ratio above 0"),
+        ("bar", "1:x", {}, "targets: 'x' is not a ratio above 0"),
         ("bar", "1:_", {}, "targets: '1:_' names no ratio"),
         ("bar", [], {}, "targets: are missing"),
         ("bar", ["A3", "A2"], {}, "targets: must rise from mode to mode"),
@@ -245,9 +249,9 @@ def test_values_in_a_file_that_is_used_are_told_and_stay():
             {"by": ["mases"]},
             "by: bar has no value 'mases' above 0; did you mean 'masses'?",
         ),
-        ("wire", "1:2", {"by": ["M"]}, "by: no mode feels wire.s.M"),
+        ("wire", "1:2", {"by": ["M"]}, "by: no mode depends on wire.s.M"),
         ("wall", "1:2", {}, "part: wall has no value above 0 that moves its modes"),
-        ("bowl", "1:2", {"by": ["M"]}, "by: no mode feels bowl.M"),
+        ("bowl", "1:2", {"by": ["M"]}, "by: no mode depends on bowl.M"),
         ("bowl", "1:2", {"by": ["f.3"]}, "by: bowl has no value 'f.3' above 0; did you mean"),
         ("bowl", "1:2", {"by": ["springs"]}, "by: bowl has no value 'springs' above 0; there are"),
     ],

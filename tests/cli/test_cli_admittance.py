@@ -31,10 +31,10 @@ def test_peaks_in_the_terminal(capsys: Capture):
     assert app.run(["admittance", "wires.yaml", "pad.m"]) == 0
     out, err = capsys.readouterr()
     assert "no peak from 20 to 5000 Hz, 1,000 frequencies" in out
-    assert "pad: the law of 1 link was taken at its slope at rest" in err
+    assert "pad: the law of 1 link was linearised at rest" in err
     assert "pad: 1 contact counted as open" in err
     assert app.run(["admittance", "wires.yaml", "k1", "wire.s.3"]) == 0
-    assert "nothing leads there, it does not move" in capsys.readouterr().out
+    assert "no force from there reaches this point, so it does not move" in capsys.readouterr().out
 
 
 def test_all_numbers_as_files_and_records(capsys: Capture):

@@ -108,7 +108,7 @@ def test_what_the_planner_takes_for_an_error_is_one_point_more(
         (["chart", "bell.yaml", "--metric", "beauty"], 2, "waveform"),
         (["chart", "bell.yaml", "--seconds", "0.05", "--upto", "2"], 2, "nothing sounds"),
         (["chart", "bell.yaml", "--error", "60"], 2, "--error"),
-        (["chart", "bell.yaml", "--error", "3dB"], 2, "not below the sound itself"),
+        (["chart", "bell.yaml", "--error", "3dB"], 2, "is not below 0 dB"),
         (["chart", "none.yaml"], 1, "none.yaml"),
         (["chart", "wrong.yaml"], 1, "E1"),
         (["chart", "bell.yaml", "-o", "mine"], 2, "was not made by ergon"),

@@ -65,12 +65,14 @@ def test_two_ears_are_the_written_convolution(tmp_path: Path):
     from scipy.signal import fftconvolve
 
     from ergon.api.layouts import read_layout
-    from ergon.space import head, ways
+    from ergon.space import fold_filters, head
 
     frames = noise(tmp_path / "in.wav", 70_000)
     done = ergon(tmp_path, "fold", "in.wav", "--to", "binaural", "--from", "dome24", "-o", "o.wav")
     assert done.returncode == 0, done.stderr
-    filters = ways.to_ears(ways.Field(read_layout("dome24").speakers), head.kemar(), 48_000.0)
+    filters = fold_filters.to_ears(
+        fold_filters.Field(read_layout("dome24").speakers), head.kemar(), 48_000.0
+    )
     wanted = sum(fftconvolve(frames[:, i, None], filters[i].T, axes=0) for i in range(24))
     np.testing.assert_allclose(samples(tmp_path / "o.wav"), wanted, atol=2e-6)
 
@@ -124,7 +126,7 @@ def test_clipped_samples_are_told_and_the_gain_that_helps(tmp_path: Path):
         (("in.wav", "--to", "dome2", "--from", "dome24"), "did you mean dome24?"),
         (("in.wav", "--to", "ambix8", "--from", "dome24"), "1 to 7"),
         (("in.wav", "--to", "stereo", "--from", "ambix3"), "has 24 channels, but ambix3 has 16"),
-        (("in.wav", "--to", "stereo.yaml", "--from", "dome24"), "no file of a layout"),
+        (("in.wav", "--to", "stereo.yaml", "--from", "dome24"), "is not a layout file"),
         (("in.wav", "--to", "stereo", "--from", "dome24", "--gain", "6"), "--gain"),
         (("in.wav", "--to", "stereo", "--from", "dome24", "--head", "x.sofa"), "--head"),
         (("in.wav", "--to", "binaural", "--from", "dome24", "--head", "x.sofa"), "x.sofa"),

@@ -276,7 +276,7 @@ def test_a_replay_is_seen_in_a_browser():
         (["emul:", "--score", "duet.yaml", "--key", "k1"], "nothing moves the key k1"),
         (["emul:", "--score", "duet.yaml", "--key", "k3"], "no player of the score has the key"),
         (["emul:", "--key", "k1"], "write --score too"),
-        (["knocks.take", "--score", "duet.yaml"], "a take holds its own gesture"),
+        (["knocks.take", "--score", "duet.yaml"], "a take has its own gesture"),
     ],
 )
 def test_a_score_that_leads_nothing_is_refused(capsys: Capture, words: list[str], told: str):
@@ -305,7 +305,7 @@ def test_a_device_that_ends_leaves_its_take(capsys: Capture):
             (["nobody"], 2, "No such command 'nobody'"),
             (["frame+udp:127.0.0.1:1", "-n"], 3, "127.0.0.1:1"),
             (["emul:#7", "-n"], 2, "axis 7 does not exist"),
-            (["replay", "rain.take", "knocks.take"], 2, "this is no text"),
+            (["replay", "rain.take", "knocks.take"], 2, "this file is not text"),
             (["compare", "none.yaml", "none.yaml"], 2, "none.yaml"),
         ],
         2,

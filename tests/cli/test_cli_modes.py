@@ -37,7 +37,7 @@ def test_a_table_with_notes_and_levels(capsys: Capture):
 def test_what_was_linearised_is_told(capsys: Capture):
     assert app.run(["modes", "wires.yaml", "pad", "wall"]) == 0
     out, err = capsys.readouterr()
-    assert "pad: the law of 1 link was taken at its slope at rest" in err
+    assert "pad: the law of 1 link was linearised at rest" in err
     assert "pad: 1 contact counted as open" in err
     assert "wall: no modes: nothing in it moves" in out
     assert app.run(["modes", "wires.yaml", "wire", "--to", "100Hz"]) == 0

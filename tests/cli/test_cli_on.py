@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.api.shares import Piece, shares
+from ergon.api.work_shares import Piece, shares
 from ergon.cli import app
 
 GONGS = """\

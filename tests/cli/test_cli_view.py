@@ -121,8 +121,8 @@ def test_what_is_no_motion_is_refused_with_a_sentence(capsys: pytest.CaptureFixt
     Piece().write(Path("a.motion"))
     Path("s.yaml").write_text("strikes: 3\n")
     for arguments, words in {
-        ("a.motion", "--see", "all"): "--see goes with a score",
-        ("s.yaml", "--sound", "x.wav"): "--sound goes with a .motion file",
+        ("a.motion", "--see", "all"): "--see needs a score",
+        ("s.yaml", "--sound", "x.wav"): "--sound needs a .motion file",
         ("a.motion", "--sound", "x.wav"): "x.wav: ",
         ("a.motion", "--sound", "none.wav"): "none.wav: No such file",
     }.items():

@@ -362,7 +362,8 @@ def test_a_part_with_nothing_linear_goes_at_every_frame():
     network.listen("bell", positions=[(bell, 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
     timeline.gesture(timeline.key("key", struck), [0.0, 0.1], [0.0, 3e-3], ["smooth"] * 2)
-    assert _core.Plan(network, timeline).stay() == [("key", "nothing in it is linear")]
+    why = "no mass in it is held by linear springs alone"
+    assert _core.Plan(network, timeline).stay() == [("key", why)]
 
 
 # --- contracts ------------------------------------------------------------------------------------

@@ -101,7 +101,7 @@ def test_blocks_change_no_byte():
 
 
 def test_what_no_room_does_is_refused():
-    with pytest.raises(EngineError, match="cannot be had at these frequencies"):
+    with pytest.raises(EngineError, match="are impossible at these frequencies"):
         Mixer(RATE, 1, 1).room("hall", [0], size=12.0, t60=((200.0, 9.0), (400.0, 0.2)))
     with pytest.raises(EngineError, match="there is no channel 1"):
         Mixer(RATE, 1, 1).room("hall", [1], size=12.0, t60=((200.0, 2.0), (4e3, 1.0)))

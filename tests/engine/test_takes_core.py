@@ -58,7 +58,7 @@ def test_a_part_keeps_the_path_of_the_take(path: Path) -> None:
     spline = make_interp_spline(t, x, k=5, bc_type=NATURAL)
     compare(take, spline, np.linspace(0.7123, 3.0, 3001)[1:-1], offset=0.7123)
     for first, last in ((-0.1, 1.0), (1.0, 1.0), (1.0, 2.3), (float("nan"), 1.0)):
-        with pytest.raises(EngineError, match="is no part of a take that lasts"):
+        with pytest.raises(EngineError, match="does not lie inside a take that lasts"):
             take.part(first, last)
 
 

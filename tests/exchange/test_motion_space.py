@@ -170,7 +170,7 @@ def test_a_file_from_before_broken_links_shows_them_whole(torn: Replica) -> None
 @pytest.mark.parametrize(
     ("kind", "payload", "sentence"),
     [
-        (BROKEN, struct.pack("<fI", 0.0, 99), "none of its table"),
+        (BROKEN, struct.pack("<fI", 0.0, 99), "not in its table"),
         (LINKS, struct.pack("<I", 7), "table of links is damaged"),
         (LINKS, b"", "table of links is damaged"),
         (LINKS, struct.pack("<III", 1, 0, 99), "names no such points"),

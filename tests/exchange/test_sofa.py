@@ -59,13 +59,13 @@ def huge(file: h5py.File) -> None:
         (renamed, "GeneralTF convention"),
         (cartesian, "cartesian"),
         (huge, "values"),
-        (replaced("Data.IR", None), "no SOFA file"),
+        (replaced("Data.IR", None), "not a SOFA file"),
         (replaced("Data.IR", np.ones((12, 1, 64))), "2 ears"),
         (replaced("Data.IR", np.zeros((12, 2, 64))), "not all 0"),
         (replaced("Data.IR", np.full((12, 2, 64), np.nan)), "finite"),
         (replaced("SourcePosition", np.ones((3, 3))), "3 directions"),
         (replaced("Data.SamplingRate", [0.0]), "rate of 0"),
-        (replaced("Data.SamplingRate", np.array([], float)), "no SOFA file"),
+        (replaced("Data.SamplingRate", np.array([], float)), "not a SOFA file"),
     ],
 )
 def test_what_is_no_head_is_told(tmp_path: Path, change: Callable, words: str):
@@ -76,11 +76,11 @@ def test_what_is_no_head_is_told(tmp_path: Path, change: Callable, words: str):
 def test_other_files_are_refused(tmp_path: Path):
     path = tmp_path / "a.sofa"
     path.write_bytes(b"not HDF5 at all")
-    with pytest.raises(sofa.SofaError, match="no SOFA file"):
+    with pytest.raises(sofa.SofaError, match="not a SOFA file"):
         sofa.read(path)
     whole = made(tmp_path / "b.sofa").read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(sofa.SofaError, match="no SOFA file"):
+    with pytest.raises(sofa.SofaError, match="not a SOFA file"):
         sofa.read(path)
     with pytest.raises(OSError, match="directory"):
         sofa.read(tmp_path)

@@ -94,7 +94,7 @@ CELL = "  d:\n    modules: {m: {CEL: {M: 1g, f: A3}}}\n"
     [
         ("SOX: {between: [bob, bob]}", "E304", "both points are bob"),
         ("SOX: {between: [bob, c.m]}", "E304", "'bob' has 3 axes and 'c.m' 2"),
-        ("SOX: {between: [bob, d.m]}", "E304", "'d.m' is no point in space"),
+        ("SOX: {between: [bob, d.m]}", "E304", "'d.m' moves along one axis, not in space"),
         ("SOX: {between: [bob.x, nail]}", "E304", "write the point: bob"),
         ("SOX: {between: [bob]}", "E106", "between"),
         ("SOX: {}", "E103", "between"),

@@ -94,19 +94,19 @@ def _with(value: Any, *path: str | int) -> str:
     [
         ("{", "not the JSON of a glTF file"),
         ("[" * 100_000, "not the JSON of a glTF file"),
-        ("[]", "it is not whole"),
-        (_without("asset"), "it is not whole"),
-        (_without("meshes"), "it is not whole"),
-        (_without("accessors", 1), "it is not whole"),
+        ("[]", "it is incomplete"),
+        (_without("asset"), "it is incomplete"),
+        (_without("meshes"), "it is incomplete"),
+        (_without("accessors", 1), "it is incomplete"),
         (_with("1.0", "asset", "version"), "not version 1.0"),
         (_with(["KHR_draco_mesh_compression"], "extensionsRequired"), "KHR_draco_mesh_compression"),
         (_with("mesh.bin", "buffers", 0, "uri"), "write it as one file: glTF Embedded"),
         (_with("data:x;base64,!", "buffers", 0, "uri"), "its data is not base64"),
         (_with([0], "nodes", 1, "children"), "contains itself"),
-        (_with(-1, "nodes", 1, "mesh"), "it is not whole"),
+        (_with(-1, "nodes", 1, "mesh"), "it is incomplete"),
         (_with(10**9, "accessors", 0, "count"), "more than"),
-        (_with(7, "accessors", 0, "count"), "it is not whole"),
-        (_with([float("nan"), 0, 0], "nodes", 1, "translation"), "it is not whole"),
+        (_with(7, "accessors", 0, "count"), "it is incomplete"),
+        (_with([float("nan"), 0, 0], "nodes", 1, "translation"), "it is incomplete"),
         (_with([1e9, 0, 0], "nodes", 1, "translation"), "at most 1,000,000"),
         (_with([], "nodes", 0, "children"), "the scene has no edges"),
         (_with({}, "accessors", 0, "sparse"), "sparse"),
@@ -141,7 +141,7 @@ def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "code", "said"),
-    [("rock.glb", "E206", "glTF Embedded (.gltf)"), ("rock.gltf", "E106", "it is not whole")],
+    [("rock.glb", "E206", "glTF Embedded (.gltf)"), ("rock.gltf", "E106", "it is incomplete")],
 )
 def test_a_score_tells_what_is_wrong_with_its_file(tmp_path, file: str, code: str, said: str):
     (tmp_path / file).write_text("{}")

@@ -256,12 +256,12 @@ def test_a_file_becomes_points_and_springs(tmp_path):
         ("v 1 2 nan\n", "E106", 1, "a vertex has three numbers"),
         ("v 0 0 1e9\n", "E105", 1, "a coordinate is at most 1,000,000"),
         ("v 0 0 0\nv 1 0 0\nf 1 2\n", "E106", 3, "a face has three corners"),
-        ("v 0 0 0\nv 1 0 0\nl 1 3\n", "E106", 3, "'3' is no vertex that stands before"),
-        ("v 0 0 0\nv 1 0 0\nl 1 0\n", "E106", 3, "'0' is no vertex"),
-        ("v 0 0 0\nl 1 1\n", "E106", 2, "vertex 1 stands twice in a row"),
+        ("v 0 0 0\nv 1 0 0\nl 1 3\n", "E106", 3, "'3' is not a vertex of a line above"),
+        ("v 0 0 0\nv 1 0 0\nl 1 0\n", "E106", 3, "'0' is not a vertex"),
+        ("v 0 0 0\nl 1 1\n", "E106", 2, "vertex 1 is written twice in a row"),
         ("v 0 0 0\ncurv 1 2\n", "E106", 2, "'curv' is not read"),
         ("v 0 0 0\n", "E106", 8, "the file has no edges"),
-        ("v 0 0 0\nl 1 " + "9" * 5000 + "\n", "E106", 2, "is no vertex"),
+        ("v 0 0 0\nl 1 " + "9" * 5000 + "\n", "E106", 2, "is not a vertex"),
     ],
 )
 def test_mistakes_in_a_file_have_their_line(tmp_path, obj, code, line, said):

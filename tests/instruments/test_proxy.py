@@ -175,7 +175,7 @@ p: {{PROXY: {{of: [a, b], shares: [0.6, 0.4]}}}}
 l: {{RES: {{between: [h, p], K: {stiffness}N/m}}}}"""
     made = ready(score(modules, "a: {SOX: h}"))
     if refused:
-        with pytest.raises(_core.EngineError, match=r"4\.200000 must stay below 4"):
+        with pytest.raises(_core.EngineError, match=r"is 4\.200000 and must be below 4"):
             _core.Simulation(made.network, made.timeline)
     else:
         simulation = _core.Simulation(made.network, made.timeline)
@@ -214,10 +214,13 @@ WRONG = {
     ),
     "no rows": (
         "d: {PLATE: {shape: disc, radius: 3, M: 9g, f: 90Hz}}\np: {PROXY: {of: d, at: 1.5}}",
-        "is a disc, whose masses lie in no rows",
+        "is a disc, whose masses are not in rows",
     ),
-    "imposed": ("p: {PROXY: {of: s, at: 1}}\nx: {ENX: {to: p, from: 1mm}}", "impose"),
-    "no span": ("p: {PROXY: {of: s, follows: wall, span: 0m}}", "move it nowhere"),
+    "imposed": (
+        "p: {PROXY: {of: s, at: 1}}\nx: {ENX: {to: p, from: 1mm}}",
+        "drive one of its masses",
+    ),
+    "no span": ("p: {PROXY: {of: s, follows: wall, span: 0m}}", "would not move it"),
     "only": ("p: {PROXY: {of: s, at: 1, span: 2m}}", "only a PROXY with follows"),
 }
 

@@ -278,7 +278,7 @@ CELL = "  c:\n    modules:\n      m: {CEL: {M: 1g, f: A3}}\n"
         (
             f"{SPACE}      s: {{RES: {{between: [bob, c.m], K: 1}}}}\n{CELL}",
             "E304",
-            "'c.m' is no point in space",
+            "'c.m' moves along one axis, not in space",
         ),
         (
             f"{SPACE}{CELL}      s: {{RES: {{between: [m, b.bob], K: 1}}}}\n",

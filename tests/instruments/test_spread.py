@@ -10,10 +10,10 @@ from edited import opened, piece_of, value
 from ergon.api.simulate import never_closed, simulate
 from ergon.scores.edits import matter
 from ergon.scores.staging.built_network import build_network
-from ergon.scores.staging.gliding import glides, leaving, with_leaving
 from ergon.scores.staging.implausible import implausible
 from ergon.scores.staging.reach import ties
 from ergon.scores.staging.stage import stage
+from ergon.scores.staging.version_glides import glides, leaving, with_leaving
 
 SCORE = """\
 ergon: 1
@@ -301,5 +301,5 @@ def test_what_a_hand_reaches_through_a_range_is_not_frozen():
     mix: {route: [{from: bars.%s, to: 1}]}
     """
     reached = [ties(check(text % name).piece, ["bars"], ["ada"]) for name in ("high", "low")]
-    assert "reaches it by bars.c" in str(reached[0][0])
+    assert "can feel it through bars.c" in str(reached[0][0])
     assert reached[1] == []

@@ -201,5 +201,5 @@ def test_mistakes_have_a_sentence(fields: str, code: str, said: str):
 
 
 def test_too_strong_a_pull_is_refused_with_its_module():
-    with pytest.raises(StageError, match=r"b\.c: its pull is more than K times the gap"):
+    with pytest.raises(StageError, match=r"b\.c: its attraction is stronger than K times the gap"):
         stage(check(HEAD % "cohesion: 11mN, reach: 1mm").piece)

@@ -53,7 +53,7 @@ def test_a_chart(metric: str, folder: own_workers.Client):
         }
         assert (here["cost"] == "") == (there["cost"] == "")
     assert any(row["cost"] for row in two)
-    assert "by workers (local:2), costs in proportion" in Path("two.csv").read_text()
+    assert "by workers (local:2), costs scaled by a reference" in Path("two.csv").read_text()
 
 
 def test_costs_are_in_seconds_of_home(monkeypatch: pytest.MonkeyPatch):

@@ -18,7 +18,7 @@ from ergon.lab.runs import Setting
 POINTS = [
     Point(Setting("ca", 1), "refused", "it would diverge: bell.m", None),
     Point(Setting("ca", 2), "ok", "", 0.01, waveform_db=-20.0, cents=3.0, on_front=True),
-    Point(Setting("ca", 4), "diverged", "bell.m went beyond all bounds", None),
+    Point(Setting("ca", 4), "diverged", "the motion of bell.m diverged", None),
     Point(Setting("ca", 8), "ok", "", 0.04, waveform_db=-40.0, cents=0.2),
     Point(Setting("bm4", 1, "f32"), "ok", "", 0.02, waveform_db=-90.0, cents=0.0, on_front=True),
     Point(Setting(None), "ok", "bell modal ×1", 0.005, waveform_db=-80.0, cents=0.0),

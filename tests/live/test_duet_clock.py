@@ -63,7 +63,7 @@ def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_pat
             for _ in range(3):
                 playing.until("load")
             remi.process.kill()
-            assert "what stands in for it plays on" in playing.until(f"{remi.url} is gone")
+            assert "its stand-in plays on" in playing.until(f"{remi.url} is disconnected")
             with emulator(*key):
                 playing.until(f"{remi.url} is back: its hand takes over at the next bar")
                 playing.until("remi plays")
@@ -200,7 +200,7 @@ def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number:
         (["--live", "remi=emul:#99"], 3, "no such axis"),
         (["--live", "remi=falcon:usb"], 3, "not a kind of device"),
         (["--live", "remi=emul:", "--record", "there.take"], 2, "overwrites no file"),
-        (["--record", "new.take"], 2, "records live hands, and this score has none"),
+        (["--record", "new.take"], 2, "this score has no live hands to record"),
         (["--guide", "remi"], 2, "remi has no device; --live remi=DEVICE gives one"),
         (["--live", "remi=emul:", "--guide", "remi=200kg"], 2, "--guide remi=200kg"),
         (["--standin", "remi=nothing"], 2, "no take or gesture is called 'nothing'"),

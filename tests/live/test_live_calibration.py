@@ -87,7 +87,7 @@ def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
 )
 def test_what_it_would_break_it_leaves_alone(config: Path, text: str):
     written(config, text)
-    with pytest.raises(BoardError, match=r"not ours to change|is no table"):
+    with pytest.raises(BoardError, match=r"that ergon cannot edit|is not a table"):
         remember("emul:", 0, AXIS)
     assert config.read_bytes().decode() == text
 
@@ -287,4 +287,4 @@ def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:
     shown = [one.shown for one in boards.boards(asked, {"tgr0": url})]
     assert shown == ["tgr0", "emul:"]
     said = event_sentence((0, "gone", 0.0), ["remi"], shown)
-    assert said == "tgr0 is gone: what stands in for it plays on"
+    assert said == "tgr0 is disconnected; its stand-in plays on"

@@ -89,8 +89,12 @@ def test_a_session_is_heard_through_it() -> None:
         (["--to", "binaural"], ("layout: six.yaml", "channels: 6"), "where its loudspeakers are"),
         (["--to", "quadro"], ("", ""), "quadro"),
         (["--to", "ambix9"], ("", ""), "the order of Ambisonics is 1 to 7"),
-        (["--head", "a.sofa"], ("", ""), "only `--to binaural` has a head"),
-        (["--to", "stereo", "--head", "a.sofa"], ("", ""), "only `--to binaural` has a head"),
+        (["--head", "a.sofa"], ("", ""), "a head is used by `--to binaural` only"),
+        (
+            ["--to", "stereo", "--head", "a.sofa"],
+            ("", ""),
+            "a head is used by `--to binaural` only",
+        ),
     ],
 )
 def test_what_cannot_be_heard_is_refused(

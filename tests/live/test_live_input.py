@@ -95,7 +95,7 @@ def samples(path: str) -> NDArray[np.float32]:
 def test_without_a_card_its_file_is_heard_and_a_line_says_so():
     heard = playing(lambda: None, audio="null:fast", record_input="in.wav")
     assert not heard.live
-    assert "no input (null has none): the files of the score's inputs are heard" in heard.sentence
+    assert "no input (null has no inputs): each input of the score plays" in heard.sentence
     assert heard.recorded is None
     assert not Path("in.wav").exists()
     sounds_as("rehearsal.wav")
@@ -106,8 +106,8 @@ def test_without_a_card_its_file_is_heard_and_a_line_says_so():
     [
         ("jack", "null", "JACK"),
         ("pulse", "null", "PulseAudio"),
-        ("jack", "null:fast", "as fast as they come"),
-        ("file:x.wav", "null", "heard by jack or pulse"),
+        ("jack", "null:fast", "the output null:fast does not play in real time"),
+        ("file:x.wav", "null", "use jack or pulse"),
         ("alsa", "null", "no such"),
     ],
 )
@@ -142,7 +142,7 @@ def test_what_inputs_hear_is_a_wav_file_of_a_score_with_inputs():
         rendered("nowhere.wav")
     text = SCORE.replace("from: mic", "from: 1N")
     Path("s.yaml").write_text(text.replace("takes:", "marks: {}  #"))
-    with pytest.raises(OptionError, match="this one has none"):
+    with pytest.raises(OptionError, match="this score has no inputs"):
         rendered("rehearsal.wav")
 
 

@@ -63,10 +63,10 @@ def harm(log: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
     ("fault", "why"),
     few(
         [
-            ({"motor": -1.0}, "its motor pushes the wrong way"),
-            ({"frozen": True}, "its position stays the same"),
+            ({"motor": -1.0}, "its motor pushes in the wrong direction"),
+            ({"frozen": True}, "its position does not change"),
         ],
-        [({"motor": -1.0}, "its motor pushes the wrong way")],
+        [({"motor": -1.0}, "its motor pushes in the wrong direction")],
     ),
 )
 def test_a_fault_while_it_plays_ends_its_force(
@@ -118,7 +118,7 @@ def test_unchecked_it_is_found_at_its_first_movement(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
         code, told = duet(tmp_path, board, "--unchecked", "--guide", "remi=800N/m")
         assert code == 0, told
-        assert "its motor pushes the wrong way" in told
+        assert "its motor pushes in the wrong direction" in told
         log = board.log()
     assert np.abs(log["x"]).max() < 5e-3
     assert not log["force"][-1000:].any(), "it stays off"

@@ -97,7 +97,7 @@ def test_a_duet_in_lockstep_is_the_same_to_the_bit(own_folder: Path) -> None:
 def test_what_cannot_be_is_refused_before_anything_sounds(own_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     for options, words in {
-        ("--see", "all"): "--see: says what pages show; add view",
+        ("--see", "all"): "--see: this needs a page; add the option view",
         ("--view-at", "127.0.0.1"): "write HOST:PORT",
         ("--view-at", "elsewhere.invalid:80"): "write HOST:PORT",
     }.items():

@@ -40,7 +40,7 @@ def told(status: Status, recording: str | None = None, *, is_endless: bool = Tru
 
 def test_each_trouble_is_told_in_a_few_words():
     assert told(FINE) == []
-    assert told(replace(FINE, underruns=2, xruns=1, lost=1)) == ["gaps 3", "held up 1"]
+    assert told(replace(FINE, underruns=2, xruns=1, lost=1)) == ["gaps 3", "clock resets 1"]
     assert told(replace(FINE, input_gaps=2)) == ["input gaps 2"]
     assert told(replace(FINE, alive=False)) == ["NO SOUND OUTPUT"]
     assert told(replace(FINE, done=True)) == ["ENGINE ENDED"]
@@ -48,10 +48,10 @@ def test_each_trouble_is_told_in_a_few_words():
     assert told(FINE, "No space left") == ["HANDS NOT RECORDED (No space left)"]
     hand = Hand(hot=True, tripped=True, let_go=2, stalls=1)
     assert told(replace(FINE, hands=[hand])) == [
-        "remi HOT",
+        "remi MOTOR HOT",
         "remi tripped",
-        "remi let go 2",
-        "remi stalls 1",
+        "remi forces dropped by device 2",
+        "remi host stalls 1",
     ]
 
 

@@ -44,7 +44,7 @@ def test_a_mistake_is_told_by_the_line_of_the_program(capsys: pytest.CaptureFixt
     Path("o.dsp").write_text(PROGRAM.replace("@o osc", "@o ask"))
     assert app.run(["import", "o.dsp"]) == 2
     line = PROGRAM.splitlines().index("@o osc 1. K 0.0003 0. 0.") + 1
-    assert f"o.dsp:{line}: 'ask' is no word" in capsys.readouterr().err
+    assert f"o.dsp:{line}: 'ask' is not a word" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

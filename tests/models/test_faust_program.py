@@ -140,7 +140,7 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
             17,
             "mesh.k: BRISTLE is not written yet",
         ),
-        ("\n    out: {SOX: m}", "", 13, "nothing of mesh is heard"),
+        ("\n    out: {SOX: m}", "", 13, "mesh has no output"),
         ("at: 44100Hz", "at: 22050Hz", 13, "mesh: its numbers are for 22,050 Hz"),
         ("gap: 1mm, ", "gap: 1mm, contact: exact, ", 26, "a contact that is exact"),
     ],

@@ -135,7 +135,7 @@ def test_the_command(capsys: pytest.CaptureFixture[str]):
     Path("m.mdl").write_text("@m sprong 1\n")
     assert app.run(["import", "m.mdl", "-f"]) == 2
     said = capsys.readouterr().err
-    assert "m.mdl:1: 'sprong' is no word" in said
+    assert "m.mdl:1: 'sprong' is not a word" in said
     assert "Traceback" not in said
     assert Path("m.yaml").read_text() == before
     for words in (["--set", "k"], ["--input", "in1=none.wav"], ["--set", "a=1", "--set", "a=2"]):

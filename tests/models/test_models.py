@@ -484,5 +484,5 @@ def test_a_parameter_may_have_another_value():
     sound = rendered(written(parse(text, "v2", given={"kScale": "0.03"})), SECONDS)
     heard = mims.played(text, "v2", SECONDS, given={"kScale": 0.03})
     assert np.abs(sound - heard).max() < LINEAR
-    with pytest.raises(ModelError, match=r"'kscale' is no parameter.*kScale"):
+    with pytest.raises(ModelError, match=r"'kscale' is not a parameter.*kScale"):
         parse(text, "v2", given={"kscale": "1"})

@@ -258,7 +258,7 @@ def test_messages_are_read_as_pure_data_writes_them() -> None:
 
 B = "mass f 0 1 0\nmass m 1 1 1\n"
 REFUSED = {
-    "an unknown word": (3, f"{B}lnik l f m 1", "'lnik' is no word of .pmpd.*'link'"),
+    "an unknown word": (3, f"{B}lnik l f m 1", "'lnik' is not a word of .pmpd.*'link'"),
     "a word of the other": (3, f"{B}NLlink 0 1 1", "one of .pmpd~."),
     "too few values": (3, f"{B}link l f", r"link is written link class a b \[K\] \[D\]"),
     "too many values": (1, "mass m 1 1 1 1", "here it has 5 values"),
@@ -266,8 +266,8 @@ REFUSED = {
     "no such mass": (3, f"{B}link l 0 2 1", "mass is 2: a whole number from 0 to 1"),
     "half a mass": (3, f"{B}link l 0 0.5 1", "mass is 0.5"),
     "no mass yet": (1, "link l 0 1 1", "there is no mass yet"),
-    "no number": (3, f"{B}link l f m 1k", "K is '1k', which is no number"),
-    "no finite number": (3, f"{B}link l f m 1e999", "which is no number"),
+    "no number": (3, f"{B}link l f m 1k", "K is '1k', which is not a number"),
+    "no finite number": (3, f"{B}link l f m 1e999", "which is not a number"),
     "a number as a class": (1, "mass 1 1 1 0", "a class is a word"),
     "itself": (3, f"{B}link l 1 1 1", "joins mass 1 to itself"),
     "an argument": (3, f"{B}force m $1", "'\\$1' stands for a number"),

@@ -321,7 +321,7 @@ def test_names_that_a_score_makes_itself_are_free() -> None:
 
 A = "mass(0.01,0.0,0.0),m;\nground(0.0),g;\n"
 WRONG = {
-    "an unknown word": (3, f"{A}lnik(1.0,0.1,0.0),l,m,g;", "'lnik' is no word.*'link'"),
+    "an unknown word": (3, f"{A}lnik(1.0,0.1,0.0),l,m,g;", "'lnik' is not a word.*'link'"),
     "no semicolon": (3, f"{A}link(1.0,0.1,0.0),l,m,g", "ends with a semicolon"),
     "too few values": (3, f"{A}link(1.0,0.1),l,m,g;", r"written link\(k, R, o\), name, a, b"),
     "too many values": (3, f"{A}port(1.0),d;", r"port is written port\(\), name"),
@@ -330,7 +330,7 @@ WRONG = {
     "no such mass": (3, f"{A}link(1.0,0.1,0.0),l,m,gg;", "no mass is called 'gg'.*'g'"),
     "itself": (3, f"{A}link(1.0,0.1,0.0),l,m,m;", "joins 'm' to itself"),
     "a name twice": (3, f"{A}port(),m;", "'m' is the name of line 1 too"),
-    "a name with a sign": (3, f"{A}port(),m_1;", "'m_1' is no name"),
+    "a name with a sign": (3, f"{A}port(),m_1;", "'m_1' is not a name"),
     "a name of Faust too": (2, "faustcode: m=1.0;\nport(),m;", "is a name of a line of Faust too"),
     "an open parenthesis": (3, f"{A}link((1.0,0.1,0.0),l,m,g;", "a parenthesis is not closed"),
     "a group": (3, f"{A}port( ),d,(groupA);", r"the group \(groupA\) says nothing"),
@@ -351,13 +351,13 @@ WRONG = {
     "a rate": (1, f"faustcode: fs=48000.0;\n{A}", "fs is the rate of the library"),
     "a division by 0": (3, f"{A}link(1.0/0.0,0.1,0.0),l,m,g;", "divides by 0"),
     "a number without end": (3, f"{A}link(1e999,0.1,0.0),l,m,g;", "too large"),
-    "a position as a stiffness": (3, f"{A}link(m,0.1,0.0),l,m,g;", "'m' is no number"),
+    "a position as a stiffness": (3, f"{A}link(m,0.1,0.0),l,m,g;", "'m' is not a number"),
     "a word of Faust": (3, f"{A}link(rint(2.0),0.1,0.0),l,m,g;", "of Faust 'rint' is not read"),
     "an unread sign": (3, f"{A}link(2.0<:_,0.1,0.0),l,m,g;", "not read here"),
     "nested": (3, f"{A}link({'(' * 60}1.0{')' * 60},0.1,0.0),l,m,g;", "inside one another"),
     "no expression": (3, f"{A}audioout,a,;", "an expression is missing"),
     "a product": (3, f"{A}audioout,a,m*m;", "a product of sounds"),
-    "a constant": (3, f"{A}audioout,a,m+1.0;", "a constant of 1 is no sound"),
+    "a constant": (3, f"{A}audioout,a,m+1.0;", "a constant of 1 is not a sound"),
     "a low-pass": (3, f"{A}audioout,a,m:onePoleBLT(2.0);", "a low-pass of a sound"),
     "filters of parts": (
         4, f"{A}mass(1.0,0.0,0.0),p;\naudioout,a,(m:highpass(1,20.0))+p;", "filters of their own"),
@@ -397,7 +397,7 @@ def test_a_model_is_known_by_its_first_line() -> None:
     ("options", "says"),
     [
         (["--laws", "2019"], "the laws of 2019 are those of mi-gen"),
-        (["--set", "k=much"], "much is no number"),
+        (["--set", "k=much"], "much is not a number"),
         (["--set", "kk=1"], "the model has no parameter 'kk'"),
         (["--input", "dev2=w.wav"], "the model has no input 'dev2'"),
         (["--dialect", "v1"], "m.mdl:"),

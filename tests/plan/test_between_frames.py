@@ -131,7 +131,7 @@ def test_a_method_by_name_is_obeyed_or_refused(name: str):
         return _core.Plan(ready.network, ready.timeline, method="bm4")
 
     text = named(name)
-    with pytest.raises(_core.EngineError, match="the method bm4 cannot step this law"):
+    with pytest.raises(_core.EngineError, match="the method bm4 cannot compute this link"):
         plan(text)
     silent = re.sub(r", o1: {SOF: {LNL: l}}", "", text).replace(", {from: s.o1, to: [2]}", "")
     assert [row.what for row in plan(silent).rows()] == ["bm4"]

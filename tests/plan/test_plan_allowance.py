@@ -73,14 +73,14 @@ def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
         *rows, plan = [json.loads(line) for line in out.splitlines()]
         assert (plan["kept"], plan["cut_short"]) == (is_kept, True)
         assert any(row.get("cut_short") for row in rows)
-        assert "planning ended, for its work is bounded" in out + err
+        assert "planning reached its work limit" in out + err
     assert app.run(["plan", "a.yaml"]) == 0
     out, err = capsys.readouterr()
     assert "planning ended" in out
     assert "warning[W403]" in err
     assert "above the 0.0001% allowed" in err
     assert app.run(["check", "a.yaml"]) == 0
-    assert "planning ended, for its work is bounded" in capsys.readouterr().err
+    assert "planning reached its work limit" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -181,6 +181,6 @@ def test_it_is_said_and_kept(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     assert f"{row['error_db']:.0f} dB {said}" in shown.out
     assert "(from the cache)" in shown.out
     assert "W403" in shown.err
-    assert f"the spectrum agrees to {row['spectral_db']:.1f} dB" in shown.err
+    assert f"the spectra agree within {row['spectral_db']:.1f} dB" in shown.err
     assert app.run(["plan", "a.yaml", "--why", "gong"]) == 0
     assert f"third octaves are right to {row['spectral_db']:.1f} dB" in capsys.readouterr().out

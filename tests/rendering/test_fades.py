@@ -9,7 +9,7 @@ from checked import codes
 from sweep import few
 
 import ergon
-from ergon._core import FadeFinder
+from ergon._core import SilenceDetector
 from ergon.cli import app
 
 RATE = 44_100
@@ -65,13 +65,13 @@ def test_what_beats_is_not_over(block):
     sound = np.ones((8 * RATE, 1))
     sound[RATE : RATE + RATE // 2] = 5e-5
     sound[2 * RATE :] = 5e-5
-    finder, n = FadeFinder(RATE, 1, 0), 8 * RATE if block > 1 else 4 * RATE
+    finder, n = SilenceDetector(RATE, 1, 0), 8 * RATE if block > 1 else 4 * RATE
     ends = (finder.take(sound[at : at + block]) for at in range(0, n, block))
     assert next(end for end in ends if end is not None) == 2 * RATE + 4410
 
 
 def test_no_end_before_the_last_event():
-    finder = FadeFinder(RATE, 2, 3 * RATE)
+    finder = SilenceDetector(RATE, 2, 3 * RATE)
     assert finder.take(np.zeros((10 * RATE, 2))) == 3 * RATE + 4410
 
 

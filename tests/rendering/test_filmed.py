@@ -134,7 +134,7 @@ def test_info(capsys: Capture) -> None:
     assert ", cut\n" in capsys.readouterr().out
     Path("a.motion").write_bytes(b"RIFF" + data[4:])
     assert app.run(["info", "a.motion"]) == 2
-    assert "this is no motion file" in capsys.readouterr().err
+    assert "this is not a motion file" in capsys.readouterr().err
 
 
 def test_npz_and_csv_hold_what_the_reader_finds() -> None:
@@ -193,7 +193,7 @@ def test_a_gltf_animates_a_node_for_each_point() -> None:
     ("words", "sentence"),
     [
         (["render", "bell.yaml", "--see", "all"], "add motion"),
-        (["render", "bell.yaml", "--motion", "-o", "-"], "has no name for a motion file"),
+        (["render", "bell.yaml", "--motion", "-o", "-"], "gives the motion file no name"),
         (["motion", "export", "a.motion"], "name the file to write"),
         (["motion", "export", "a.motion", "-o", "x.usd"], ".csv, .npz, .gltf"),
         (["motion", "export", "no.motion", "-o", "x.npz"], "No such file"),

@@ -251,7 +251,7 @@ def test_what_a_hand_feels_is_refused_with_the_links(
     text = (SCORE.replace(old, new, 1) if old else SCORE).splitlines()
     lines = [text[link.place.line - 1] for link in tie.links]
     assert all("between" in line or "couple" in line for line in lines)
-    assert f"cannot be frozen: remi's hand reaches it by {tie.links[0].name} (s.yaml:" in str(tie)
+    assert f"cannot be frozen: remi can feel it through {tie.links[0].name} (s.yaml:" in str(tie)
 
 
 def test_one_of_two_that_are_tied_is_refused():
@@ -280,7 +280,7 @@ def test_refusals_by_the_commands(folder: Path, capsys: Capture):
         return capsys.readouterr().err
 
     said = refused("render", "s.yaml", "--freeze", "bell,gong")
-    assert "remi's hand reaches it by bell.b (s.yaml:10:7)" in said
+    assert "remi can feel it through bell.b (s.yaml:10:7)" in said
     assert not Path("s.frozen").exists()
     assert "did you mean 'gong'" in refused("render", "s.yaml", "--freeze", "gnog")
     assert "--stems" in refused("render", "s.yaml", "--freeze", "gong", "--stems", "x")
@@ -289,7 +289,7 @@ def test_refusals_by_the_commands(folder: Path, capsys: Capture):
     said = refused(
         "duet", "s.yaml", "--frozen", "s.frozen", "--live", "ada=frame+udp://127.0.0.1:9"
     )
-    assert "ada's hand reaches it by gong.b" in said
+    assert "ada can feel it through gong.b" in said
 
 
 # --- another piece, another file ------------------------------------------------------------------

@@ -232,12 +232,12 @@ def _a_way_out(job: Job, request: Request) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (_other_key, "it reads the same score otherwise; install the same ergon"),
-        (_no_island, "it has other islands"),
+        (_other_key, "this worker reads the same score in another way; install the same ergon"),
+        (_no_island, "this worker finds other islands"),
         (_cut_state, "state"),
-        (_other_version, "and this machine ergon 0.0.7"),
-        (_other_plan, "it makes another plan of the same score"),
-        (_a_way_out, "'../evil.yaml' is no file of a score"),
+        (_other_version, "and the machine that asks has ergon 0.0.7"),
+        (_other_plan, "this worker makes another plan of the same score"),
+        (_a_way_out, "'../evil.yaml' is not a file of this score"),
     ],
 )
 def test_what_differs_is_refused(change: Callable[[Job, Request], None], said: str):

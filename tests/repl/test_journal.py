@@ -227,8 +227,8 @@ def test_a_name_is_not_taken_from_a_line_that_waits_for_later(
     live.ok(waits)
     reply = live.type(takes)
     assert not reply.taken
-    assert f"'{waits}' waits for" in reply.text
-    assert "would fail after this line" in reply.text
+    assert f"after this line, the waiting line '{waits}' (due at " in reply.text
+    assert "would fail" in reply.text
     live.run(4.0)
     live.ok(takes.replace(" in 1", " now"))
     live.run(0.5)

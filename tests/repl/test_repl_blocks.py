@@ -279,9 +279,9 @@ def test_what_is_no_block_is_refused(own, line, said):
     ("line", "said", "try_"),
     [
         ("when bar % 4 = 3 fill", "is not a condition", "when bar % 4 == 3 fill"),
-        ("when bar % 4 == 4 fill", "never holds: a remainder of % 4 is from 0 to 3", None),
-        ("when bar % 0 == 0 fill", "never holds", None),
-        ("when bar < 1 fill", "never holds: bars count from 1", None),
+        ("when bar % 4 == 4 fill", "is never true: a remainder of % 4 is from 0 to 3", None),
+        ("when bar % 0 == 0 fill", "is never true", None),
+        ("when bar < 1 fill", "is never true: bars count from 1", None),
         ("when __import__('os') fill", "is not a condition", None),
         ("when bar == 3", "a block is missing", None),
         ("fill every 1/2", "from 1 to 10,000", None),

@@ -8,7 +8,7 @@ from edited import SCORES, SPANS, TWO, begun, opened, piece_of, same
 from sweep import crossed
 
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits import keeping, keys, matter, names, parts, scenes, times
+from ergon.scores.edits import excerpt, keys, matter, names, parts, scenes, times
 from ergon.scores.edits.entries import of_words
 from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
@@ -18,7 +18,7 @@ from ergon.scores.edits.texts import Texts
 def test_bars_are_kept_as_they_were(path, span):
     start, stop = span
     texts, piece = opened(path)
-    said = keeping.keep(texts, piece, "verse-2", start, stop)
+    said = excerpt.keep(texts, piece, "verse-2", start, stop)
     kept = piece_of(said)
     tempo = piece.tempo_map
     for player in piece.players:
@@ -38,7 +38,7 @@ def test_bars_are_kept_as_they_were(path, span):
 def test_nothing_cannot_be_kept():
     texts, piece = opened(TWO)
     with pytest.raises(EditError, match="no gesture begins"):
-        keeping.keep(texts, piece, "x", 400.0, 416.0)
+        excerpt.keep(texts, piece, "x", 400.0, 416.0)
 
 
 def some_line(choice, texts, piece, at):

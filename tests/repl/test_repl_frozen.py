@@ -168,10 +168,12 @@ def test_a_line_that_changes_its_sound_computes_it_again(folder: Path, line: str
         stepped.ok(line)
         stepped.run(6.0)
         assert frozen_now(stepped) == left
-        said = [message for message in stepped.session.messages() if "computed again" in message]
-        names = "gong is" if left else "gong, sky are"
+        said = [message for message in stepped.session.messages() if "computed live" in message]
+        names = "gong is computed live and starts"
+        if not left:
+            names = "gong, sky are computed live and start"
         assert said == [
-            f"{names} computed again from this line on, from rest: the line changes what was frozen"
+            f"from this line on {names} at rest, because the line changes what was frozen"
         ]
         assert np.any(stepped.sound[-RATE:, 1])  # it sounds, computed
         steps = np.abs(np.diff(stepped.sound[:, 1]))
@@ -258,7 +260,7 @@ def test_a_journal_refuses_frozen_parts_that_are_missing_or_others(
     few(
         [
             ("frozen", "../../../../tmp", "outside this folder and the journal's"),
-            ("frozen", "", "no name of a folder"),
+            ("frozen", "", "is not the name of a folder"),
             ("frozen", 7, "wrong type"),
             ("frozen_parts", "gong", "wrong type"),
             ("frozen_parts", [7], "wrong type"),
@@ -301,7 +303,7 @@ def test_what_was_heard_is_what_its_journal_renders(folder: Path, capsys: Captur
             time.sleep(0.5)
         said = repl.communicate("quit\n", timeout=PATIENCE)[0]
     assert "from score.frozen: gong, sky, up to " in said
-    assert "gong is computed again from this line on" in said
+    assert "from this line on gong is computed live" in said
     assert app.run(["render", "session.jsonl", "-o", "again.wav", "--bits", "float", "-q"]) == 0
     played, _ = soundfile.read("heard.wav", dtype="float32", always_2d=True)
     again, _ = soundfile.read("again.wav", dtype="float32", always_2d=True)

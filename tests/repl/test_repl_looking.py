@@ -54,7 +54,7 @@ def test_a_parameter_is_shown_as_it_sounds(own: Stepped):
     own.run(0.5)
     value, _, rest = own.ok("show bell.m.f").lines[0].removeprefix("bell.m.f: ").partition("Hz at ")
     assert 200.0 < float(value) < 400.0
-    assert rest.endswith(", as its automation leads it")
+    assert rest.endswith(", by its automation")
 
 
 def test_scope_draws_where_the_key_has_been(own: Stepped):
@@ -147,7 +147,7 @@ def test_rests_of_a_pattern_are_empty(own: Stepped, monkeypatch: pytest.MonkeyPa
 
 
 def test_a_key_is_traced_while_it_moves(own: Stepped):
-    assert not own.type("scope ada on").taken  # nothing of ada is to be seen yet
+    assert not own.type("scope ada on").taken  # ada has not moved yet
     own.ok("ada plays knock every 1 now")
     own.run(1.0)
     own.ok("scope ada on")

@@ -487,7 +487,7 @@ def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
         ("lfo bell.m.K 0.8 period 1", "is not a range"),
         ("lfo bell.m.K 0.8..1.2", "the length of one swing is missing"),
         ("lfo bell.m.K 0.8..1.2 period 1 shape round", "is not one of sine"),
-        ("lfo bell.m.K off", "does not swing"),
+        ("lfo bell.m.K off", "no pattern and no lfo controls bell.m.K at "),
     ],
 )
 def test_what_is_wrong_with_automation_is_told(session, line, why):

@@ -128,7 +128,10 @@ def test_a_block_defines_a_phrase_and_plays_it(at):
         ("hook strikes hymn transpose 3", "is not an interval"),
         ("hook strikes hymn do bend 3", "bend"),
         ("hook strikes hymn transpose 30st", "harp"),
-        ("remove hymn", "hymn is not removed: strikes 'old' would refer to nothing"),
+        (
+            "remove hymn",
+            "cannot remove hymn, because it is used by strikes 'old'; change or remove",
+        ),
     ],
 )
 def test_what_is_wrong_is_refused_and_changes_nothing(at, line, message):

@@ -52,7 +52,7 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, bette
         ("set k1.M 2s", "unit 's' does not measure mass"),
         ("set bell.m.K x-1", "negative"),
         ("damp 3", "'3' has no unit"),
-        ("link on", "Ableton Link is no part of ergon"),
+        ("link on", "Ableton Link is not part of ergon"),
         ("u", "'u' may be uncouple or unmap or unmute or undo"),
         ("help re", "'re' may be"),
         ("ada plays knock until Q", "'Q' is not a mark"),

@@ -82,8 +82,9 @@ def test_a_place_that_both_changed_is_as_the_file_says_and_is_named(
     before = at.session.commits.head.texts.text
     edited(tmp_path, ("knock: 0mm@0 smooth 6mm", "knock: 0mm@0 smooth 7mm"), ("f: 90Hz", "f: 80Hz"))
     reply = at.ok("reload now")
-    assert "gestures.knock has changed in the file too" in reply.text
-    assert "'knock = 0@0 smooth 5@1/8 smooth 0@1/2 now' is dropped" in reply.text
+    line = "'knock = 0@0 smooth 5@1/8 smooth 0@1/2 now'"
+    assert f"gestures.knock was changed by {line} and in the file; " in reply.text
+    assert "the value in the file is kept, and the line is discarded" in reply.text
     at.run(2.0)
     text = at.session.commits.head.texts.text
     assert "smooth 7mm@1/8 smooth 0mm@1/2     # once" in text
@@ -94,7 +95,7 @@ def test_a_place_that_both_changed_is_as_the_file_says_and_is_named(
     at.run(2.0)
     assert at.session.commits.head.texts.text == before
     # What was taken back comes again with the next reload.
-    assert "gestures.knock has changed" in at.ok("reload now").text
+    assert "gestures.knock was changed by" in at.ok("reload now").text
     at.run(2.0)
     renders_the_same(at)
 
@@ -109,7 +110,7 @@ def test_what_needs_something_that_the_file_lacks_is_dropped_and_named(
     edited(tmp_path, ("  lean: 0mm@0 smooth 3mm@1 smooth 0mm@2\n", ""))
     reply = at.ok("reload now")
     assert "parts.leo" in reply.text
-    assert "'leo plays lean every 2 now' is dropped" in reply.text
+    assert "was changed by 'leo plays lean every 2 now' and in the file" in reply.text
     at.run(2.0)
     assert "t60: 2s" in at.session.commits.head.texts.text
     renders_the_same(at)

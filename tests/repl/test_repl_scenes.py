@@ -12,7 +12,7 @@ from sessions import Stepped
 from sweep import few
 
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits import automation, keeping, matter, scenes
+from ergon.scores.edits import automation, excerpt, matter, scenes
 from ergon.scores.edits.scenes import Scene
 
 SCORE = """\
@@ -223,7 +223,7 @@ def test_what_is_kept_of_any_score_comes_back_in_rounds(path, span):
     start, stop = span
     texts, piece = opened(path)
     try:
-        said = keeping.keep(texts, piece, "verse-2", start, stop)
+        said = excerpt.keep(texts, piece, "verse-2", start, stop)
     except EditError:
         return
     kept = piece_of(said)
@@ -280,7 +280,9 @@ def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(at: Stepped, tmp_p
     at.ok("play")
     to_bar(at, 9)
     reply = at.ok(f"load {tmp_path / 'short.yaml'}")
-    assert reply.text == "ok 10|1 short.yaml begins at 1|1, for its bars are past"
+    assert reply.text == (
+        "ok 10|1 short.yaml begins at 1|1, because the present bar is behind its end"
+    )
     at.run(1.0)
     assert at.session.state().bar == 1
     at.run(2.0)
@@ -377,7 +379,7 @@ def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
     """Those with notes too: they are written out on the grid of their steps."""
     path = next(path for path in SCORES if path.endswith("patterns.yaml"))
     texts, piece = opened(path)
-    kept = keeping.keep(texts, piece, "verse-2", 0.0, 16.0)
+    kept = excerpt.keep(texts, piece, "verse-2", 0.0, 16.0)
     scene = Scene.of(kept, piece_of(kept))
 
     def struck(of, name, first, last):

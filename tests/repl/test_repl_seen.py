@@ -89,5 +89,5 @@ def test_it_says_what_pages_show(own_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     refused = forked(["repl", "s.yaml", "--audio", "null", "--see", "all"], own_folder)
     assert refused.returncode == 2
-    assert "--see: says what pages show; add view" in refused.stderr
+    assert "--see: this needs a page; add the option view" in refused.stderr
     assert not Path("session.jsonl").exists()

@@ -76,10 +76,10 @@ def test_a_session_that_ends_closes_its_file(tmp_path: Path):
 @pytest.mark.parametrize(
     ("file", "why"),
     [
-        ("../x.wav", "a session writes in"),
-        ("/tmp/x.wav", "a session writes in"),
+        ("../x.wav", "a session writes only into"),
+        ("/tmp/x.wav", "a session writes only into"),
         ("x.mp3", "does not end in .wav"),
-        ("folder/x.wav", "a session writes in"),
+        ("folder/x.wav", "a session writes only into"),
     ],
 )
 def test_a_file_elsewhere_is_refused(tmp_path: Path, file: str, why: str):

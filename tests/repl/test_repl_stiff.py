@@ -57,7 +57,7 @@ def test_a_scaled_hand_is_told_once_and_gets_all_of_it_back(tmp_path: Path):
         assert "feels" not in own.ok("undo").text  # the knock
         own.run(0.2)
         assert own.scale == low
-        assert "remi feels all of it again" in own.ok("undo").text
+        assert "remi gets the full force of the piece again" in own.ok("undo").text
         own.run(0.5)
         assert own.scale == 1.0
 
@@ -91,7 +91,7 @@ def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_pat
         own.run(0.3)
         reply = own.session.submit("couple k1 k2 K=800kN/m Z=0Ns/m now")
         assert not reply.taken
-        assert reply.text.startswith("remi would meet ")
+        assert reply.text.startswith("with this line the piece would be ")
         assert "\n" not in reply.text
         own.run(1.0)
         assert own.scale == 1.0
@@ -137,15 +137,15 @@ def _ticks(own: Rig, until: int) -> list[tuple[int, float]]:
 def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
     """Counted: how often a scene is played against the key."""
     with rig(tmp_path, "firm", Scene().text) as own:
-        guard = own.engine.guard
+        bounds = own.engine.force_bounds
         lines = "ada plays knock every 1 now", "tempo 200 now", "gain bell -6dB now", "undo"
-        before = guard.asked
+        before = bounds.asked
         for line in lines:
             own.ok(line)
             own.run(0.1)
-        assert guard.asked == before
+        assert bounds.asked == before
         own.ok(STIFF)
-        assert guard.asked == before + 1  # where it glides to: what it glides from is known
+        assert bounds.asked == before + 1  # where it glides to: what it glides from is known
 
 
 @pytest.mark.slow
@@ -218,10 +218,10 @@ def test_automation_that_no_hand_feels_takes_no_force_away(tmp_path: Path):
         own.ok("lfo k1.K 1..30 period 2bar now")
         own.run(0.5)
         assert own.scale == 1.0
-        asked = own.engine.guard.asked
+        asked = own.engine.force_bounds.asked
         own.ok("lfo k1.K 1..40 period 2bar now")
         own.run(0.3)
-        assert own.engine.guard.asked <= asked + 1
+        assert own.engine.force_bounds.asked <= asked + 1
 
 
 def test_automation_with_more_values_than_are_checked_is_refused(tmp_path: Path):
@@ -231,5 +231,5 @@ def test_automation_with_more_values_than_are_checked_is_refused(tmp_path: Path)
         own.run(0.2)
         reply = own.session.submit(f"set bell.m.K {values} every 1/4 now")
         assert not reply.taken
-        assert "remi's hand may feel the automation of bell.m" in reply.text
+        assert "the automation of bell.m can change the force on the key of remi" in reply.text
         assert "64 values at most" in reply.text

@@ -86,8 +86,8 @@ def test_a_line_that_takes_a_name_from_one_that_waits_is_refused(session: Steppe
     reply = session.type("rename leo mia now")
     assert not reply.taken
     assert reply.text == (
-        "'gain leo -5dB' waits for 2|1 and would fail after this line: "
-        "nothing is called leo any more"
+        "after this line, the waiting line 'gain leo -5dB' (due at 2|1) would fail: leo was "
+        "renamed or removed by another line; `undo` cancels waiting lines, the last one first"
     )
     session.run(2.0)
     session.ok("rename leo mia now")
@@ -101,9 +101,9 @@ def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
     at.run(1.0)
     at.engine.process(int(200.0 * at.rate))  # as where the program is stopped, and the sound is not
     at.session.pump()
-    said = [one for one in at.session.messages() if "stood still" in one]
+    said = [one for one in at.session.messages() if "was skipped" in one]
     assert len(said) == 1
-    assert said[0].startswith("the session stood still: nothing began from ")
+    assert said[0].startswith("the program was suspended, or a line took too long: ")
     at.run(1.0)
     assert not at.session.messages()
     at.close()

@@ -14,7 +14,7 @@ from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
 from ergon.scores.staging.automating import value_on
-from ergon.scores.staging.leading import Led
+from ergon.scores.staging.parameter_values import Led
 from ergon.scores.staging.stage import stage
 
 SCORE = """\

@@ -131,7 +131,7 @@ def test_kills_at_random_instants(expected: str, seed: int, killed: "Counter[str
         if not runs_on(dice, process):
             if process.returncode == 2:  # whoever begins five times is killed five times
                 said = Path("said.txt").read_text()
-                assert "local:2: the processes do not begin" in said
+                assert "local:2: the processes did not start" in said
                 assert "Traceback" not in said
                 assert not Path("two.wav").exists()
             else:

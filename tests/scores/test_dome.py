@@ -150,7 +150,7 @@ def test_the_force_of_a_link_is_nearest_to_no_loudspeaker():
     text = text.replace("strikes:", spring).replace("from: sky", "from: spring")
     (found,) = (one for one in load("a.yaml", text=text).diagnostics if one.severity == "error")
     assert (found.code, found.place.line) == ("E304", 9)
-    assert "`nearest` takes masses" in found.message
+    assert "`nearest` needs masses" in found.message
     named = load("a.yaml", text=text.replace("to: nearest", "to: 1"))
     assert named.piece is not None, named.diagnostics
 

@@ -6,7 +6,7 @@ from checked import check, found
 from sweep import few
 
 from ergon.scores.edits import parts
-from ergon.scores.edits.keeping import keep
+from ergon.scores.edits.excerpt import keep
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
@@ -283,13 +283,13 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
         ),
         (
             f"{CALL}strikes: {{s: {{play: call, at: 0, rate: 3Hz, for: 4}}}}",
-            ("E111", "rate of strikes 's': strikes with `play` have no such field; remove it"),
+            ("E111", "rate of strikes 's' cannot be used together with `play`; remove it"),
         ),
         (
             "strikes: {s: {to: lone, at: 0, impulse: 1mNs, transpose: 3st}}",
             (
                 "E111",
-                "transpose of strikes 's': only strikes with `play` have this field; remove it",
+                "transpose of strikes 's' needs `play` beside it; write that, or remove this",
             ),
         ),
         ("strikes: {s: 'Q  lone  1mNs'}", ("E301", "no mark is called 'Q'")),

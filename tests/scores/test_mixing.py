@@ -170,7 +170,7 @@ def test_a_room_that_cannot_fade_so_is_refused_in_its_place():
         stage(load("x.yaml", text=text).piece)
     (report,) = refused.value.diagnostics
     assert (report.code, report.place.line) == ("E202", 9)
-    assert "cannot be had at these frequencies" in report.message
+    assert "are impossible at these frequencies" in report.message
 
 
 def test_only_two_channels_have_a_between():

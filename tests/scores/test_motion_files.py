@@ -86,9 +86,9 @@ def test_a_file_without_a_unit_asks_for_it(tmp_path):
     assert caught.value.field == "unit"
     assert is_of(read(path, "RWRI.x", unit=0.01), PLACES, 0, 0, metres=0.01)
     known = wrote(tmp_path, ".c3d", files.c3d(PLACES))
-    with pytest.raises(TakeError, match="tells its own unit"):
+    with pytest.raises(TakeError, match="states its own unit"):
         read(known, "RWRI.x", unit=0.01)
-    with pytest.raises(TakeError, match="tells its own rate"):
+    with pytest.raises(TakeError, match="states its own rate"):
         read(known, "RWRI.x", rate=100.0)
 
 
@@ -115,8 +115,8 @@ def test_what_is_no_c3d_file_is_refused(tmp_path, data, told):
     ("channel", "told", "suggestion"),
     [
         (None, r"such as RWRI\.x; the points are RWRI, LWRI", None),
-        ("RWRI", "no point with an axis", "RWRI.x"),
-        ("RWRI.w", "no point with an axis", "RWRI.x"),
+        ("RWRI", "not a point with an axis", "RWRI.x"),
+        ("RWRI.w", "not a point with an axis", "RWRI.x"),
         ("RWIR.z", "no point 'RWIR'; there are RWRI, LWRI", "RWRI.z"),
         ("head.z", "no point 'head'; there are RWRI, LWRI", None),
     ],
@@ -142,7 +142,7 @@ def test_auto_goes_along_the_path(tmp_path):
     assert np.abs(back.x - 0.3 * along).max() < 3e-4
     turning = np.stack([np.cos(6 * s), np.sin(6 * s), s], 1) * 100
     path = wrote(tmp_path, ".c3d", files.c3d(np.stack([turning, 0 * turning], 1)))
-    with pytest.raises(TakeError, match="no straight line"):
+    with pytest.raises(TakeError, match="not move along a straight line"):
         read(path, "RWRI.auto")
     with pytest.raises(TakeError, match="does not move"):
         read(path, "LWRI.auto")
@@ -266,8 +266,8 @@ def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
         ("MARKER_NAMES", "BONE_NAMES", "export 3D or 6D data with a header"),
         ("MARKER_NAMES", "BODY_NAMES", "the bodies need 32"),
         ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\t13", "says 13 frames, and holds 12"),
-        ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\tmany", "is no number"),
-        ("FREQUENCY\t100", "FREQUENCY\t0", "is no rate"),
+        ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\tmany", "is not a number"),
+        ("FREQUENCY\t100", "FREQUENCY\t0", "is not a number above 0"),
         ("\t-", "\t-999999999999", "no camera sees"),
         ("\t-", "\tleft", "not a row of numbers"),
         ("\t-", "\t1\t", "the markers need 6"),
@@ -311,7 +311,7 @@ def test_csv_of_optitrack(tmp_path, version, timed):
     assert "3 frames" in (read(path, "Hand:LWRI.x").damage or "")
     body = read(path, "Board 1.x")
     assert np.allclose(body.x, 1e-3 * np.arange(40))
-    with pytest.raises(TakeError, match="tells its own unit"):
+    with pytest.raises(TakeError, match="states its own unit"):
         read(path, "Hand:RWRI.x", unit=0.01)
 
 
@@ -330,8 +330,8 @@ def test_csv_of_optitrack_without_a_rate_or_unit_asks_for_them(tmp_path):
         ("Frame,", "Row,", "no line that begins with Frame"),
         ("Position", "Place", "no columns called Position"),
         ("Frames,12", "Frames,13", "says 13 frames, and holds 12"),
-        ("Frames,12", "Frames,many", "is no number"),
-        ("Rate,100", "Rate,-1", "is no rate"),
+        ("Frames,12", "Frames,many", "is not a number"),
+        ("Rate,100", "Rate,-1", "is not a number above 0"),
         ('"Board 1"', '"Board 1', "quotation in this line is not closed"),
         (",0,7,", ",0,7,9,", "but the header has 15 columns"),
         (",0,7,", ",0,seven,", "not a row of numbers"),

@@ -122,7 +122,7 @@ def test_the_option_curve_leads_until_the_first_word():
         ("0@0 (6@1)*0", "0", "number of repetitions", None),
         ("0@0 (6@1)*x", "x", "number of repetitions", None),
         ("0@0 (6@1", "(", "not closed", None),
-        ("0@0 6@1)*3", ")", "closes no group", None),
+        ("0@0 6@1)*3", ")", "has no '(' before it", None),
         ("0@0 ()*3", "(", "no points", None),
         ("", "", "needs a point", None),
     ],

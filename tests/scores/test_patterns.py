@@ -274,7 +274,7 @@ def test_what_has_no_beats_is_refused(text, options, words_):
     ("text", "marked", "words_", "suggestion"),
     [
         ("a (b c", "(", "not closed", None),
-        ("a b) c", ")", "closes no group", None),
+        ("a b) c", ")", "has no '(' before it", None),
         ("a () b", "(", "has no names", None),
         ("(choose) b", "(", "'choose' has no names", None),
         ("a *2", "a", None, None),
@@ -284,7 +284,7 @@ def test_what_has_no_beats_is_refused(text, options, words_):
         ("a*99999", "99999", "not a number of repetitions", None),
         ("(a*200)*200", "a", "more than 10,000 places", None),
         ("a b-!c", "b-!c", "not the name", None),
-        ("a choose b", "choose", "stands at the beginning", None),
+        ("a choose b", "choose", "must be at the beginning", None),
         ("((((((((((a))))))))))", "(", "nested more than 8 deep", None),
     ],
 )

@@ -112,7 +112,7 @@ def test_another_line_changes_no_draw():
         ("1|1  knock ~ lean", "E103", "write `every`", 10),
         ("1|1  knock every 1 chance 1.5", "E202", "above the maximum of 1", 31),
         ("1|1  knock euclid 9 8", "E204", "a rhythm of 8 steps has 1 to 8 pulses", 23),
-        ("1|1  knock every 1 swing 0.1", "E202", "is no swing", 30),
+        ("1|1  knock every 1 swing 0.1", "E202", "is not a swing", 30),
         ("1|1  knock (lean every 1", "E204", "not closed", 16),
         ("1|1  choose knock lean", "E103", "write `every`", 10),
     ],

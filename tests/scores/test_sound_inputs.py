@@ -72,7 +72,7 @@ def test_what_is_not_written_has_its_default():
         ("input: 0, gain: 1N", "E202", "from 1 to 64"),
         ("input: 65, gain: 1N", "E202", "from 1 to 64"),
         ("input: 1, gain: 3", "E204", "2mN or 0.1mm"),
-        ("input: 1, gain: 0N", "E204", "not 0"),
+        ("input: 1, gain: 0N", "E204", "must not be 0"),
         ("input: 1, gain: 2kN", "E202", "maximum"),
         ("input: 1, gain: 2mm", "E304", "drives an ENX"),
         ("input: 1, gain: 2N, clamp: 1mm", "E111", "`gain` is a force"),

@@ -9,8 +9,8 @@ from ergon import _core
 from ergon.notation.text.errors import Diagnostic
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
-from ergon.scores.staging.fallback import solo
 from ergon.scores.staging.hands import ALL
+from ergon.scores.staging.recording_stages import solo
 from ergon.scores.staging.stage import Going, Span, Stage, StageError, stage
 
 TAKES = Path(__file__).parents[2] / "scores/library/takes"
@@ -154,7 +154,7 @@ def test_nothing_is_left_of_a_take_that_begins_after_its_end():
         staged("{at: 6|1, play: t, do: [from 90s]}")
     (found,) = raised.value.diagnostics
     assert (found.code, found.place.line) == ("E308", 8)
-    assert "is no part of a take that lasts" in found.message
+    assert "does not lie inside a take that lasts" in found.message
 
 
 def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_path: Path):

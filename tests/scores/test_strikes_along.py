@@ -66,7 +66,11 @@ def test_chance_draws_alike_on_all_axes(when):
         ("to: a.bob, impulse: 1mNs, along: [0, 0, 0]", "E105", "it has no direction"),
         ("to: a.bob, mass: 1g, speed: 1m/s, along: [1, 0, 0]", "E111", "have an `impulse` alone"),
         ("to: a.bob.x, impulse: 1mNs, along: [1, 0, 0]", "E304", "write the point: a.bob"),
-        ("to: drum.body.2, impulse: 1mNs, along: [1, 0, 0]", "E304", "is no point in space"),
+        (
+            "to: drum.body.2, impulse: 1mNs, along: [1, 0, 0]",
+            "E304",
+            "moves along one axis, not in space",
+        ),
         ("to: a.skin.2, impulse: 1mNs, along: [1, 0, 0]", "E304", "moves along one axis"),
         ("to: a.net, impulse: 1mNs, along: [1, 0, 0]", "E304", "write some of them"),
     ],

@@ -38,7 +38,7 @@ def test_values(text: str, values: tuple[str, ...]):
         ("a.K=0N/m..2N/m:3 log", "both ends above 0"),
         ("a.K=2N/m..2N/m:3", "both ends of the range are 2N/m"),
         ("a.K=1.5N/m..2N/m", "say how many points the range has, such as a.K=1.5N/m..2N/m:8"),
-        ("a.K=C4..D4:3", "is no range"),
+        ("a.K=C4..D4:3", "is not a range"),
         ("seed=5..1", "a range rises"),
         ("seed=1..2:3", "a seed is a whole number"),
     ],

@@ -14,7 +14,7 @@ from ergon.repl.language.triggers import parse_condition, parse_every
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import UNSAID, Manner
+from ergon.scores.reading.piece import UNSAID, PlayingOptions
 
 ROOT = Path(__file__).parents[2]
 ONE = Length(beats=1.0)
@@ -233,7 +233,7 @@ OTHERS = [
             every=Length(beats=0.5),
             times=8,
             until=parse_position("C"),
-            manner=Manner(touch="tracked", grain=0.005, layer=True),
+            manner=PlayingOptions(touch="tracked", grain=0.005, layer=True),
             when=parse_position("3|1"),
         ),
     ),

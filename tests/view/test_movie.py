@@ -138,7 +138,7 @@ REFUSED = {
     "no rate": (replace(SMALL, rate=0), "1 to 120 pictures a second"),
     "no view": (replace(SMALL, camera="0"), "write views and when they are reached"),
     "views without times": (replace(SMALL, camera="1 2"), "write views and when they are reached"),
-    "back in time": (replace(SMALL, camera="1@4s 2@1s"), "reached after the one before"),
+    "back in time": (replace(SMALL, camera="1@4s 2@1s"), "reached later than the one before"),
 }
 
 

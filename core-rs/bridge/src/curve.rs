@@ -12,7 +12,10 @@ use crate::words;
 pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyResult<Vec<f64>> {
     let point = |(t, x, curve): &(f64, f64, String)| {
         let Approach::Path(curve) = word("curve", curve, words::WAYS)? else {
-            return Err(refused("path_values", "a throw leads along no path"));
+            return Err(refused(
+                "path_values",
+                "a throw has no path of its own; choose smooth, line or hold",
+            ));
         };
         Ok(Point {
             t: *t,

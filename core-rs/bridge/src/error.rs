@@ -27,7 +27,7 @@ create_exception!(
     ergon._core,
     UnsureError,
     EngineError,
-    "An axis that did not show which way it goes."
+    "An axis whose direction could not be measured."
 );
 
 /// `error` with `module` and what `attributes` sets, as the stub promises them.

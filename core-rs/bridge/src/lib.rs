@@ -27,8 +27,8 @@ mod network;
 mod pcm;
 mod perform;
 mod plan;
-mod quiet;
 mod recording;
+mod silence_detector;
 mod simulation;
 mod status;
 mod stop;
@@ -93,9 +93,9 @@ mod _core {
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
     #[pymodule_export]
-    use super::quiet::FadeFinder;
-    #[pymodule_export]
     use super::recording::{Recording, read_recording};
+    #[pymodule_export]
+    use super::silence_detector::SilenceDetector;
     #[pymodule_export]
     use super::simulation::{Energy, IslandStretch, Report, Simulation, Snapshot, StorableIsland};
     #[pymodule_export]

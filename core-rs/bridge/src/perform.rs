@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use ergon_engine::mix::limiter::Limiter;
-use ergon_engine::mix::quiet::FadeFinder;
+use ergon_engine::mix::silence_detector::SilenceDetector;
 use ergon_engine::simulation::Takeover;
 use ergon_live::audio;
 use ergon_live::device::{Ending, Url};
@@ -117,7 +117,7 @@ impl Performance {
             fold: fold.map(|fold| fold.0.clone()),
             limiter: Limiter::new(rate, n_heard, limit).map_err(said)?,
             n_frames,
-            fades: fades_from.map(|from| FadeFinder::new(rate, n_channels, from)),
+            fades: fades_from.map(|from| SilenceDetector::new(rate, n_channels, from)),
             tick_frames: tick_frames.max(1),
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,

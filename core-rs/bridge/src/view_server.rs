@@ -49,7 +49,11 @@ impl ViewServer {
         at: &str,
         key: Option<&str>,
     ) -> PyResult<Self> {
-        let no_place = || said(format!("{at} is no place of this machine: write HOST:PORT"));
+        let no_place = || {
+            said(format!(
+                "{at} is not an address of this machine; write HOST:PORT"
+            ))
+        };
         let place = py.detach(|| at.to_socket_addrs());
         let at = place.ok().and_then(|mut all| all.next());
         let key = key
@@ -89,7 +93,7 @@ impl ViewServer {
         let is_asked = performance.with(|own| own.open(physics))?;
         is_asked
             .then_some(())
-            .ok_or_else(|| said("too much is asked at once"))
+            .ok_or_else(|| said("too many requests at once; try again"))
     }
 
     #[getter]

@@ -112,8 +112,8 @@ pub enum GeneratorError {
     },
     /// Decays that change too fast with pitch, or too slowly.
     #[error(
-        "No dampers of this body give a decay of {t60:.3} s at {f:.0} Hz beside the others; {nearest:.3} s would be \
-         the nearest. Leave the point out, or take one nearer to that."
+        "This body cannot have a T60 of {t60:.3} s at {f:.0} Hz together with its other decays; the nearest possible \
+         value is {nearest:.3} s. Remove this point, or write a value near that."
     )]
     Decays {
         /// Where [Hz].

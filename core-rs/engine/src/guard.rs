@@ -1,4 +1,5 @@
-//! The guard of links that stiffen: frames in which they would make a scheme diverge are computed finer.
+//! The guard of links that stiffen: frames in which they would make a scheme diverge are computed finer. `watch` finds
+//! such frames; `finer` computes them, by `kernel_stage` or, for meshes, by `integrate/mesh_stage`.
 //!
 //! A certificate knows every law by its slope at rest. Beyond it λmax(M⁻¹(K + 2Z)) is at most that at rest plus the
 //! edge sums of the links' stiffening. Where that is too near the limit at the end of a frame, the frame is computed

@@ -1,17 +1,18 @@
 //! A network that plays: what is constant, what changes, and what can be read of it. `step` moves it on.
 
-mod account;
 mod build;
 mod coast;
+mod contact_peaks;
+mod emulated_key;
+mod energy_account;
+pub(crate) mod energy_gain;
 mod fault;
 pub(crate) mod fine;
 pub(crate) mod followed_energy;
-mod gain;
 mod glide;
 pub(crate) mod inside;
 mod ledger;
 mod live_strikes;
-mod lone_key;
 pub(crate) mod mesh;
 pub(crate) mod modal;
 mod pair_energy;
@@ -24,19 +25,18 @@ mod sounds_in;
 mod step;
 mod stored;
 mod takeover;
-mod touched;
 pub(crate) mod written_hand;
 
-pub(crate) use account::Gain;
 pub use build::Options;
 pub(crate) use build::at_rest;
+pub(crate) use contact_peaks::ContactPeak;
+pub use emulated_key::EmulatedKey;
+pub(crate) use energy_account::Gain;
 pub use fault::{Fault, OnFault};
 pub use ledger::Energy;
-pub use lone_key::LoneKey;
 pub use record::Record;
 pub(crate) use record::{FramedErgon, Stream};
 pub(crate) use takeover::ItemTakeover;
-pub(crate) use touched::Touch;
 
 use std::sync::Arc;
 
@@ -94,7 +94,7 @@ struct State {
     layers: Vec<f64>,
     laws: Laws,
     stream: Stream,
-    touches: touched::Touches,
+    touches: contact_peaks::ContactPeaks,
     /// What is heard between frames   (n_out)
     unheard: Vec<f64>,
     bodies: Vec<inside::RunningBody>,
@@ -109,7 +109,7 @@ struct State {
     /// Where links stiffen.
     guard: Option<Box<Guard>>,
     /// What links took and gave.
-    gains: Option<Box<gain::Gains>>,
+    gains: Option<Box<energy_gain::Gains>>,
     /// By how much every step is less than it would be: an extra viscosity.
     damped: f64,
     /// The scheme as it is now, where MATs in it glide.
@@ -219,14 +219,14 @@ impl Island {
 
     /// Note the strongest push of each contact, and what written hands strike, from here on.
     pub(crate) fn watch(&mut self) {
-        self.state.touches = touched::Touches::of(&self.network);
+        self.state.touches = contact_peaks::ContactPeaks::of(&self.network);
         let voices = &mut self.state.voices;
         voices.iter_mut().for_each(|voice| voice.sparks.watch());
         self.wake();
     }
 
     /// Tell of contacts (link, how) that pushed since the last call.
-    pub(crate) fn take_touches(&mut self, tell: impl FnMut(usize, Touch)) {
+    pub(crate) fn take_touches(&mut self, tell: impl FnMut(usize, ContactPeak)) {
         self.state.touches.take(tell);
     }
 

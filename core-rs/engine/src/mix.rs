@@ -9,5 +9,5 @@ pub mod limiter;
 pub mod meter;
 pub mod mixer;
 pub mod pcm;
-pub mod quiet;
 pub mod room;
+pub mod silence_detector;

@@ -55,15 +55,28 @@ pub enum StrikeError {
     #[error("more than {STRIKES_MAX} strikes: lower the rate, the span, or the number of members")]
     TooMany,
     /// An instant before the piece.
-    #[error("a strike falls in the piece, at 0 s or later, not at {0} s")]
+    #[error("a strike must be at 0 s or later, not at {0} s")]
     Before(f64),
     /// A MAT that no strike moves.
-    #[error("{0} is fixed: no strike moves it")]
+    #[error("{0} is fixed, so no strike can move it; strike a mass that moves")]
     Fixed(String),
     /// A second path for one MAT.
-    #[error("a MAT goes one way: #{0} is on a path already")]
+    #[error(
+        "the position of MAT #{0} is imposed already; impose it once, and add further motion as forces"
+    )]
     Driven(usize),
-    /// A number that is no number, or a mass that is none.
+    /// A tick that is too long or has no frame.
+    #[error("a tick has 1 to {max} frames, not {0}", max = hand::TICK_MAX)]
+    Tick(u32),
+    /// A tick of another length than that of the hands before: (theirs, its own).
+    #[error("all hands must have the same tick: those before have {0} frames, this one has {1}")]
+    TickDiffers(u32, u32),
+    /// An input that was never declared: (its index, how many there are).
+    #[error(
+        "there is no input {0}: {1} inputs are declared; declare it by `Timeline::sound_in` first"
+    )]
+    NoInput(usize, usize),
+    /// A number that is not finite, or a mass that is not above 0.
     #[error("{0} must be a finite number{1}, not {2}")]
     Value(&'static str, &'static str, f64),
 }

@@ -104,7 +104,7 @@ pub(crate) fn open_in_process(
     Ok(match kind {
         Kind::Frame => Box::new(frame::Frame::over(port, &url, &ending)?),
         Kind::FireFader => Box::new(firefader::FireFader::over(port, &url, &ending)?),
-        _ => return Err(url.cannot("this kind of device has no wire in the process")),
+        _ => return Err(url.cannot("this kind of device cannot be emulated inside the process")),
     })
 }
 

@@ -39,7 +39,7 @@ use std::path::PathBuf;
 use ergon_engine::mix::fold::Fold;
 use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::mixer::Mixer;
-use ergon_engine::mix::quiet::FadeFinder;
+use ergon_engine::mix::silence_detector::SilenceDetector;
 use ergon_engine::simulation::Simulation;
 
 use crate::audio;
@@ -62,7 +62,7 @@ pub struct Stage {
     /// Frames to play; `None`: until it is stopped.
     pub n_frames: Option<u64>,
     /// The end of the sound, where it ends before these frames.
-    pub fades: Option<FadeFinder>,
+    pub fades: Option<SilenceDetector>,
     /// Frames of a tick.
     pub tick_frames: usize,
     /// Real hands, in the order of the simulation's.

@@ -1615,7 +1615,7 @@ class ViewServer:
         """End it, and every page's connection."""
 
 @final
-class FadeFinder:
+class SilenceDetector:
     """Looks for the first tenth of a second, after frame `start`, that begins a quiet second.
 
     Quiet is 80 dB below the highest peak before. The place does not depend on the size of blocks.
@@ -1906,7 +1906,7 @@ class Performance:
 
         `tick_frames`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
         `stop`; `fades_from`: it ends sooner, where the sound has faded after so many frames (see
-        FadeFinder); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
+        SilenceDetector); `ahead`: frames of the ring; `bars`: frames at which a hand that comes back takes
         over; `fold`: from the mixer's channels to those that are heard; `seen`: pages will
         see it (`ViewServer.show`); `audio_in`: where the inputs of the piece are heard, "auto" (that of
         the output, if it has one), "jack[:PORTS]", "pulse[:SOURCE]" or "none"; `record_in`: a new WAVE

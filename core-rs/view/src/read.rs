@@ -12,7 +12,7 @@ use crate::payload::{Reading, VERSION, kind, whole};
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ReadError {
     /// It begins otherwise.
-    #[error("this is no motion file: it does not begin with ERGM and version 1")]
+    #[error("this is not a motion file: it does not begin with ERGM and version 1")]
     Magic,
     /// Its manifest or a table is not whole, or damaged.
     #[error("the {0} of this motion file is missing or damaged")]

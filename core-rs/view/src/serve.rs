@@ -12,16 +12,16 @@ use std::time::{Duration, Instant};
 
 use thiserror::Error;
 
+mod access;
 mod answer;
 mod assets;
 mod connection;
-mod door;
 mod hub;
 mod pace;
 mod request;
 mod viewer;
 
-pub use door::Key;
+pub use access::Key;
 pub use hub::{Cursor, Hub, Keep, Taken};
 
 /// What a connection may take; the defaults are for people, shorter ones for tests.

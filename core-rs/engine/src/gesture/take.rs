@@ -87,7 +87,7 @@ pub enum TakeError {
         stop: f64,
     },
     /// A part that reaches beyond the take, or holds nothing.
-    #[error("{from} s to {to} s is no part of a take that lasts {stop} s")]
+    #[error("{from} s to {to} s does not lie inside a take that lasts {stop} s")]
     Part {
         /// Wanted start [s].
         from: f64,

@@ -111,8 +111,8 @@ fn unstable(network: &Network, way: MeshMethod, found: &Top, most: f64) -> Error
     Error::Refused {
         module: network.mat_name(found.worst),
         message: format!(
-            "unstable by {name} at this rate: λmax is at least {lambda:.6} and must stay below {most:.3}; it \
-             would take {times} times the rate or more, a larger M, or a smaller K or Z"
+            "unstable with method {name} at this rate: λmax is at least {lambda:.6} and must be below {most:.3}; use \
+             {times} times the rate or more, a larger M, or a smaller K or Z"
         ),
     }
 }

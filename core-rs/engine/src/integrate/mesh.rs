@@ -290,13 +290,17 @@ pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
     }
 }
 
+fn only_ca(what: &str) -> String {
+    format!("only the CA scheme can compute {what}; write `method: ca`, or leave `method` out")
+}
+
 /// A mesh keeps positions and velocities alone.
 fn has_no_memory(network: &Network) -> Result<(), Error> {
     let mut runs = network.runs().iter();
     match runs.find(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_))) {
         Some(run) => Err(Error::Refused {
             module: network.link_name(run.first),
-            message: "a friction that holds is no part of a mesh that a method steps".to_owned(),
+            message: only_ca("a BRISTLE or a DRY link"),
         }),
         None => Ok(()),
     }
@@ -308,14 +312,13 @@ fn takes(network: &Network) -> Result<(), Error> {
     if let Some(part) = discrete {
         return Err(Error::Refused {
             module: part.name.clone(),
-            message: "`units: ca` defines it by its discrete steps: only the CA scheme can step it"
-                .to_owned(),
+            message: only_ca("a part under `units: ca`, whose steps are its definition"),
         });
     }
     if let Some(proxy) = network.proxies().first() {
         return Err(Error::Refused {
             module: network.mat_name(proxy.mat),
-            message: "only the CA scheme can step a PROXY".to_owned(),
+            message: only_ca("a PROXY"),
         });
     }
     if let Some((mat, _)) = network.followed().next() {
@@ -328,7 +331,7 @@ fn takes(network: &Network) -> Result<(), Error> {
         if matches!(run.kind, LinkKind::Space(_) | LinkKind::Pairwise(_)) {
             return Err(Error::Refused {
                 module: network.link_name(run.first),
-                message: "only the CA scheme can step a link in space".to_owned(),
+                message: only_ca("a link in space"),
             });
         }
         let LinkKind::But(but) = &run.kind else {
@@ -337,7 +340,7 @@ fn takes(network: &Network) -> Result<(), Error> {
         if but.contact != Contact::Plain {
             return Err(Error::Refused {
                 module: network.link_name(run.first),
-                message: "only the CA scheme can step an exact or a magic contact".to_owned(),
+                message: only_ca("an exact or a magic contact"),
             });
         }
     }

@@ -60,7 +60,8 @@ pub(super) fn linear(mesh: &Mesh, network: &Network) -> Result<(), Error> {
         None => Ok(()),
         Some(link) => Err(Error::Refused {
             module: network.link_name(link),
-            message: "the trapezoidal rule steps linear bodies only".to_owned(),
+            message: "the trapezoidal rule computes linear bodies only; choose another method"
+                .to_owned(),
         }),
     }
 }
@@ -102,7 +103,9 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
     if mats.len().saturating_mul(band + 1) > MOST {
         return Err(Error::Refused {
             module: network.mat_name(mats[0]),
-            message: "the matrix of its mesh is too wide for the trapezoidal rule".to_owned(),
+            message:
+                "the matrix of its mesh is too wide for the trapezoidal rule; choose another method"
+                    .to_owned(),
         });
     }
     let mut columns = vec![0.0; mats.len() * (band + 1)];

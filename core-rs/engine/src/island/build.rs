@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
+use super::contact_peaks::ContactPeaks;
+use super::energy_gain::Gains;
 use super::fault::Mutes;
 use super::fine::Fine;
-use super::gain::Gains;
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::strike_points;
 use super::real_hands::{HandState, hand_bindings};
 use super::rest::Rest;
 use super::sounds_in::sound_drives;
-use super::touched::Touches;
 use super::written_hand::framed::FramedGesture;
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
@@ -60,7 +60,9 @@ impl Island {
         if options.ledger && timeline.hands().next().is_some() {
             return Err(Error::Refused {
                 module: "ledger".to_owned(),
-                message: "no energy ledger can be kept where a real hand plays: its energy is not measured".to_owned(),
+                message: "no energy ledger can be kept where a real hand plays, because its energy is not \
+                          measured"
+                    .to_owned(),
             });
         }
         let mut scheme = Scheme::new(&network, timeline.rate)?;
@@ -166,7 +168,7 @@ impl Island {
             targets: Vec::new(),
             laws,
             stream: Stream::new(options.record),
-            touches: Touches::default(),
+            touches: ContactPeaks::default(),
             unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,
@@ -433,8 +435,8 @@ pub(super) fn free_key(
         if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
             return Err(Error::Refused {
                 module: network.link_name(link),
-                message: "a link inside a key acts all the time: gestures are written for the \
-                          key with all its links"
+                message: "a coupling cannot join two modules of one key, because gestures are computed for the key \
+                          with all its links; make this link a module of the key"
                     .to_owned(),
             });
         }

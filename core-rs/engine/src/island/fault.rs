@@ -40,7 +40,9 @@ impl Fault {
             module, seconds, ..
         } = self;
         self.gain.clone().unwrap_or_else(|| {
-            format!("{module} went beyond all bounds at {seconds:.3} s: the scheme diverged there")
+            format!(
+                "the motion of {module} diverged at {seconds:.3} s; reduce K, weaken the strikes or raise the rate"
+            )
         })
     }
 

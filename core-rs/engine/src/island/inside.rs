@@ -1,6 +1,6 @@
 //! Bodies inside an island, each computed by a method of its own.
 
-use super::account::Gain;
+use super::energy_account::Gain;
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};

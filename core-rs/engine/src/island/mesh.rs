@@ -4,7 +4,7 @@
 use crate::archive::{Archive, Damaged, State, state_of};
 use std::sync::Arc;
 
-use super::account::{Account, Gain};
+use super::energy_account::{Account, Gain};
 use crate::guard::FinerFrames;
 use crate::integrate::{Integrator, MeshMethod};
 use crate::kernel::thread_team::ThreadTeam;

@@ -1,6 +1,6 @@
 //! Energy that contacts of all pairs of points make out of nothing: one account for all of an island.
 
-use super::account::{Account, Gain};
+use super::energy_account::{Account, Gain};
 use super::pair_energy::{held, potential};
 use crate::kernel::Neighbours;
 use crate::network::PairRun;

@@ -5,7 +5,7 @@
 //! what is heard the same to the last bit, all that follow do. What of the state only counts steps is turned on. So the
 //! state is at every frame what it would be, and an island wakes by computing its next step.
 
-use super::{Fault, Island, gain, inside};
+use super::{Fault, Island, energy_gain, inside};
 use crate::archive::{Archive, State as _};
 use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
@@ -20,7 +20,7 @@ const FIRST: u64 = 64;
 /// Frames between two looks at most: one costs about as much as two frames.
 const LATEST: u64 = 1 << 15;
 /// Bodies are followed ahead, and strikes fall between frames: events are met in steps that are computed [steps].
-const MARGIN: u64 = 4 * gain::BLOCK;
+const MARGIN: u64 = 4 * energy_gain::BLOCK;
 /// A larger state is not compared [bytes].
 const LARGEST: usize = 1 << 26;
 

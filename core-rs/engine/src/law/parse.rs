@@ -208,7 +208,8 @@ impl Parser<'_> {
             ("d", _) => self.push(Node::Elongation, token),
             ("v", _) if self.which == Which::Damping => self.push(Node::Rate, token),
             ("v", _) => {
-                let message = "`v` may only stand in `damping`: a law stores energy by `d` alone.";
+                let message =
+                    "`v` is allowed only in `damping`, because a law stores energy by `d` alone.";
                 Err(self.error(token, message.into()))
             }
             (_, Some(value)) => {
@@ -217,7 +218,7 @@ impl Parser<'_> {
                 self.push(node, token)
             }
             (_, None) => {
-                let message = format!("Nothing is called `{}` here.", shortened(name));
+                let message = format!("There is no constant `{}`.", shortened(name));
                 let known = self
                     .variables()
                     .chain(FUNCTIONS.iter().map(|(known, _)| *known));
@@ -314,7 +315,7 @@ impl Parser<'_> {
             Kind::Number(_) => "An operator is missing before this number.".into(),
             Kind::Name(name) => format!("An operator is missing before `{}`.", shortened(name)),
             Kind::Sign("(") => "An operator is missing before this parenthesis.".into(),
-            Kind::Sign(sign) => format!("`{sign}` cannot stand here."),
+            Kind::Sign(sign) => format!("`{sign}` is not allowed here."),
         };
         self.error(token, message)
     }

@@ -39,16 +39,16 @@ const HABITS: [(&str, &str, Option<&str>); 10] = [
     ("//", "There is no integer division.", Some("/")),
     ("^", "A power is written with two stars.", Some("**")),
     ("=", "One `=` does not compare; two do.", Some("==")),
-    ("!", "`!` cannot stand alone; unequal is `!=`.", Some("!=")),
+    (
+        "!",
+        "A single `!` has no meaning; unequal is `!=`.",
+        Some("!="),
+    ),
     ("[", "Only parentheses group.", Some("(")),
     ("]", "Only parentheses group.", Some(")")),
     ("{", "Only parentheses group.", Some("(")),
     ("}", "Only parentheses group.", Some(")")),
-    (
-        ".",
-        "A point stands only in numbers; there are no attributes.",
-        None,
-    ),
+    (".", "A point is allowed only inside a number.", None),
     ("−", "This minus is a typographic one.", Some("-")),
 ];
 
@@ -148,7 +148,7 @@ fn sign(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawErro
         return Ok((Kind::Sign(sign), sign.len()));
     }
     let message = match rest[0] {
-        '"' | '\'' => "A law has numbers only, no texts.".into(),
+        '"' | '\'' => "A law cannot contain quoted text; write numbers and names.".into(),
         other => format!("`{}` has no meaning in a law.", other.escape_debug()),
     };
     Err(LawError::new(which, at, 1, message))

@@ -58,7 +58,7 @@ pub enum RouteError {
     #[error("a route is delayed by {DELAY_MAX} frames at most; here {0}")]
     Delay(usize),
     /// Frozen outputs that go to another number of outputs.
-    #[error("{frozen} frozen outputs cannot stand for {outputs} outputs")]
+    #[error("{frozen} frozen outputs cannot replace {outputs} outputs; the numbers must be equal")]
     Frozen {
         /// How many are frozen.
         frozen: usize,

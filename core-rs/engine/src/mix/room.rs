@@ -52,7 +52,8 @@ pub enum RoomError {
     Decay,
     /// Decays that one filter of first order cannot have.
     #[error(
-        "decays of {0} s and {1} s cannot be had at these frequencies in a room of this size: take frequencies that lie farther apart, decays that lie closer, or a smaller room"
+        "decays of {0} s and {1} s are impossible at these frequencies in a room of this size; use frequencies that \
+         are farther apart, decays that are closer, or a smaller room"
     )]
     Apart(f64, f64),
     /// A gain that is not finite.

@@ -15,8 +15,8 @@ pub enum Error {
     },
     /// The CA scheme diverges at this rate.
     #[error(
-        "{module}: unstable at this rate: λmax(M⁻¹(K+2Z)) = {lambda:.6} must stay below 4; \
-         it would take {oversampling} times the rate, a larger M, or a smaller K or Z"
+        "{module}: unstable at this rate: λmax(M⁻¹(K+2Z)) is {lambda:.6} and must be below 4; \
+         use {oversampling} times the rate, a larger M, or a smaller K or Z"
     )]
     Unstable {
         /// The module that would move most.

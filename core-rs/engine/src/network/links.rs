@@ -106,11 +106,11 @@ impl Network {
         let bounces = but.restitution > 0.0 && but.restitution <= 1.0;
         if !bounces || !(2..=10_000).contains(&but.steps) {
             let message =
-                "a magic contact takes a restitution above 0, at most 1, and 2 steps or more";
+                "a magic contact needs a restitution above 0 and at most 1, and 2 steps or more";
             return Err(self.refused(name, message));
         }
         if but.exponent != 1.0 {
-            return Err(self.refused(name, "a magic contact is linear: its exponent is 1"));
+            return Err(self.refused(name, "a magic contact is linear, so its exponent must be 1"));
         }
         if but.clamp && but.restitution < 1.0 {
             let message = "a magic contact with a restitution below 1 has to pull at the exit: take clamp away";

@@ -32,9 +32,7 @@ pub enum ModeRange {
 
 /// More modes are asked for than can be kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{count} modes of {n_masses} masses are more than memory holds; at most {most} are computed at once"
-)]
+#[error("{count} modes of {n_masses} masses need too much memory; ask for at most {most} modes")]
 pub struct TooManyModes {
     /// How many modes.
     pub count: usize,

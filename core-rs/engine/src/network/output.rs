@@ -1,4 +1,5 @@
-//! Outputs: weighted sums of positions, distances and forces.
+//! Outputs: weighted sums of positions (SOX), of their first and second derivatives (SOV, SOA), of forces of links
+//! (SOF), and distances of two points in space.
 
 /// One term of an output: a weight on a range of like modules.
 #[derive(Clone, Copy, Debug, PartialEq)]

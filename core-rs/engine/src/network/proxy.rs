@@ -222,10 +222,10 @@ impl Network {
         };
         let is_known = |mat: usize| mat < self.n_mat() && !self.is_proxy(mat);
         if own.masses().next().is_none() || !own.masses().all(is_known) {
-            return Err(self.refused(name, "a PROXY lies between masses that are there"));
+            return Err(self.refused(name, "a PROXY must lie between masses that exist"));
         }
         if !own.guides().all(is_known) {
-            return Err(self.refused(name, "a PROXY follows a MAT that is there"));
+            return Err(self.refused(name, "a PROXY must follow a MAT that exists"));
         }
         self.check_shares(name, &own.shares)?;
         own.settle();
@@ -255,9 +255,10 @@ impl Network {
                 }
                 along.iter().try_for_each(|along| match *along {
                     Along::At(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
-                    Along::Following { span: 0.0, .. } => {
-                        Err(self.refused(name, "span is 0: the MAT would move it nowhere"))
-                    }
+                    Along::Following { span: 0.0, .. } => Err(self.refused(
+                        name,
+                        "span is 0 m, so the MAT would not move it; write a length",
+                    )),
                     Along::Following { offset, span, .. } => self.check(
                         name,
                         &[

@@ -135,8 +135,8 @@ pub struct SpacePoints<'a> {
 }
 
 /// Why a contact that sticks is refused.
-pub(super) const SINKS: &str =
-    "its pull is more than K times the gap: its ends would rest in each other's place";
+pub(super) const SINKS: &str = "its attraction is stronger than K times the gap, so its two points would collapse \
+     onto each other; reduce the attraction, or use a larger K or gap";
 
 /// Distance − rest of a link that is broken.
 const BROKEN: f64 = f64::NEG_INFINITY;
@@ -638,7 +638,8 @@ impl Network {
         if let SpaceLaw::Cohesive { sink, reach, .. } = law {
             let is_number = |value: f64| value > 0.0 && value.is_finite();
             if !is_number(*sink) || !is_number(*reach) {
-                let message = "a contact that sticks has a stiffness, a pull and a reach above 0";
+                let message =
+                    "a contact that sticks needs a stiffness, an attraction and a reach above 0";
                 return Err(self.refused(name, message));
             }
         }

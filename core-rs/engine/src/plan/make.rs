@@ -554,8 +554,8 @@ fn obeys(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<(), Err
             Err(Error::Refused {
                 module: subset.network.link_name(run.first),
                 message: format!(
-                    "the method {} cannot step this law: its force is heard, it ends on a key or a driven mass, or \
-                     the method does not take it; ask for the method ca, or for an error",
+                    "the method {} cannot compute this link: an output hears its force, it ends on a key or a driven \
+                     mass, or the method lacks its law; write `method: ca`, or an `error` such as -60dB instead",
                     way.facts().name
                 ),
             })

@@ -235,7 +235,7 @@ fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Er
     (f > 0.5 * rate.hertz()).then(|| Error::Refused {
         module: network.mat_name(mat),
         message: format!(
-            "its frequency is {f:.0} Hz, above half the rate of {:.0} Hz: take a higher rate, or a lower f or K",
+            "its frequency is {f:.0} Hz, above half the rate of {:.0} Hz; use a higher rate, or a lower f or K",
             rate.hertz()
         ),
     })
@@ -267,8 +267,8 @@ fn on_proxy(network: &Network, run: &LinkRun) -> Error {
     Error::Refused {
         module: network.link_name(run.first),
         message:
-            "it is solved together with the one mass that it ends on, and a PROXY has several; \
-                  let it end on a mass"
+            "this link must end on a mass, because its force is solved together with that mass; a PROXY stands for \
+             several masses"
                 .to_owned(),
     }
 }

@@ -195,13 +195,13 @@ impl Timeline {
             return refuse("the link already has a schedule");
         }
         if !(fade > 0.0 && fade.is_finite()) {
-            return refuse("a fade takes a time above 0 s");
+            return refuse("the time of a fade must be above 0 s");
         }
         if !start.is_finite() || stop.is_some_and(|stop| !stop.is_finite()) {
-            return refuse("a coupling begins and ends at finite instants");
+            return refuse("a coupling must begin and end at finite instants");
         }
         if stop.is_some_and(|stop| stop <= start.max(0.0)) {
-            return refuse("a coupling ends after it begins, and after 0 s");
+            return refuse("a coupling must end after it begins, and after 0 s");
         }
         let on_grid = |t: f64| self.on_grid(t);
         // A coupling without a start does not fade in.
@@ -248,20 +248,22 @@ impl Timeline {
         let end = link.saturating_add(n);
         let is_end = end == network.n_lia() || begins(end);
         if n == 0 || !begins(link) || !is_end {
-            return refuse("this link is one of a row of links, which glide together");
+            return refuse(
+                "this link is one of a row of links, which can glide only together; name the row",
+            );
         }
         if ![from, to]
             .iter()
             .all(|factor| factor.is_finite() && *factor >= 0.0)
         {
-            return refuse("a glide goes from one factor of 0 or more to another");
+            return refuse("both factors of a glide must be 0 or more");
         }
         if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
-            return refuse("a glide begins and ends at finite instants, at 0 s or later");
+            return refuse("a glide must begin and end at finite instants, at 0 s or later");
         }
         let (start, stop) = (self.on_grid(start), self.on_grid(stop));
         if stop <= start {
-            return refuse("a glide takes 64 samples at least");
+            return refuse("a glide must last 64 samples at least");
         }
         let ours = link..end;
         let known = self

@@ -141,10 +141,10 @@ impl Timeline {
             return refuse("a glide needs K and Z of 0 or more, and M above 0");
         }
         if points.is_empty() || !points.iter().all(|&(at, _)| at.is_finite() && at >= 0.0) {
-            return refuse("a glide begins and ends at finite instants, at 0 s or later");
+            return refuse("a glide must begin and end at finite instants, at 0 s or later");
         }
         if points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
-            return refuse("the points of a glide rise in time");
+            return refuse("the points of a glide must rise in time");
         }
         let is_pair = points.len() == 2 && points[1].1.is_none();
         let mut placed: Vec<(u64, Option<Ties>)> = Vec::with_capacity(points.len());
@@ -152,7 +152,7 @@ impl Timeline {
             let frame = self.on_grid(at);
             if placed.last().is_some_and(|&(last, _)| last == frame) {
                 if is_pair {
-                    return refuse("a glide takes 64 samples at least");
+                    return refuse("a glide must last 64 samples at least");
                 }
                 placed.pop();
             }

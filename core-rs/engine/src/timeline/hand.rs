@@ -9,7 +9,7 @@ use super::{Drive, DriveKind, Source, StrikeError, Timeline};
 use crate::network::Network;
 
 /// Largest number of frames of a tick: 21 ms at 192 kHz.
-const TICK_MAX: u32 = 4_096;
+pub(super) const TICK_MAX: u32 = 4_096;
 
 /// Interpolation of a hand between two ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -82,15 +82,14 @@ impl Timeline {
     ) -> Result<usize, StrikeError> {
         super::movable(network, mat)?;
         if !(1..=TICK_MAX).contains(&tick_frames) {
-            let why = " of frames from 1 to 4096";
-            return Err(StrikeError::Value("a tick", why, f64::from(tick_frames)));
+            return Err(StrikeError::Tick(tick_frames));
         }
         if let Some(&wrong) = positions.iter().find(|x| !x.is_finite()) {
             return Err(StrikeError::Value("a hand's position", "", wrong));
         }
-        if self.hands().any(|hand| hand.tick_frames != tick_frames) {
-            let why = " of frames that all hands share";
-            return Err(StrikeError::Value("a tick", why, f64::from(tick_frames)));
+        let other = self.hands().next().map(|hand| hand.tick_frames);
+        if let Some(other) = other.filter(|&other| other != tick_frames) {
+            return Err(StrikeError::TickDiffers(other, tick_frames));
         }
         let index = self.hands().count();
         let positions = match positions {

@@ -137,7 +137,9 @@ impl Timeline {
         let begins = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
         let end = link.saturating_add(n);
         if n == 0 || !begins(link) || !(end == network.n_lia() || begins(end)) {
-            return refuse("this link is one of a row of links, which glide together");
+            return refuse(
+                "this link is one of a row of links, which can glide only together; name the row",
+            );
         }
         let ours = link..end;
         let runs = network.runs().iter();
@@ -152,17 +154,17 @@ impl Timeline {
             .iter()
             .any(|lead| lead.links().any(|own| ours.contains(&own)))
         {
-            return refuse("the link glides already");
+            return refuse("the link already glides at that time");
         }
         let is_good = |x: &f64| x.is_finite() && *x >= 0.0;
         if !points
             .iter()
             .all(|(at, factors)| is_good(at) && factors.iter().all(is_good))
         {
-            return refuse("a glide goes through finite instants, and factors of 0 or more");
+            return refuse("a glide needs finite instants, and factors of 0 or more");
         }
         if points.is_empty() || points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
-            return refuse("the points of a glide rise in time");
+            return refuse("the points of a glide must rise in time");
         }
         let mut placed: Vec<(u64, Factors)> = Vec::with_capacity(points.len());
         for &(at, factors) in points {

@@ -169,8 +169,7 @@ impl Timeline {
         scale: f64,
     ) -> Result<(), StrikeError> {
         let Some(sound) = self.sounds_in.get(index).cloned() else {
-            let why = " of an input that is declared";
-            return Err(StrikeError::Value("the index", why, index as f64));
+            return Err(StrikeError::NoInput(index, self.sounds_in.len()));
         };
         let source = Source::SoundIn {
             sound,

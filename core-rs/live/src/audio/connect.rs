@@ -75,10 +75,10 @@ pub fn survey() -> Vec<(String, Result<String, String>)> {
         found.push(("system".into(), told(system::survey())));
     }
     found.extend([
-        ("null".into(), Ok("the clock alone, no sound".into())),
+        ("null".into(), Ok("in real time, without sound".into())),
         (
             "file".into(),
-            Ok("file:PATH writes a WAVE file, clock:PATH one by the clock".into()),
+            Ok("file:PATH writes a WAVE file, clock:PATH writes one in real time".into()),
         ),
     ]);
     found

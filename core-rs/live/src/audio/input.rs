@@ -168,7 +168,7 @@ fn connect(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<OpenedI
         Backend::Pulse => pulse::open_input(spec, channels),
         _ => Err(AudioError::Unavailable {
             backend: "input",
-            why: format!("{spec} has no inputs: they are heard by jack or pulse"),
+            why: format!("{spec} has no inputs; use jack or pulse"),
         }),
     }
 }

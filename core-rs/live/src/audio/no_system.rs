@@ -3,7 +3,7 @@
 use super::sink::Opened;
 use super::{AudioError, Spec};
 
-const WHY: &str = "used on macOS and Windows only: here sound goes by jack or pulse";
+const WHY: &str = "used on macOS and Windows only; use jack or pulse here";
 
 fn missing() -> AudioError {
     AudioError::Unavailable {

@@ -17,7 +17,7 @@ pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
     let block = block.unwrap_or(BLOCK);
     Opened {
         backend: "null",
-        device: "nowhere, by the clock".into(),
+        device: "no sound, in real time".into(),
         rate,
         block,
         paced: true,
@@ -40,7 +40,7 @@ pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
     let block = block.unwrap_or(BLOCK);
     Opened {
         backend: "null",
-        device: "nowhere, as fast as it comes".into(),
+        device: "no sound, as fast as it is computed".into(),
         rate,
         block,
         paced: false,

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::shape::Shape;
+use super::output_fades::OutputFades;
 use super::shared::Shared;
 
 /// What a frame may hold at most.
@@ -31,7 +31,7 @@ pub struct Drain {
     gate: Arc<Gate>,
     shared: Arc<Shared>,
     phase: Phase,
-    shape: Shape,
+    fades: OutputFades,
     /// A panic was announced, whose end is still to be.
     hushed: bool,
     /// Frames that waited when a panic ended: they pass unheard.
@@ -105,7 +105,7 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
         phase: Phase::Waiting,
         hushed: false,
         stale: 0,
-        shape: Shape::new(channels, 48_000),
+        fades: OutputFades::new(channels, 48_000),
         outermost: true,
         given: FrameCounts {
             before: 0,
@@ -206,7 +206,7 @@ impl Drain {
 
     /// The rate of the frames that are handed out [Hz]: ramps are times.
     pub(super) fn set_rate(&mut self, rate: u32) {
-        self.shape.set_rate(rate);
+        self.fades.set_rate(rate);
         self.rate = rate.max(1);
     }
 
@@ -230,7 +230,7 @@ impl Drain {
     pub(super) fn changed_card(&mut self) {
         if self.phase != Phase::Waiting {
             self.phase = Phase::Starved;
-            self.shape.begin_anew();
+            self.fades.begin_anew();
         }
     }
 
@@ -254,7 +254,7 @@ impl Drain {
         let (out, rest) = out.split_at_mut(whole);
         rest.fill(0.0);
         let panicked = self.panicked();
-        if panicked && self.shape.ask_hush() {
+        if panicked && self.fades.ask_hush() {
             // At the pace of what would be heard: the sound before and after lies where it was computed to be.
             self.throw_away(out.len() / self.channels);
             out.fill(0.0);
@@ -282,24 +282,24 @@ impl Drain {
         if self.samples.pop_entire_slice(sounding).is_err() {
             sounding.fill(0.0);
         }
-        self.shape.sounding(sounding);
+        self.fades.sounding(sounding);
         self.told(came, closed && came == waiting);
         if !silent.is_empty() {
             self.without(silent, closed && came == waiting, panicked);
         }
-        self.shape.hushed(out);
+        self.fades.hushed(out);
     }
 
     /// Leave what waits unheard but for the last `keep` frames; what follows rises from silence.
     pub(super) fn catch_up(&mut self, keep: usize) {
         let waiting = self.waiting();
         self.throw_away(waiting.saturating_sub(keep));
-        self.shape.begin_anew();
+        self.fades.begin_anew();
     }
 
     /// Hand out what waits, at most `out`, for a taker without a clock; returns the frames.
     pub fn take(&mut self, out: &mut [f32]) -> usize {
-        if self.panicked() && self.shape.ask_hush() {
+        if self.panicked() && self.fades.ask_hush() {
             let thrown = self.throw_away(out.len() / self.channels);
             out[..thrown * self.channels].fill(0.0);
             return thrown;
@@ -331,19 +331,19 @@ impl Drain {
 
     /// Whether silence is asked for, or was, and is still to be reached.
     fn panicked(&mut self) -> bool {
-        if self.shared.panicked() || self.shape.is_falling_silent() {
+        if self.shared.panicked() || self.fades.is_falling_silent() {
             if std::mem::take(&mut self.stale) > 0 {
-                self.shape.hush_now();
+                self.fades.hush_now();
             }
             if !std::mem::replace(&mut self.hushed, true) {
                 self.tell_edge(true);
             }
             return true;
         }
-        if self.shape.end_hush() {
+        if self.fades.end_hush() {
             // What was computed meanwhile is old by now.
             self.stale = self.waiting();
-            self.shape.begin_anew();
+            self.fades.begin_anew();
         }
         self.end_silence();
         false
@@ -379,12 +379,12 @@ impl Drain {
     fn without(&mut self, silent: &mut [f32], ended: bool, panicked: bool) {
         if self.phase == Phase::Playing && !ended {
             self.phase = Phase::Starved;
-            self.shape.break_off();
+            self.fades.break_off();
             if self.outermost && !panicked {
                 self.shared.add_underruns(1);
             }
         }
-        self.shape.silent(silent);
+        self.fades.silent(silent);
         if self.phase == Phase::Starved && !ended && !panicked && self.outermost {
             let frames = silent.len() / self.channels;
             self.shared.add_missing(frames as u64);

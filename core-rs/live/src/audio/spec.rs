@@ -50,9 +50,8 @@ pub struct Spec {
 }
 
 /// How the text is written.
-pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macOS, Windows), file:PATH, clock:PATH (a \
-    file by the clock), null or null:fast; \
-    then ,block=FRAMES and ,channels=N where wanted";
+pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macOS, Windows), file:PATH, clock:PATH (a file, in real time), \
+     null or null:fast; then ,block=FRAMES and ,channels=N where wanted";
 
 impl Spec {
     /// A backend with nothing asked of it.

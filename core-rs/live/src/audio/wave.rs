@@ -1,5 +1,8 @@
-//! The header of a WAVE file of float samples, laid out as a render's is (`exchange/wave_header.py`): RIFF with the
-//! place of `ds64` kept, RF64 where the sizes need 64 bits (EBU Tech 3306).
+//! The header of a WAVE file of float samples: RIFF with the place of `ds64` kept, RF64 where the sizes need 64 bits
+//! (EBU Tech 3306).
+//!
+//! `exchange/wave_header.py` writes the headers of renders, of all formats, and reads them. This one has the same layout;
+//! it is here because a performance records sound without Python.
 
 const RIFF_LIMIT: u64 = u32::MAX as u64;
 const DS64: usize = 28;

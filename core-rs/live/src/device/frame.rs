@@ -80,7 +80,7 @@ impl Frame {
         let who = ask(&mut port, first_reply(url)?, ending).map_err(|gone| url.closed(gone))?;
         let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&who).ok_or_else(|| {
-            url.cannot("the numbers that the device tells of itself are impossible")
+            url.cannot("the numbers that the device reports about itself are impossible")
         })?;
         if url.lockstep && !spec.can_lockstep {
             return Err(

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use ergon_engine::cell::Cell;
 use ergon_engine::key_model::{KeyModel, Motion};
-use ergon_engine::simulation::LoneKey;
+use ergon_engine::simulation::EmulatedKey;
 use ergon_engine::units::Rate;
 
 use super::EmulateError;
@@ -71,7 +71,7 @@ enum Mover {
     /// As its model says.
     Model(Box<Motion>),
     /// As the key of a score.
-    Network(Box<LoneKey>),
+    Network(Box<EmulatedKey>),
 }
 
 impl Mover {
@@ -153,7 +153,7 @@ impl Keys {
     }
 
     /// The same keys, each moving as a key of a score does at the rate of the periods.
-    pub fn with_network(mut self, key: LoneKey) -> Self {
+    pub fn with_network(mut self, key: EmulatedKey) -> Self {
         self.x[..self.n].fill(key.position());
         self.movers = vec![Mover::Network(Box::new(key)); self.n];
         self

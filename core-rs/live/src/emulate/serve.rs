@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use ergon_engine::key_model::KeyModel;
 use ergon_engine::network::Network;
-use ergon_engine::simulation::LoneKey;
+use ergon_engine::simulation::EmulatedKey;
 use ergon_engine::units::Rate;
 
 use super::firmware::{Board, Firmware};
@@ -53,7 +53,7 @@ impl Options {
         }
         if let Some((network, struck)) = &self.network {
             let rate = Rate::new(self.rate)?;
-            keys = keys.with_network(LoneKey::new(network, *struck, rate)?);
+            keys = keys.with_network(EmulatedKey::new(network, *struck, rate)?);
         }
         Ok(Firmware::new(self.board, keys))
     }

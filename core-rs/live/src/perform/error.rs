@@ -38,7 +38,8 @@ pub enum PlayError {
     Hands(usize),
     /// A piece that is too stiff for a device to be stable.
     #[error(
-        "hand {hand}: the piece is {stiffness:.0} N/m stiff there, and the device bears {limit:.0} N/m"
+        "hand {hand}: the piece is {stiffness:.0} N/m stiff at this key, and the device is stable up to {limit:.0} N/m; \
+         use a smaller K or a larger Z in what the key touches"
     )]
     Stiff {
         /// The hand.
@@ -66,6 +67,6 @@ pub enum ChangeError {
     #[error("the number of channels cannot change: the sound card was opened with {0}")]
     Channels(usize),
     /// Too many changes wait.
-    #[error("too many commands wait for the physics thread")]
+    #[error("too many commands wait for the physics thread; try again")]
     Busy,
 }

@@ -52,7 +52,7 @@ pub(super) fn open(
     if channels == 0 {
         return Ok((None, heard));
     }
-    let silent = "the files of the score's inputs are heard instead, and silence where it has none";
+    let silent = "each input of the score plays its file, or silence where it has none";
     let Some(spec) = &config.from else {
         heard.sentence = format!("no input: {silent}");
         return Ok((None, heard));
@@ -60,8 +60,8 @@ pub(super) fn open(
     let is_asked = spec.backend != Backend::Auto;
     if is_asked && !output.paced {
         let why = format!(
-            "{spec} is heard by the clock, and {} takes frames as fast as they come: \
-            hear it with --audio jack, pulse, null or clock:PATH",
+            "the input {spec} delivers sound in real time, and the output {} does not play in real time; \
+             use --audio jack, pulse, null or clock:PATH",
             output.device
         );
         return Err(AudioError::Broken(why).into());
@@ -72,7 +72,7 @@ pub(super) fn open(
         (true, _) => Ok(spec.clone()),
         (false, "jack") => Ok(Spec::plain(Backend::Jack)),
         (false, "pulse") => Ok(Spec::plain(Backend::Pulse)),
-        (false, other) => Err(format!("{other} has none")),
+        (false, other) => Err(format!("{other} has no inputs")),
     };
     let opened = spec.and_then(|spec| {
         audio::listen(&spec, rate, channels, wanted).map_err(|error| error.to_string())

@@ -185,7 +185,9 @@ impl Performance {
         let rate = self.output.info().rate;
         let (tap, handle) = audio::tap(path, rate, self.channels)?;
         if !self.command(Command::Tap(Some(tap))) {
-            return Err(AudioError::Broken("too much is asked at once".into()));
+            return Err(AudioError::Broken(
+                "too many commands wait for the physics thread; try again".into(),
+            ));
         }
         self.tap = Some(handle);
         Ok(())

@@ -1,4 +1,5 @@
 //! The factor of the piece's force on a hand, tick by tick: lowered before a stiffer piece acts, raised after its end.
+//! What it may be is decided by `prepare` at the start, and in a session by `live/force_bounds.py`.
 
 use crate::safety::unit;
 

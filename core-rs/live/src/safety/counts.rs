@@ -40,20 +40,20 @@ impl Counts {
     pub fn named(&self) -> [(&'static str, u64); 15] {
         [
             ("ticks", self.ticks),
-            ("not finite", self.not_finite),
+            ("force not finite", self.not_finite),
             ("clamped", self.clamped),
-            ("hot", self.hot),
-            ("slewed", self.slewed),
-            ("ramped", self.ramped),
+            ("motor too hot", self.hot),
+            ("slew limited", self.slewed),
+            ("ramped at the start", self.ramped),
             ("tripped", self.tripped),
             ("stale", self.stale),
-            ("energy", self.energy),
-            ("stiff", self.stiff),
-            ("stopped", self.stopped),
-            ("trips by no number", self.trips_not_finite),
-            ("trips by speed", self.trips_speed),
-            ("stops of the host", self.stalls),
-            ("device let go", self.let_go),
+            ("energy limited", self.energy),
+            ("scaled for stability", self.stiff),
+            ("stopped by the player", self.stopped),
+            ("trips: not finite", self.trips_not_finite),
+            ("trips: speed", self.trips_speed),
+            ("stalls of the host", self.stalls),
+            ("force dropped by device", self.let_go),
         ]
     }
 }

@@ -1,7 +1,8 @@
-//! The stages, in their order. Each leaves a force within its limits as it is, to the last bit.
+//! The pipeline that every force passes: the clamp and all other stages, in their order. Each leaves a force within
+//! its limits as it is, to the last bit.
 //!
-//! * A force that is no number is zero and trips.
-//! * The greatest force; the force that a hot motor bears.
+//! * A force that is not a number is zero and trips.
+//! * The clamp to the greatest force; the force that a hot motor may give.
 //! * The rise at the start; trips; stale positions and forces; the part that the stiffness of the loop allows; stop.
 //! * Passivity: a room around zero. The slew limit, within that room. Nothing changes a force after it.
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::answer::{self, Status};
 use super::pace::Paced;
 use super::request::{self, Bad, Request};
-use super::{Place, Shared, assets, door, viewer};
+use super::{Place, Shared, access, assets, viewer};
 
 /// Bytes of a refused request that are read so that the refusal arrives: a socket that is closed before all was read resets.
 const DRAIN: usize = 64 << 10;
@@ -60,7 +60,7 @@ impl From<io::Error> for Failed {
 
 fn reply(stream: &mut TcpStream, request: Request, shared: &Shared) -> Result<(), Failed> {
     let options = &shared.options;
-    let name = door::enter(&request, options.key.as_ref(), shared.at)?.to_owned();
+    let name = access::enter(&request, options.key.as_ref(), shared.at)?.to_owned();
     if let Some(key) = &request.upgrade {
         if name != "live" {
             return Err(Status::NotFound.into());

@@ -44,17 +44,17 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
         return refuse(
             run.a,
             run.b,
-            "the energy of its law has no lower bound: method ieq cannot step it",
+            "the energy of its law has no lower bound, so method ieq cannot compute it; choose another method",
         );
     }
     for run in &mesh.others {
         let why = match &run.kind {
             Kind::Lnl { law, .. } if law.is_shared() => Some(
-                "method ieq steps link by link, and the tension of a stretched string is one of all its links",
+                "method ieq cannot compute the tension of a string, which all its links share; choose another method",
             ),
-            Kind::Lnl { law, .. } if !law.has_closed_energy() => {
-                Some("ieq needs a law by points or a polynomial, whose energy is known")
-            }
+            Kind::Lnl { law, .. } if !law.has_closed_energy() => Some(
+                "method ieq needs a law by points or a polynomial, whose energy is known; choose another method",
+            ),
             Kind::Lnl { law, .. } => {
                 // A law that pushes away from rest stores less than nothing.
                 let mut reach = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]
@@ -62,11 +62,15 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
                     .flat_map(|e| [e, -e]);
                 reach
                     .any(|e| law.potential(e) < 0.0)
-                    .then_some("the energy of its law falls below its energy at rest: method ieq cannot step it")
+                    .then_some(
+                        "the energy of its law falls below its energy at rest, so method ieq cannot compute it; \
+                         choose another method",
+                    )
             }
-            Kind::But(but) if but.clamp && run.z != 0.0 => {
-                Some("ieq steps a contact with Z only where it may pull: take clamp away")
-            }
+            Kind::But(but) if but.clamp && run.z != 0.0 => Some(
+                "method ieq computes a contact with Z only if the contact may pull; remove `clamp`, or choose \
+                     another method",
+            ),
             _ => None,
         };
         if let Some(why) = why {

@@ -6,11 +6,11 @@ mod takeover;
 
 pub(crate) use takeover::{VoiceTakeover, shared};
 
+use super::ergons_for_view::Sparks;
 use super::framed::{FramedGesture, Leg};
 use super::free::leap::Leap;
 use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
-use super::sparks::Sparks;
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
 use crate::gesture::report::Report;

@@ -399,7 +399,7 @@ fn frozen_outputs_need_an_output_each() {
     let error = mixer.freeze(&source, &[0], 0).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "2 frozen outputs cannot stand for 1 outputs"
+        "2 frozen outputs cannot replace 1 outputs; the numbers must be equal"
     );
 }
 

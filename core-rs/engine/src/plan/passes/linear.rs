@@ -85,10 +85,12 @@ impl NoModes {
             Self::Handled => "a hand, a path or an ergon of its own mass and speed acts on it",
             Self::Diverges => "one of its modes grows",
             Self::Pinned => "the given plan selects other modes",
-            Self::Stiff => "a link to its body is too stiff for modes that feel it once a frame",
+            Self::Stiff => {
+                "a link to its body is too stiff for modes that receive its force once a frame"
+            }
             Self::Inexact => "its damping is too strong for its modes to be computed exactly",
             Self::Ports => {
-                "others touch so many of its points that modes would cost more than steps"
+                "other modules touch so many of its points that modes would cost more than time steps"
             }
             Self::Weight => "gravity acts on it",
             Self::ForceHeard => "an output listens to a force inside it",

@@ -64,9 +64,9 @@ fn held_fast(network: &Network, timeline: &Timeline, part: usize) -> Option<&'st
         .iter()
         .filter(|gesture| of(gesture.key) == part);
     own.find_map(|gesture| match gesture.manner.touch {
-        Touch::Tracked => Some("a tracked gesture holds it at every frame"),
+        Touch::Tracked => Some("a gesture with `touch: tracked` moves it at every frame"),
         Touch::Open if gesture.manner.limit.is_some() => {
-            Some("a limit of force is held against every frame")
+            Some("its force limit is checked at every frame")
         }
         Touch::Open => None,
     })
@@ -81,7 +81,7 @@ fn bodies(
 ) -> Result<Vec<(Body, Slow)>, String> {
     let wired = wired(network, timeline, part);
     if wired.is_empty() {
-        return Err("nothing in it is linear".to_owned());
+        return Err("no mass in it is held by linear springs alone".to_owned());
     }
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
@@ -200,7 +200,7 @@ impl Slow {
         let n = body.mats.len();
         if n > MASSES_MAX {
             return Err(format!(
-                "{n} of its masses are connected, more than {MASSES_MAX}: a dense step would cost more than it saves"
+                "{n} of its masses are connected; above {MASSES_MAX}, a slow rate costs more than the audio rate"
             ));
         }
         let is_discrete = network.parts()[part].ca_rate.is_some();

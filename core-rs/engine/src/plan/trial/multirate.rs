@@ -129,14 +129,14 @@ pub(in crate::plan) fn certify(
         return Ok(None);
     }
     let Some(growth) = macrostep::growth(&island.island_plan) else {
-        return Err("whether its kicks let the island grow would take long to find out".to_owned());
+        return Err("its stability at its own rate is too expensive to test".to_owned());
     };
     allowance.spend(growth.work);
     if growth.is_stable() {
         return Ok(Some(growth));
     }
     Err(format!(
-        "what touches it is too stiff for kicks at that rate: it would grow by {:.3} from kick to kick",
+        "its contacts are too stiff for that rate: motion would grow by a factor of {:.3} from step to step",
         growth.radius
     ))
 }

@@ -69,7 +69,7 @@ fn admitted<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, Audi
     let why = if status & api::SERVER_FAILED != 0 {
         "no JACK server runs".into()
     } else if status & api::SERVER_ERROR != 0 {
-        "the JACK server is too busy to take a client".into()
+        "the JACK server is too busy to accept a client".into()
     } else {
         format!("the JACK server refuses (status {status:#x})")
     };

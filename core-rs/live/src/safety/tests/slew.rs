@@ -113,7 +113,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
     }
     let counts = guarded.counts();
     for (name, count) in counts.named() {
-        let by_the_wall = name == "stops of the host";
+        let by_the_wall = name == "stalls of the host";
         assert!(count > 0 || by_the_wall, "{name}: never in {ticks} ticks");
     }
     found

@@ -1,6 +1,6 @@
 //! From what is asked of a key to the ergon that does it.
 
-use super::super::sparks::Sparks;
+use super::super::ergons_for_view::Sparks;
 use super::{Ask, Scene, TrackedFrame, Voice, VoiceScript};
 use crate::gesture::report::Report;
 use crate::gesture::script::{Ergons, Touch};

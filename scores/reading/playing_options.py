@@ -10,7 +10,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Either, ListOf, Text, choice
 from ergon.scores.gesture.transforms import parse_chain, parse_do
-from ergon.scores.reading.piece import UNSAID, Manner
+from ergon.scores.reading.piece import UNSAID, PlayingOptions
 
 DO = Either(
     scalar=Text(
@@ -41,8 +41,8 @@ OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # unsaid: 
 _NAMES = frozenset(field.name for field in OF_GESTURE)
 
 
-def manner(given: Mapping[str, Any]) -> Manner:
-    """The manner that was written; None where nothing was."""
+def playing_options(given: Mapping[str, Any]) -> PlayingOptions:
+    """The options that were written; None where nothing was."""
     if _NAMES.isdisjoint(given):  # most rows of most tables
         return UNSAID
-    return Manner(**{name: value for name, value in given.items() if name in _NAMES})
+    return PlayingOptions(**{name: value for name, value in given.items() if name in _NAMES})

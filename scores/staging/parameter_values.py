@@ -14,9 +14,9 @@ from ergon import _core
 from ergon.common.decay import LN_1000
 from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import KINDS, member_count
-from ergon.scores.reading.leads import whole
+from ergon.scores.reading.automatable import whole
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.gliding import TWO_PI, ties
+from ergon.scores.staging.version_glides import TWO_PI, ties
 
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly

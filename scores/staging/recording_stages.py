@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ergon.notation.clock.positions import Position
-from ergon.scores.reading.piece import Manner, Piece, Play, Player
+from ergon.scores.reading.piece import Piece, Play, Player, PlayingOptions
 from ergon.scores.staging.stage import Stage, StageError, stage
 
 if TYPE_CHECKING:
@@ -83,7 +83,11 @@ def _slowed(parts: Mapping[str, Any], factor: int) -> dict[str, Any]:
 
 
 def solo(
-    piece: Piece, name: str, key: str, do: tuple[Transform, ...] = (), manner: Manner | None = None
+    piece: Piece,
+    name: str,
+    key: str,
+    do: tuple[Transform, ...] = (),
+    manner: PlayingOptions | None = None,
 ) -> Stage:
     """One gesture or take alone on a key, at the beginning of the piece."""
     where = piece.keys[key].place
@@ -97,7 +101,7 @@ def solo(
         times=1,
         until=None,
         do=do,
-        manner=manner or Manner(),
+        manner=manner or PlayingOptions(),
         place=what.place,
         at_place=what.place,
         until_place=None,

@@ -4,28 +4,28 @@ use crate::network::Network;
 
 /// One contact that pushed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Touch {
+pub(crate) struct ContactPeak {
     /// Step of the island in which it pushed most.
     pub(crate) frame: u64,
     /// Force then, of the largest size [N].
     pub(crate) force: f64,
 }
 
-const NONE: Touch = Touch {
+const NONE: ContactPeak = ContactPeak {
     frame: 0,
     force: 0.0,
 };
 
 /// The contacts of an island, while they are watched.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Touches {
+pub(super) struct ContactPeaks {
     /// The link that each is; empty: nobody looks.
     links: Vec<u32>,
     /// (n_links)
-    most: Vec<Touch>,
+    most: Vec<ContactPeak>,
 }
 
-impl Touches {
+impl ContactPeaks {
     pub(super) fn of(network: &Network) -> Self {
         let runs = network.runs().iter();
         let contacts = runs.filter(|run| run.kind.is_contact());
@@ -43,7 +43,7 @@ impl Touches {
         for (&link, most) in self.links.iter().zip(&mut self.most) {
             let force = forces[link as usize];
             if force.abs() > most.force.abs() {
-                *most = Touch { frame, force };
+                *most = ContactPeak { frame, force };
             }
         }
     }
@@ -54,7 +54,7 @@ impl Touches {
     }
 
     /// Tell of those that pushed (link, how), and begin anew.
-    pub(super) fn take(&mut self, mut tell: impl FnMut(usize, Touch)) {
+    pub(super) fn take(&mut self, mut tell: impl FnMut(usize, ContactPeak)) {
         for (&link, most) in self.links.iter().zip(&mut self.most) {
             if most.force != 0.0 {
                 tell(link as usize, std::mem::replace(most, NONE));

@@ -1,4 +1,5 @@
-//! The ergons of a voice as they are seen: those of a stream, one a frame, are gathered, for nobody sees 44,100 a second.
+//! Sparks: the ergons of a voice as pages draw them. Those of a stream are gathered, one a frame, for nobody sees 44,100
+//! a second.
 
 use crate::island::record::Record;
 

@@ -1,4 +1,7 @@
-"""The stiffness that a key meets, and the part of the piece's force that its hand may get."""
+"""The stiffness that a key meets, and the part of the piece's force that its hand may get.
+
+Decided here, before a piece takes over; `core-rs/live/src/perform/scale.rs` scales tick by tick.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from typing import TYPE_CHECKING
 from ergon import _core
 from ergon.live.automated import MAX_SETS, RATIO, SHORT, Values, felt, value_sets
 from ergon.scores.staging.built_network import OVER, acting
-from ergon.scores.staging.gliding import Glide
+from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
     import numpy as np
@@ -92,7 +95,7 @@ def _answer(reached: _core.ReachableNetwork, tick_frames: int, reach: float) -> 
     return felt * (reach * reach * (1 + reached.others))
 
 
-class Guard:
+class ForceBounds:
     """Finds the force that real hands may get of a piece before it takes over.
 
     Each piece is played once.
@@ -207,9 +210,9 @@ def _automated(
     if len(sets) > MAX_SETS:
         names = ", ".join(".".join(filter(None, where)) for where in paths)
         raise _core.EngineError(
-            f"{hand.player}'s hand may feel the automation of {names}, and the force that it may "
-            f"get is found for {MAX_SETS} values at most; this has more: use fewer steps or a "
-            "smaller range, or play without the device"
+            f"the automation of {names} can change the force on the key of {hand.player}, and "
+            f"takes more than {MAX_SETS} combinations of values, the most whose stability can be "
+            "checked; use fewer steps or a smaller range, or play without the device"
         )
     return sets
 

@@ -75,7 +75,8 @@ def strikes(
 def _check(count: int) -> None:
     if count > _MOST_PLACES:
         raise EditError(
-            f"a pattern has {count:,} places in this scene, and {_MOST_PLACES:,} at most come back"
+            f"a pattern has {count:,} steps in this scene; a scene can repeat at most "
+            f"{_MOST_PLACES:,}: make the scene shorter"
         )
 
 

@@ -146,13 +146,23 @@ def in_the_way() -> list[str]:
 @pytest.mark.parametrize(
     ("scores", "more", "code", "said"),
     [
-        (same_name, [], 2, "a.yaml and more/a.yaml would both become a.wav"),
+        (same_name, [], 2, "a.yaml and more/a.yaml would both be written to a.wav"),
         (mistaken, [], 1, "b.yaml:2:"),
         (in_the_way, [], 2, "b.wav exists and was not made by ergon"),
-        (lambda: ["a.yaml", "b.yaml"], ["-o", "a.yaml"], 2, "a.yaml is no folder"),
+        (
+            lambda: ["a.yaml", "b.yaml"],
+            ["-o", "a.yaml"],
+            2,
+            "a.yaml is a file; several scores need a folder",
+        ),
         (lambda: ["a.yaml", "b.yaml"], ["-o", "-"], 2, "-o - is for one score"),
         (lambda: ["a.yaml", "b.yaml"], ["--freeze", "a"], 2, "--freeze is for one score"),
-        (lambda: ["a.yaml", "b.yaml"], ["--plan", "x.plan"], 2, "--plan: is that of one score"),
+        (
+            lambda: ["a.yaml", "b.yaml"],
+            ["--plan", "x.plan"],
+            2,
+            "--plan: this option is for one score",
+        ),
         (lambda: ["a.yaml", "-"], [], 2, "error: - is rendered by itself"),
         (lambda: ["a.yaml", "x.jsonl"], [], 2, "x.jsonl is rendered by itself"),
         (lambda: ["a.yaml", "none.yaml"], [], 1, "none.yaml cannot be read: No such file"),

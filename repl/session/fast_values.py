@@ -41,7 +41,7 @@ class Moved(Protocol):
         """Queue a line for its boundary."""
 
 
-class Movements:
+class FastValues:
     """The latest movement of each name. `move` may be called by any thread."""
 
     def __init__(self, session: Moved) -> None:

@@ -1,4 +1,4 @@
-"""Which members of an instrument a front or a head passes, and when."""
+"""Which members of an instrument a sweep or a point on a path passes, and when."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.passing import SWEEPS, Passing, Point
+from ergon.scores.reading.sweep_fields import SWEEPS, Passing, Point
 from ergon.space.directions import angles, sine_cosine
 
 if TYPE_CHECKING:
@@ -77,7 +77,10 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
     for mat in mats:
         stiffness, mass = ties.get(mat, (0.0, 1.0))
         if not stiffness > 0.0:
-            raise TextError(f"{network.name_of(mat)} has no pitch by which a front could pass it")
+            raise TextError(
+                f"{network.name_of(mat)} has no pitch, so a sweep by pitch cannot reach it; choose "
+                "a sweep by place"
+            )
         found.append(_core.ln(stiffness / mass))
     return found
 

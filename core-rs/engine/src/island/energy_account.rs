@@ -71,8 +71,8 @@ impl Gain {
     pub(crate) fn sentence(&self, module: &str, seconds: f64) -> String {
         let [made, of] = [self.made, self.of].map(joules);
         format!(
-            "{module} made energy: by {seconds:.3} s it gave {made} more than it took, where {of} were there; \
-             it is too stiff for its steps"
+            "{module} created energy: {made} until {seconds:.3} s, where the system held {of}; it is too stiff for \
+             the time step: reduce K or raise the rate"
         )
     }
 

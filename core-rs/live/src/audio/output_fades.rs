@@ -4,7 +4,7 @@ const FADE: f64 = 0.002; // s
 const HUSH: f64 = 0.005; // s
 
 /// Ramps over frames of one stream; at rest it changes no bit.
-pub(super) struct Shape {
+pub(super) struct OutputFades {
     channels: usize,
     fade: u32,
     hush: u32,
@@ -18,7 +18,7 @@ pub(super) struct Shape {
     hushing: Option<u32>,
 }
 
-impl Shape {
+impl OutputFades {
     pub(super) fn new(channels: usize, rate: u32) -> Self {
         let mut shape = Self {
             channels,

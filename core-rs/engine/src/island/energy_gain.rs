@@ -4,7 +4,7 @@
 //! oscillation is slow beside the steps. So each keeps account of what it took, ½(e⁺ − e⁻)·f a step: by this work the
 //! scheme balances exactly, whatever else moves its ends. What it gave beyond that and beyond what it stores is made.
 
-use super::account::{Account, Gain};
+use super::energy_account::{Account, Gain};
 use super::pair_gain::PairGains;
 use super::{Fault, Island, OnFault};
 use crate::kernel;

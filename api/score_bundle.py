@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _BYTES_MAX = 256_000_000  # of all files: hours of takes
 
 
-class Shipped(TypedDict):
+class ScoreBundle(TypedDict):
     """A score: its path and the contents of all files, by their paths below one folder."""
 
     score: str
@@ -34,12 +34,12 @@ class Shipped(TypedDict):
     files: dict[str, bytes]
 
 
-class NotShippedError(ErgonError):
+class NotBundledError(ErgonError):
     """The score and its files cannot be computed in another process."""
 
 
-def shipped(path: str, loaded: Loaded) -> Shipped:
-    """A score that was read, with its files. Raises NotShippedError and OSError."""
+def bundled(path: str, loaded: Loaded) -> ScoreBundle:
+    """A score that was read, with its files. Raises NotBundledError and OSError."""
     scores.piece_of(loaded)
     texts = {_place(name): document.text for name, document in loaded.files.items()}
     found = {place: text.encode() for place, text in texts.items()}
@@ -50,17 +50,17 @@ def shipped(path: str, loaded: Loaded) -> Shipped:
             found[place] = read_bounded(Path(place), left)
             left -= len(found[place])
     if left < 0:
-        raise NotShippedError(
+        raise NotBundledError(
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
             "that goes to another process"
         )
     root = os.path.commonpath([os.path.dirname(place) for place in found])
     names = {place: Path(os.path.relpath(place, root)).as_posix() for place in found}
     files = {names[place]: content for place, content in found.items()}
-    return Shipped(score=names[_place(path)], root=root, files=files)
+    return ScoreBundle(score=names[_place(path)], root=root, files=files)
 
 
-def digest(content: Shipped, *more: object) -> str:
+def digest(content: ScoreBundle, *more: object) -> str:
     """A hash of a score and its files, and of what is done with them (64 hex digits)."""
     whole = hashlib.sha256(repr((content["score"], *more)).encode())
     for name, own in sorted(content["files"].items()):
@@ -70,10 +70,10 @@ def digest(content: Shipped, *more: object) -> str:
 
 
 @contextmanager
-def unpacked(content: Shipped) -> Iterator[Path]:
+def unpacked(content: ScoreBundle) -> Iterator[Path]:
     """The path of the score, in a folder that goes when the context ends.
 
-    Raises NotShippedError where a name would lead out of that folder.
+    Raises NotBundledError where a name would lead out of that folder.
     """
     with tempfile.TemporaryDirectory(prefix="ergon-") as name:
         folder = Path(os.path.realpath(name))
@@ -81,16 +81,16 @@ def unpacked(content: Shipped) -> Iterator[Path]:
         for own, data in content["files"].items():
             place = PurePosixPath(own)
             if place.is_absolute() or ".." in place.parts or "\\" in own or ":" in own:
-                raise NotShippedError(f"'{own}' is no file of a score")
+                raise NotBundledError(f"'{own}' is not a file of this score")
             path = folder.joinpath(*place.parts)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
         if content["score"] not in content["files"]:
-            raise NotShippedError("the score is not among its files")
+            raise NotBundledError("the score is not among its files")
         yield folder / content["score"]
 
 
-def at_home(sentence: str, path: Path, content: Shipped) -> str:
+def at_home(sentence: str, path: Path, content: ScoreBundle) -> str:
     """A sentence of the other process, with the names that files have at home."""
     there = str(path)[: -len(content["score"])].rstrip("/")
     return sentence.replace(there, content["root"].rstrip("/"))

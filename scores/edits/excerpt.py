@@ -21,7 +21,7 @@ from ergon.scores.edits.scenes import END
 from ergon.scores.edits.strikes import only
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern.search import n_before
-from ergon.scores.reading import leads
+from ergon.scores.reading import automatable
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -210,7 +210,9 @@ class _Window:
                 at = left * step / _PIECES
                 beat = tempo.beats(tempo.seconds(self.start) + at)
                 value = self.value_on(self.piece, where, one.parameter, beat)
-                known = leads.found(".".join(filter(None, where)), piece.keys, piece.instruments)
+                known = automatable.found(
+                    ".".join(filter(None, where)), piece.keys, piece.instruments
+                )
                 if known is not None and known[1].kind == "BANK":
                     word = f"x{value:.12g}"
                 else:

@@ -15,7 +15,7 @@ from ergon.notation.text.files import is_shipped
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork
-from ergon.scores.staging.leading import Points, Where
+from ergon.scores.staging.parameter_values import Points, Where
 
 FULL = 5_000.0  # [Hz] a body that stops below sounds dull
 _MOST_RADIUS = 400
@@ -92,13 +92,13 @@ def passes_limit(
         tempo = piece.tempo_map
         times = ceil(one.hertz * sqrt(most) / limit)
         message = (
-            f"from {tempo.written(tempo.beats(at))} ({at:.2f} s) on the pitch of {quote(one.name)} "
-            f"is higher than one step a frame can follow: its highest mode passes "
-            f"{limit / 1e3:.3g} kHz, and comes to {one.hertz * sqrt(most) / 1e3:.3g} kHz"
+            f"from {tempo.written(tempo.beats(at))} ({at:.2f} s) on the highest mode of "
+            f"{quote(one.name)} is above {limit / 1e3:.3g} kHz, the limit at one step a frame; "
+            f"it reaches {one.hertz * sqrt(most) / 1e3:.3g} kHz"
         )
         help = (
-            f"there it takes {times} steps a frame, or {times * piece.rate:,.0f} Hz, or a dearer "
-            "method, which a plan chooses and `method: ca` does not; fewer masses take less"
+            f"a plan takes {times} steps a frame or another method there, unless the score has "
+            f"`method: ca`; a rate of {times * piece.rate:,.0f} Hz or fewer masses cost less"
         )
         found.append(Diagnostic("W332", message, place, None, help))
     return found

@@ -14,19 +14,19 @@ use crate::units::Rate;
 ///
 /// ```
 /// use ergon_engine::network::Tie;
-/// use ergon_engine::simulation::LoneKey;
+/// use ergon_engine::simulation::EmulatedKey;
 /// use ergon_engine::{Network, Rate};
 ///
 /// let mut network = Network::new();
 /// let tie = Tie::Physical { k: 60.0, z: 1.2 };
 /// let key = network.cel("key", 0.4, tie, 0.0, 0.0, 0.0)?;
-/// let mut key = LoneKey::new(&network, key, Rate::new(1000.0)?)?;
+/// let mut key = EmulatedKey::new(&network, key, Rate::new(1000.0)?)?;
 /// (0..5000).for_each(|_| key.step(0.6));
 /// assert!((key.position() - 0.01).abs() < 1e-4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct LoneKey {
+pub struct EmulatedKey {
     free: FreeKey,
     motion: Motion,
     laws: Laws,
@@ -34,7 +34,7 @@ pub struct LoneKey {
     frame: u64,
 }
 
-impl LoneKey {
+impl EmulatedKey {
     /// The part of a network whose MAT `struck` takes the forces, at its beginning.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from ergon import _core
-from ergon.lab.case import RUNAWAY_DB, Outcome
+from ergon.lab.map_point import RUNAWAY_DB, Outcome
 from ergon.lab.metrics import Floats
 from ergon.lab.scene import Set
 from ergon.lab.truth import EXACT_DB, Truth
@@ -40,7 +40,7 @@ QUICK = Key((0.08, 0.05, 0.05, 0.001), (1800.0, 2700.0, 2700.0, 2700.0))  # to 2
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class SlowKeyScene:
     """The scene: a key struck at its first mass; its last one pulls the string by K [N/m].
 
     Once in `every` frames; None: at every frame. The certificate sees K over `hidden`: the rest is
@@ -85,7 +85,7 @@ class Cut:
 @cache
 def whole(key: Key, K: float, n_frames: int) -> Truth:
     """The same with all springs at every frame."""
-    made = Cut(key, K, None).at(RATE)
+    made = SlowKeyScene(key, K, None).at(RATE)
     frames = np.zeros((n_frames, 1))
     try:
         _core.Simulation(made.network, made.timeline).process(frames)
@@ -98,7 +98,7 @@ def whole(key: Key, K: float, n_frames: int) -> Truth:
 class Slow:
     """A cut by the exact flow of its key (E4), once in `every` frames."""
 
-    scene: Cut
+    scene: SlowKeyScene
 
     def refused(self) -> str:
         """Why a plan would not have the key slow."""
@@ -141,7 +141,7 @@ class Slow:
         return whole(self.scene.key, self.scene.K, n_frames)
 
 
-def _planned(scene: Cut) -> tuple[Set, _core.Plan]:
+def _planned(scene: SlowKeyScene) -> tuple[Set, _core.Plan]:
     """The plan of a cut, with its key slow. Raises UnstableError where it may not be."""
     made = scene.at(RATE)
     plan = _core.Plan(made.network, made.timeline, error_db=_BUDGET_DB)

@@ -4,40 +4,40 @@ import numpy as np
 import pytest
 from domes import dome
 
-from ergon.space import ways
+from ergon.space import fold_filters
 from ergon.space.ambisonics import encoder
 from ergon.space.directions import point, spread_directions, unit_vectors
 from ergon.space.panning import ArrayError
 from ergon.space.quality import energy_vectors, quality
 
-DOME = ways.Field(dome())
-RING = ways.Field(dome(((24, 0.0, 0.0),)))
+DOME = fold_filters.Field(dome())
+RING = fold_filters.Field(dome(((24, 0.0, 0.0),)))
 ARRAY = unit_vectors(DOME.speakers)
 
 
 def test_the_same_room_is_untouched():
-    np.testing.assert_array_equal(ways.to_field(DOME, DOME)[:, :, 0], np.eye(24))
+    np.testing.assert_array_equal(fold_filters.to_field(DOME, DOME)[:, :, 0], np.eye(24))
 
 
 def test_stereo_has_constant_power():
-    gains = ways.to_stereo(DOME)[:, :, 0]
+    gains = fold_filters.to_stereo(DOME)[:, :, 0]
     np.testing.assert_allclose((gains**2).sum(1), 1.0, atol=1e-12)
     np.testing.assert_allclose(gains[0], np.sqrt(0.5), atol=1e-12)
     np.testing.assert_allclose(gains[3], (1.0, 0.0), atol=1e-12)  # 90° to the left
 
 
 def test_another_room_has_the_energy():
-    gains = ways.to_field(DOME, RING)[:, :, 0]
+    gains = fold_filters.to_field(DOME, RING)[:, :, 0]
     np.testing.assert_allclose((gains**2).sum(1), 1.0, atol=1e-12)
     np.testing.assert_allclose(gains[1], np.eye(24)[2], atol=1e-9)
 
 
 def test_ambix_is_encoded_and_decoded():
     """As measured: order 5 and back, 2.5° off on average and loudness within 1.5 dB."""
-    there = ways.to_field(DOME, ways.Field(order=5))
+    there = fold_filters.to_field(DOME, fold_filters.Field(order=5))
     assert there.shape == (24, 36, 1)
     np.testing.assert_allclose(there[:, :, 0], encoder(5, ARRAY))
-    back = ways.to_field(ways.Field(order=5), DOME)
+    back = fold_filters.to_field(fold_filters.Field(order=5), DOME)
     assert back.shape == (36, 24, 1)
     found = quality("", there[:, :, 0] @ back[:, :, 0], ARRAY, ARRAY)
     assert found.off[0] < 2.6
@@ -47,25 +47,28 @@ def test_ambix_is_encoded_and_decoded():
 def test_a_decoded_source_is_as_loud_as_one_loudspeaker():
     up = spread_directions(500, lowest=0.0)
     for order in (1, 3, 5):
-        gains = encoder(order, up) @ ways.to_field(ways.Field(order=order), DOME)[:, :, 0]
+        gains = (
+            encoder(order, up)
+            @ fold_filters.to_field(fold_filters.Field(order=order), DOME)[:, :, 0]
+        )
         energy = energy_vectors(gains, ARRAY)[2]
         assert abs(10.0 * np.log10(energy.mean())) < 0.5, order
 
 
 def test_orders_are_cut_and_filled():
-    gains = ways.to_field(ways.Field(order=3), ways.Field(order=1))[:, :, 0]
+    gains = fold_filters.to_field(fold_filters.Field(order=3), fold_filters.Field(order=1))[:, :, 0]
     np.testing.assert_array_equal(gains, np.eye(16, 4))
-    gains = ways.to_field(ways.Field(order=1), ways.Field(order=3))[:, :, 0]
+    gains = fold_filters.to_field(fold_filters.Field(order=1), fold_filters.Field(order=3))[:, :, 0]
     np.testing.assert_array_equal(gains, np.eye(4, 16))
 
 
 def test_ambisonics_from_the_left_is_louder_left():
     left = encoder(5, unit_vectors((point(90.0, 0.0, 1.0),)))
-    gains = (left @ ways.to_stereo(ways.Field(order=5))[:, :, 0])[0]
+    gains = (left @ fold_filters.to_stereo(fold_filters.Field(order=5))[:, :, 0])[0]
     assert gains[0] > 3.0 * abs(gains[1])
 
 
 def test_a_room_that_surrounds_nobody_is_refused():
-    pair = ways.Field((point(30.0, 0.0, 1.0), point(-30.0, 0.0, 1.0)))
+    pair = fold_filters.Field((point(30.0, 0.0, 1.0), point(-30.0, 0.0, 1.0)))
     with pytest.raises(ArrayError, match="surround"):
-        ways.to_field(DOME, pair)
+        fold_filters.to_field(DOME, pair)

@@ -28,7 +28,7 @@ class Outcome:
     reason: str = ""
 
 
-class Case(Protocol):
+class MapPoint(Protocol):
     """A scene, and how it is computed."""
 
     @property

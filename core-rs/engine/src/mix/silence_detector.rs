@@ -1,4 +1,4 @@
-//! Where a sound has faded.
+//! The silence detector: finds where a sound has faded by 80 dB.
 
 /// Of the highest peak: -80 dB.
 const FADED: f64 = 1e-4;
@@ -12,14 +12,14 @@ const WINDOWS: u64 = 10;
 /// Quiet is 80 dB below the highest peak before. The place does not depend on how frames are cut into blocks.
 ///
 /// ```
-/// use ergon_engine::mix::quiet::FadeFinder;
+/// use ergon_engine::mix::silence_detector::SilenceDetector;
 ///
-/// let mut finder = FadeFinder::new(1_000.0, 1, 0);
+/// let mut finder = SilenceDetector::new(1_000.0, 1, 0);
 /// assert_eq!(finder.take(&[1.0; 1_000]), None);
 /// assert_eq!(finder.take(&[5e-5; 1_000]), Some(1_100));
 /// ```
 #[derive(Clone, Debug)]
-pub struct FadeFinder {
+pub struct SilenceDetector {
     window: u64,
     channels: usize,
     from: u64,
@@ -29,7 +29,7 @@ pub struct FadeFinder {
     loudest: f64,
 }
 
-impl FadeFinder {
+impl SilenceDetector {
     /// Of frames at `rate` [Hz]; it looks from frame `from` on, counted from the first that it takes.
     pub fn new(rate: f64, n_channels: usize, from: u64) -> Self {
         Self {

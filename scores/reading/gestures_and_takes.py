@@ -8,12 +8,12 @@ from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
-from ergon.scores.reading import build, melodies, pressed
+from ergon.scores.reading import build, melodies, midi_gesture
 from ergon.scores.reading.piece import Gesture, TakeFile
 from ergon.scores.reading.uses import Entry, Names, Uses, called
 
 
-class Movements:
+class GesturesAndTakes:
     """What players can play, by name; made when the piece is known to need it."""
 
     def __init__(self, names: Names, uses: Uses) -> None:
@@ -104,7 +104,7 @@ class Movements:
         """A MIDI take that a hand plays is a gesture."""
         if name not in self._made:
             self.take(name, entry)
-            self._keep(name, pressed.gesture(entry.values, self._uses.files, self._room))
+            self._keep(name, midi_gesture.gesture(entry.values, self._uses.files, self._room))
 
     def _keep(self, name: str, made: Gesture | None) -> None:
         self._made[name] = called(made, name) if made else None

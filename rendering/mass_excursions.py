@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+from .bow_sticking import Sliding, sliding
 from .render import frames_of
-from .slides import Sliding, sliding
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,4 +1,7 @@
-"""Strikes by what passes an instrument: a front that sweeps over it, or a head on a path."""
+"""The fields of strikes by a sweep over an instrument, or by a point on a path, as written.
+
+Which members they strike, and when, is computed by `scores/staging/sweep_members.py`.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +70,7 @@ def _turns(path: tuple[Point, ...]) -> float:
 def _point(text: str) -> Point:
     words = text.split()
     if len(words) != 2:
-        message = f"{quote(text.strip())} is no radius and angle such as 0.3 1080deg"
+        message = f"{quote(text.strip())} is not a radius and an angle such as 0.3 1080deg"
         raise TextError(message, length=max(1, len(text)), code="E201")
     radius = q.quantity(words[0], q.RADIUS)
     try:
@@ -103,9 +106,11 @@ PATH = Text(
     has_values=True,
 )
 FIELDS = (
-    Field("sweep", choice(*SWEEPS), "a front that strikes each member it passes, once in `for`"),
-    Field("path", PATH, "the way of a head that strikes each member it passes, once in `for`"),
-    Field("width", k.WIDTH, "how wide the head is, the instrument's radius being 1", WIDTH),
+    Field(
+        "sweep", choice(*SWEEPS), "a sweep that strikes each member that it passes, once in `for`"
+    ),
+    Field("path", PATH, "the path of a point that strikes each member it passes, once in `for`"),
+    Field("width", k.WIDTH, "how wide that point is; the instrument's radius is 1", WIDTH),
 )
 
 

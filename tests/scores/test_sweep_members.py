@@ -10,8 +10,8 @@ from sessions import Stepped
 from sweep import few
 
 from ergon.notation.text.errors import Collector
-from ergon.scores.reading.passing import SWEEPS
 from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.sweep_fields import SWEEPS
 from ergon.scores.staging.built_network import BuiltNetwork, build_network
 from ergon.scores.staging.stage import stage
 from ergon.scores.staging.striking import ANY, Striking
@@ -251,7 +251,11 @@ def test_what_is_rendered_is_struck():
         ("to: gong.all, at: 1|1, for: 4, sweep: upward, impulse: 1mNs", "E304", "no pitch each"),
         ("to: sky.all, at: 1|1, for: 4, sweep: inward, rate: 2Hz, impulse: 1mNs", "E111", "rate"),
         ("to: sky.all, at: 1|1, for: 4, sweep: inward, width: 1, impulse: 1mNs", "E111", "width"),
-        ("to: sky.all, at: 1|1, for: 4, every: 1, width: 1, impulse: 1mNs", "E111", "only strikes"),
+        (
+            "to: sky.all, at: 1|1, for: 4, every: 1, width: 1, impulse: 1mNs",
+            "E111",
+            "needs `path` beside it",
+        ),
         (
             "to: sky.all, at: 1|1, for: 4, sweep: inward, path: 1 0deg -> 0 0deg, impulse: 1mNs",
             "E111",
@@ -261,7 +265,7 @@ def test_what_is_rendered_is_struck():
         (
             "to: sky.all, at: 1|1, for: 4, path: 1 0deg -> 0.3, impulse: 1mNs",
             "E201",
-            "radius and angle",
+            "a radius and an angle",
         ),
         ("to: sky.all, at: 1|1, for: 4, path: 1 0deg -> 0.3 9mm, impulse: 1mNs", "E203", "mm"),
         (
@@ -293,7 +297,7 @@ def test_a_cell_without_a_spring_has_no_pitch():
     text += "strikes: {s: {to: a, at: 1|1, for: 4, sweep: upward, impulse: 1mNs}}\n"
     loaded = check(text)
     assert loaded.piece is not None
-    with pytest.raises(Exception, match="a has no pitch by which a front could pass it"):
+    with pytest.raises(Exception, match="a has no pitch, so a sweep by pitch cannot reach it"):
         stage(loaded.piece)
 
 

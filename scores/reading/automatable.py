@@ -1,4 +1,7 @@
-"""Which parameters of which modules may change while a piece plays, and what is said of others."""
+"""Which parameters of which modules may change while a piece plays, and what is said of others.
+
+`scores/staging/automating.py` changes them.
+"""
 
 from __future__ import annotations
 

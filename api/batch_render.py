@@ -98,14 +98,16 @@ def _wanted(
     """What is to be rendered, each into another file. Raises ErgonError."""
     for name in ("text", "plan", "hands"):
         if getattr(options, name) is not None:
-            raise OptionError(name, "is that of one score; render it by itself")
+            raise OptionError(name, "this option is for one score; render the score alone")
     if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
-        raise OptionError("output", f"{folder} is no folder, and several scores have several files")
+        raise OptionError("output", f"{folder} is a file; several scores need a folder here")
     if options.on is not None:
         check_shared(options)
     for path in paths:
         if Path(path).suffix == JOURNAL or str(path) == scores.STDIN:
-            raise ErgonError(f"{path} is rendered by itself, not among several")
+            raise ErgonError(
+                f"{path} cannot be rendered together with other scores; render it alone"
+            )
     read = [(str(path), scores.read(path, options, report)) for path in paths]
     _refuse_mistakes([loaded for _, loaded in read])
     found: dict[Path, _Wanted] = {}
@@ -117,7 +119,8 @@ def _wanted(
         if place in found:
             raise OptionError(
                 "output",
-                f"{found[place].score} and {path} would both become {file}; render one by itself",
+                f"{found[place].score} and {path} would both be written to "
+                f"{file}; render one alone",
             )
         stems = options.stems
         own = replace(options, stems=None if stems is None else Path(stems, Path(file).stem))

@@ -1,6 +1,6 @@
 //! Where a sound has faded.
 
-use ergon_engine::mix::quiet;
+use ergon_engine::mix::silence_detector;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
@@ -8,13 +8,15 @@ use crate::frames::rows;
 
 /// Looks for the end of a sound.
 #[pyclass(module = "ergon._core")]
-pub(crate) struct FadeFinder(quiet::FadeFinder);
+pub(crate) struct SilenceDetector(silence_detector::SilenceDetector);
 
 #[pymethods]
-impl FadeFinder {
+impl SilenceDetector {
     #[new]
     fn new(rate: f64, n_channels: usize, start: u64) -> Self {
-        Self(quiet::FadeFinder::new(rate, n_channels, start))
+        Self(silence_detector::SilenceDetector::new(
+            rate, n_channels, start,
+        ))
     }
 
     /// Take (n_frames, n_channels).
