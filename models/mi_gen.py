@@ -10,6 +10,7 @@ from math import inf, nextafter
 from ergon.models.laws import LINKS
 from ergon.models.naming import Names
 from ergon.models.network import Body, Heard, Link, Point, Stepped, refusal
+from ergon.models.places_back import place_of
 from ergon.models.page import RATE
 from ergon.notation.text.values import Place
 
@@ -33,6 +34,7 @@ class _Writing:
     refused: list[tuple[Place, str]] = field(default_factory=list)
     at: dict[int, str] = field(default_factory=dict)  # how each point is written in a link
     whole: dict[int, Body] = field(default_factory=dict)  # by their first points
+    called: dict[int, str] = field(default_factory=dict)  # names of these
     ends: dict[int, list[int]] = field(default_factory=dict)  # links of each point
     links: set[int] = field(default_factory=set)  # within bodies that are written as a whole
 
@@ -113,6 +115,7 @@ class _Writing:
         if body.kind == "STRING":
             count = across
             mass = nudged(mass, lambda m: count * m / count, mass)
+            self.called[body.points[0]] = name
             word = "string" if body.is_held else "chain"
             self.lines.append(f"@{name} {word} {count + more} {_number(mass)} {ties}")
             for member in range(count):
@@ -121,6 +124,7 @@ class _Writing:
         else:
             word = "closedMesh" if body.is_held else "mesh"
             size = f"{up + more} {across + more}"
+            self.called[body.points[0]] = name
             self.lines.append(f"@{name} {word} {size} {_number(mass)} {ties}")
             for member in range(across * up):
                 row, column = divmod(member, across)
@@ -129,6 +133,16 @@ class _Writing:
                     _share(column + body.is_held, across + more),
                 )
                 self.at[body.points[member]] = f"[@{name} {' '.join(shares)}]"
+
+    def _between(self, point: Point) -> str:
+        """A point between masses as a place of their macro; empty where they are of none."""
+        masses = [mass for mass, _ in point.shares]
+        bodies = [one for one in self.whole.values() if set(one.points) & set(masses)]
+        if len(bodies) != 1:
+            return ""
+        place = place_of(bodies[0], point.shares, lambda mass: self.of.points[mass])
+        name = self.called[bodies[0].points[0]]
+        return f"[@{name} {' '.join(_number(share) for share in place)}]" if place else ""
 
     def _matter(self, point: Point) -> float:
         return point.mass if point.is_ca else point.mass * self.of.rate * self.of.rate
@@ -139,11 +153,14 @@ class _Writing:
             self.lines.append(f"@{name} posInput {_number(point.x0)}")
             self.at[number] = f"@{name}"
             return
+        if point.shares:
+            self.at[number] = self._between(point) or "@"
+            if self.at[number] == "@":
+                why = "a PROXY that lies at no place of one whole STRING or rectangle at rest"
+                self.refuse(point.place, f"{point.name}: {why}")
+            return
         name = self._name(point.name)
         self.at[number] = f"@{name}"
-        if point.shares:
-            self.refuse(point.place, f"{point.name}: a PROXY is not written yet")
-            return
         if not point.mass:
             self.lines.append(f"@{name} ground {_number(point.x0)}")
             return

@@ -316,4 +316,4 @@ def test_a_point_that_a_mass_moves_is_not_written(capsys: pytest.CaptureFixture[
     )
     Path("s.yaml").write_text(PROXIES)
     assert app.run(["export", "s.yaml", "--to", "mdl", "-o", "d"]) == 2
-    assert "i.p: a PROXY is not written yet" in capsys.readouterr().err
+    assert "i.p: a PROXY that lies at no place of one whole STRING" in capsys.readouterr().err

@@ -209,3 +209,58 @@ def test_a_model_is_for_one_rate(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(SI.replace("ergon: 1", "ergon: 1\nrates: {audio: 48kHz}"))
     assert app.run(["export", "s.yaml", "--to", "mdl", "-o", "d"]) == 2
     assert "s.yaml:6: a model of mi-gen is for 44,100 Hz" in capsys.readouterr().err
+
+
+BETWEEN = """\
+ergon: 1
+takes: {push: {file: push.wav}}
+instruments:
+  net:
+    units: ca
+    at: 44100Hz
+    modules:
+      nut: {SOL: {}}
+      s: {STRING: {masses: 12, M: 17, K: 0.05, Z: 0.0005}}
+      f: {STRING: {masses: 7, M: 9, K: 0.05, Z: 0.0005, ends: free}}
+      p: {PLATE: {shape: rectangle, sides: [4, 3], M: 13, K: 0.04, Z: 0.0002, rim: fixed}}
+      t: {PLATE: {shape: rectangle, sides: [3, 5], M: 13, K: 0.04, Z: 0.0002}}
+      a: {PROXY: {of: [nut, s, nut], at: 0.3}}
+      b: {PROXY: {of: [nut, s, nut], at: 12.75}}
+      c: {PROXY: {of: s, at: 4.6}}
+      d: {PROXY: {of: f, at: 2.25}}
+      e: {PROXY: {of: p, at: [1.3, 2.2]}}
+      g: {PROXY: {of: t, at: [3.5, 0.25]}}
+      h: {PROXY: {of: [s.3, s.4], shares: [0.8, 0.2]}}
+      m: {CEL: {M: 3, K: 0.01, Z: 0.001, X0: 1mm}}
+      hit: {BUT: {between: [m, c], K: 0.04, Z: 0.002, side: above}}
+      i: {REF: {between: [a, d], K: 0.02, Z: 0.001}}
+      j: {REF: {between: [e, b], K: 0.03, Z: 0.001}}
+      k: {LNL: {between: [g, h], law: "k*d + q*d*abs(d)", damping: "z*v", k: 0.02, q: 9, z: 0.001}}
+      v: {ENF: {to: e, from: push, at: 0s}}
+    out: {out1: {SOX: c}, out2: {SOX: g}, out3: {SOX: e}, out4: {SOX: d}, out5: {SOX: s.7}}
+render: {tail: 0.3s}
+"""
+
+
+def test_points_between_masses_are_places_of_macros():
+    t = np.arange(RATE // 2) / RATE
+    push = np.float64(np.float32(1e-5 * np.sin(2 * np.pi * 300.0 * t)))
+    soundfile.write("push.wav", push, RATE, subtype="FLOAT")
+    Path("net.yaml").write_text(BETWEEN)
+    (model,) = mi_gen_models("net.yaml", ExportOptions())
+    made = model.text
+    Path("net.mdl").write_text(made)
+    back = import_model("net.mdl", ModelOptions(dialect="v2", inputs={"in1": "push.wav"})).text
+    ours, theirs = played(BETWEEN, method="ca")[:8000], rendered(back, 8000 / RATE)
+    heard = mims.played(made, "v2", 8000 / RATE, inputs={"in1": push})
+    assert np.abs(ours).max(axis=0).min() > 1e-7
+    assert off_db(theirs, ours) < -200.0
+    assert off_db(heard, ours) < -180.0
+
+
+@pytest.mark.parametrize("of", ["[s.3, s.6], shares: [0.5, 0.5]", "[s.3, s.4], shares: [1, 1]"])
+def test_points_at_no_place_are_refused(of: str, capsys: pytest.CaptureFixture[str]):
+    soundfile.write("push.wav", np.zeros(10), RATE, subtype="FLOAT")
+    Path("net.yaml").write_text(BETWEEN.replace("[s.3, s.4], shares: [0.8, 0.2]", of))
+    assert app.run(["export", "net.yaml", "--to", "mdl", "-o", "out"]) != 0
+    assert "net.yaml:19: net.h: a PROXY that lies at no place" in capsys.readouterr().err

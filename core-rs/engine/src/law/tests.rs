@@ -324,7 +324,7 @@ proptest! {
         reach in prop::sample::select(vec![1.0, 0.3, 4.0]),
     ) {
         let constants = constants(&[("k", 2.5)]);
-        let tree = match parse(Which::Damping, &text, &constants) {
+        let tree = match parse(Which::Damping, &text, &constants, &[]) {
             Ok(tree) => tree,
             Err(error) => {
                 let bounded = error.message.contains("at most");
@@ -332,7 +332,7 @@ proptest! {
                 return Ok(());
             }
         };
-        let text = LawText { law: Some("d*k"), damping: Some(&text), constants, points: None };
+        let text = LawText { law: Some("d*k"), damping: Some(&text), constants, ..LawText::default() };
         let law = Law::new(&text).expect("parsed before").through(reach).expect("lever");
         let (d, v): (Vec<f64>, Vec<f64>) = links.into_iter().unzip();
         let mut forces = vec![f64::MAX; d.len()];
@@ -356,4 +356,50 @@ proptest! {
             prop_assert!(same(law.force(*d, 0.0), force));
         }
     }
+}
+
+/// A constant that is left open has the bits of one that is written, whatever it is set to.
+#[test]
+fn open_constants_are_as_if_they_were_written() {
+    let text = "where(abs(v) < w, (k - k/3)*v, sign(v)*k*w/3) + k";
+    let law = |k: f64, open: &[String]| {
+        let constants = [("k".to_owned(), k), ("w".to_owned(), 0.2)].into();
+        let text = LawText {
+            damping: Some(text),
+            constants,
+            open,
+            ..LawText::default()
+        };
+        Law::new(&text).expect("a law")
+    };
+    let mut led = law(0.2, &["k".to_owned()]);
+    assert!(led.rows().is_none(), "native code would keep its constants");
+    for k in [0.2, -3.0, 1e-9, 7.25] {
+        led.set(0, k);
+        for v in [-1.0, -0.1, 0.0, 0.15, 0.2, 4.0] {
+            assert_eq!(
+                led.force(0.0, v).to_bits(),
+                law(k, &[]).force(0.0, v).to_bits()
+            );
+        }
+        assert_eq!(led.is_active(1.0, 1.0), law(k, &[]).is_active(1.0, 1.0));
+    }
+}
+
+/// A bow gives way far from rest; a spring, a damper and a law that hardens do not.
+#[test]
+fn what_gives_way() {
+    let law = |law, damping| {
+        let text = LawText {
+            law,
+            damping,
+            ..LawText::default()
+        };
+        Law::new(&text).expect("a law").gives_way()
+    };
+    assert!(law(None, Some("v*exp(0.5 - 4*(v/0.2)**2)")));
+    assert!(law(Some("where(abs(d) < 1, d, 0)"), None));
+    assert!(!law(Some("3*d"), None));
+    assert!(!law(None, Some("0.1*v")));
+    assert!(!law(Some("d + d**3"), None));
 }

@@ -122,7 +122,7 @@ fn sizes_are_bounded() {
 #[test]
 fn every_operation_is_reached_by_text() {
     let read = |text: &str| {
-        parse(Which::Law, text, &Constants::new())
+        parse(Which::Law, text, &Constants::new(), &[])
             .expect(text)
             .nodes
     };
