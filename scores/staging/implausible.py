@@ -108,9 +108,9 @@ class _Scene:
         has_travel = any(self._key(end) is not None for end in but.fields["between"])
         if has_travel and nearest <= 0.0:
             message = (
-                f"contact {quote(name)} can never close: at the end of the travel of its key the "
+                f"contact {quote(name)} is beyond the travel of its key: at the end of the travel "
             )
-            message += f"ends are still {_millimetres(-nearest)} apart"
+            message += f"its ends are still {_millimetres(-nearest)} apart"
             help = "make the gap smaller than the travel, or the travel longer"
             yield Diagnostic("W329", message, place, None, help)
 
