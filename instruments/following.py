@@ -64,6 +64,8 @@ def targets(module: Module) -> Iterator[Target]:
 
 def check(kind: str, values: Values) -> None:
     """What follows has no value of its own, and is a parameter; reports."""
+    if "follows" not in values.record.by_name:
+        return  # in space nothing follows
     written = values["follows"] or {}
     known = ("M",) if kind == "MAS" else ()
     for name, own in written.items():

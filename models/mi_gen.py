@@ -10,8 +10,8 @@ from math import inf, nextafter
 from ergon.models.laws import LINKS
 from ergon.models.naming import Names
 from ergon.models.network import Body, Heard, Link, Point, Stepped, refusal
-from ergon.models.places_back import place_of
 from ergon.models.page import RATE
+from ergon.models.places_back import place_of
 from ergon.notation.text.values import Place
 
 MOST = 20_000  # points
