@@ -107,13 +107,13 @@ def test_points_at_one_place_are_one_module():
 
 
 REFUSED = {
-    "a value": ("@x audioParam @in1\n@l contact [@s 0.3] @h x 0", "no K of a module", 6),
+    "a value": ("@x audioParam @in1\n@l contact [@s 0.3] @h x 0", "cannot be a K of a module", 6),
     "two signals": (
         "@x audioParam @in1\n@y audioParam @in2\n@l contact [@s x*y] @h 1 0",
         "follows two signals",
         7,
     ),
-    "a curve": ("@x audioParam @in1\n@l contact [@s x*x] @h 1 0", "no straight line", 6),
+    "a curve": ("@x audioParam @in1\n@l contact [@s x*x] @h 1 0", "not a straight line", 6),
 }
 
 
