@@ -88,7 +88,7 @@ def _budget(value: object) -> Budget | None:
         is_one = sum(name in value for name in _WISHES) <= 1
         if is_one and ("cents" in value or "upto" not in value):
             return value
-    raise NotPlanError('its budget is not one such as {"error": -60}')
+    raise NotPlanError('its budget is not valid; it must be one such as {"error": -60}')
 
 
 def _is_wish(name: object, value: object) -> bool:

@@ -236,13 +236,13 @@ def test_values_in_a_file_that_is_used_are_told_and_stay():
     [
         ("barr", "1:2", {}, "parts: no instrument or key is called 'barr'; did you mean 'bar'?"),
         ("bar", "1:x", {}, "targets: 'x' is not a ratio above 0"),
-        ("bar", "1:_", {}, "targets: '1:_' names no ratio"),
-        ("bar", [], {}, "targets: are missing"),
-        ("bar", ["A3", "A2"], {}, "targets: must rise from mode to mode"),
+        ("bar", "1:_", {}, "targets: '1:_' is not a ratio"),
+        ("bar", [], {}, "targets: no target is given"),
+        ("bar", ["A3", "A2"], {}, "targets: the targets must rise from mode to mode"),
         ("bar", {0: "A3"}, {}, "targets: name mode 0; modes count from 1"),
         ("bar", {9: "A3"}, {}, "targets: name mode 9, but bar has 8 modes that swing"),
         ("bar", ["h3"], {}, "targets: 'h3' is neither a frequency"),
-        ("bar", ["A3"], {"base": "A3"}, "base: is for ratios"),
+        ("bar", ["A3"], {"base": "A3"}, "base: a base is used with ratios only"),
         (
             "bar",
             "1:2",

@@ -175,9 +175,12 @@ def test_a_plan_without_a_budget_is_followed_as_the_score_asks(capsys: Capture) 
     ("text", "says"),
     [
         ("{", "not a plan"),
-        ('{"ergon_plan": 1, "choices": [], "budget": {"method": 3}}', "no budget"),
-        ('{"ergon_plan": 1, "choices": [], "budget": {"error": -9, "cents": 3}}', "no budget"),
-        ('{"ergon_plan": 1, "choices": [], "budget": [NaN]}', "no budget"),
+        ('{"ergon_plan": 1, "choices": [], "budget": {"method": 3}}', "its budget is not valid"),
+        (
+            '{"ergon_plan": 1, "choices": [], "budget": {"error": -9, "cents": 3}}',
+            "its budget is not valid",
+        ),
+        ('{"ergon_plan": 1, "choices": [], "budget": [NaN]}', "its budget is not valid"),
         ('{"ergon_plan": 1, "choices": [], "budget": {"method": "rk4"}}', "no method 'rk4'"),
         ('{"ergon_plan": 2, "choices": []}', "not a plan of version 1"),
         ('{"ergon_plan": 1, "choices": [[1, 2]]}', "whole numbers"),

@@ -68,7 +68,7 @@ def test_as_records(capsys: Capture):
         (["bar", "1:2", "A3"], "TARGET: give one list of ratios"),
         (["bar", "1=A3", "A4"], "TARGET: 'A4' is not MODE=FREQUENCY, such as 3=A5"),
         (["bar", "1=A3", "1=A4"], "TARGET: mode 1 is given twice"),
-        (["bar", "A3", "--base", "A3"], "--base: is for ratios"),
+        (["bar", "A3", "--base", "A3"], "--base: a base is used with ratios only"),
         (["bar", "A3", "--by", "m9.M"], "--by: bar has no value 'm9.M' above 0"),
         (["bar", "A3", "--write", "-o", "x.yaml"], "--write excludes -o"),
     ],

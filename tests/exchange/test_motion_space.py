@@ -73,7 +73,7 @@ def test_a_node_of_gltf_flies_as_the_ball_does(axes: int) -> None:
 @pytest.mark.parametrize(
     ("table", "sentence"),
     [
-        ({"a": 1}, "is no list"),
+        ({"a": 1}, "is not a list"),
         ([[0]], "names no such points"),
         ([[0, 1, 2, 3]], "names no such points"),
         ([[0, 4]], "names no such points"),

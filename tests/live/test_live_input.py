@@ -106,7 +106,7 @@ def test_without_a_card_its_file_is_heard_and_a_line_says_so():
     [
         ("jack", "null", "JACK"),
         ("pulse", "null", "PulseAudio"),
-        ("jack", "null:fast", "the output null:fast does not play in real time"),
+        ("jack", "null:fast", "and the output does not take it so (null: no sound, as fast"),
         ("file:x.wav", "null", "use jack or pulse"),
         ("alsa", "null", "no such"),
     ],
@@ -121,7 +121,7 @@ def test_an_input_that_is_asked_for_has_to_be_there(where: str, audio: str, word
 
 def test_none_hears_nothing():
     heard = playing(lambda: None, audio="null:fast", audio_in="none")
-    assert heard.sentence.startswith("no input: the files")
+    assert heard.sentence.startswith("no input: each input of the score plays its file")
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_what_an_input_is_written_to_is_a_new_file(options: dict[str, str], word
 
 
 def test_what_inputs_hear_is_a_wav_file_of_a_score_with_inputs():
-    with pytest.raises(OptionError, match=r"no such \.wav"):
+    with pytest.raises(OptionError, match=r"not a \.wav file that exists"):
         rendered("nowhere.wav")
     text = SCORE.replace("from: mic", "from: 1N")
     Path("s.yaml").write_text(text.replace("takes:", "marks: {}  #"))

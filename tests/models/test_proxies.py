@@ -130,7 +130,7 @@ REFUSED = {
         "follows two signals",
         7,
     ),
-    "a curve": ("@x audioParam @in1\n@l contact [@s x*x] @h 1 0", "no straight line", 6),
+    "a curve": ("@x audioParam @in1\n@l contact [@s x*x] @h 1 0", "not a straight line", 6),
 }
 
 

@@ -304,7 +304,7 @@ def test_definitions_that_stand_deep_in_one_another_are_refused(first: str, more
     lines = [first, *(more.format(at, at - 1) for at in range(1, 3000))]
     code = "".join(f"faustcode: {line};\n" for line in lines)
     used = {"k0=1.0": "k2999", "k0(x)=x": "k2999(1.0)", "k0=*(2.0)": "1.0:k2999"}[first]
-    with pytest.raises(ModelError, match="stand too deep"):
+    with pytest.raises(ModelError, match="nested too deeply"):
         imported(code + f"mass({used},0.0,0.0),m;")
 
 

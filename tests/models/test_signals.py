@@ -125,7 +125,7 @@ REFUSED = {
     "a mass": (5, f"{HEAD}@m mass x 0 0", "M is 0 in the first sample"),
     "thresh": (8, f"{HAND}@l contact @m @h 1 0 x{OUT}", "which thresh of this word cannot do"),
     "a gain of two": (8, f"{HAND}@l spring @m @h [x*y]{OUT}", "follows two signals"),
-    "a curve": (8, f"{HAND}@l spring @m @h [x*x]{OUT}", "no straight line"),
+    "a curve": (8, f"{HAND}@l spring @m @h [x*x]{OUT}", "not a straight line"),
 }
 
 

@@ -103,7 +103,7 @@ def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.Monke
     large = tmp_path / "large.jsonl"
     with large.open("wb") as file:
         file.truncate(1 << 40)
-    with pytest.raises(JournalError, match="larger than any"):
+    with pytest.raises(JournalError, match="larger than the journal of a session"):
         read_journal(large)
     with large.open("wb") as file:  # a hundred megabytes in one line, which are not kept
         file.truncate(100_000_000)

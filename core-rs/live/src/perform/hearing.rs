@@ -60,9 +60,9 @@ pub(super) fn open(
     let is_asked = spec.backend != Backend::Auto;
     if is_asked && !output.paced {
         let why = format!(
-            "the input {spec} delivers sound in real time, and the output {} does not play in real time; \
+            "the input {spec} delivers sound in real time, and the output does not take it so ({}: {}); \
              use --audio jack, pulse, null or clock:PATH",
-            output.device
+            output.backend, output.device
         );
         return Err(AudioError::Broken(why).into());
     }
