@@ -22,7 +22,7 @@ from ergon.models.pmpd_reading import is_list
 from ergon.models.pmpd_reading import parse as pmpd_messages
 from ergon.models.pmpd_score import written as pmpd_written
 from ergon.models.pmpd_words import OBJECTS, Object
-from ergon.models.reading import parse, text_of
+from ergon.models.reading import is_table, parse, text_of
 from ergon.models.sam_reading import parse as sam_sheet
 from ergon.models.sam_reading import ports as sam_ports
 from ergon.models.sam_score import written as sam_written
@@ -76,6 +76,11 @@ def import_model(
     except ModelError as error:
         error.file = str(path)
         raise
+    if options.dialect is None and is_table(text):
+        message = f"it is a table of resonances; `ergon bell {path.name}` makes an instrument of it"
+        told = ModelError(message)
+        told.file = str(path)
+        raise told
     inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
 
     asked = options.dialect

@@ -22,6 +22,7 @@ MOST_CHARACTERS = 1_000  # of a line that says something
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _NAME = re.compile(r"@[A-Za-z_]\w{0,63}")
 _V2_WORD = re.compile(r"[^\s\[\]]+|\[[^\[\]]*\]")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _CHANNEL = {"input": re.compile(r"in([1-9]\d?)"), "output": re.compile(r"out([1-9]\d?)")}
 _DISPLAYED = ("ground", "mass", "massG", "osc", "posInput")  # v1: a buffer, x and y may follow
 
@@ -49,6 +50,15 @@ def _text_of(path: Path) -> str:
         return data.decode("latin-1")  # comments of older editors
 
 
+def is_table(text: str) -> bool:
+    """Whether a text is rows of three or four numbers, as a table of resonances is."""
+    lines = (line.replace(",", " ").split() for line in text.splitlines())
+    rows = [words for words in lines if words and words[0][0] not in ";#"]
+    return bool(rows) and all(
+        len(words) in (3, 4) and all(map(_NUMBER.fullmatch, words)) for words in rows
+    )
+
+
 def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] = {}) -> Model:
     """A model in one dialect; `given` are values of parameters by name. Raises ModelError."""
     words = _v1_words if dialect == "v1" else _v2_words
@@ -57,6 +67,10 @@ def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] 
         raise ModelError(f"it has more than {MOST_LINES:,} lines", MOST_LINES + 1)
     try:
         rows = [(at, row) for at, line in enumerate(lines, 1) if (row := words(line, at))]
+        if not rows:
+            raise ModelError(
+                f"it says nothing in {NAMES[dialect]}: no line begins with @ and a name"
+            )
         macros = {row[0][1:] for _, row in rows if _family(row, dialect) == "macro"}
         statements = tuple(_statement(at, row, dialect, macros) for at, row in rows)
         model = Model(file, dialect, statements)

@@ -56,6 +56,8 @@ def written(
     sixty = next(name for name in ("sixty", *(f"sixty{n}" for n in code)) if name not in code)
     own = Writing(sheet, inputs, values, Params(["fs", *code, sixty]), sixty=sixty)
     let(own, "fs", str(RATE), "samples in a second")
+    if not any(one.word in (*MASSES, *LINKS) for one in sheet.statements):
+        raise ModelError("it has no mass and no link, of which a score is made")
     for one in sheet.statements:
         own.targets[one.name] = own.names.new(one.name)
     for one in sheet.statements:

@@ -151,3 +151,18 @@ def test_inputs_that_nothing_feeds_are_named(capsys: pytest.CaptureFixture[str])
     wave("in1.wav", np.zeros(10))
     assert app.run(["import", "m.mdl", "--dialect", "v2", "-f", "--input", "in1=in1.wav"]) == 0
     assert "in2 stays at 0; --input in2=FILE.wav feeds in2" in capsys.readouterr().err
+
+
+def test_a_text_that_is_no_model_is_said_to_be_none(capsys: pytest.CaptureFixture[str]):
+    said = {
+        "1 220.5 0.8 0.35\n2 440 0.5 0.4\n": "a table of resonances; `ergon bell m.txt` makes",
+        "a letter to a friend\n": "a line begins with @ and a name",
+        "": "no line begins with @ and a name",
+        "faustcode: k=1.0;\naudioout,a0,0.0;\n": "it has no mass and no link",
+    }
+    for text, message in said.items():
+        Path("m.txt").write_text(text)
+        assert app.run(["import", "m.txt", "-o", "m.yaml", "-f"]) == 2
+        told = capsys.readouterr().err
+        assert message in told, told
+        assert not Path("m.yaml").exists()
