@@ -27,6 +27,7 @@ from benches.matter import matter
 from benches.measure import Row
 from benches.mesh import mesh
 from benches.metrology import metrology
+from benches.mi_physics import mi_physics
 from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
 from benches.pages import pages
@@ -51,7 +52,8 @@ def main(arguments: list[str]) -> int:
     asked = parser.parse_args(arguments)
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
-    networks = (bank, string, mesh, hammer, gong, precision, matter, grains, quetzalcoatl, growth)
+    networks = [bank, string, mesh, hammer, gong, precision, matter, grains]
+    networks += [mi_physics, quetzalcoatl, growth]
     scenes: dict[str, Callable[[], list[Row]]] = {
         **{scene.__name__: partial(scene, loops) for scene in networks},
         "laws": laws,

@@ -13,10 +13,10 @@ from ergon import _core
 
 ROUNDS = 5
 RATE = 44_100.0
-_N = 5_000
-_M, _K, _Z, _GAP, _G = 5e-4, 2_000.0, 0.05, 8e-3, 9.81
-_RADIUS, _WALL = 0.11, 2_000.0  # of the drum
-_SKIN = 0.3 * _GAP  # as long as that of the engine
+N = 5_000
+M, K, Z, GAP, G = 5e-4, 2_000.0, 0.05, 8e-3, 9.81
+RADIUS, WALL = 0.11, 2_000.0  # of the drum
+SKIN = 0.3 * GAP  # as long as that of the engine
 _PAIRS = 64  # room for so many a grain
 _FRAMES, _PROBED, _SETTLED = 400, 100, 8_000
 _SAME = 1e-9  # rounding by another order of sums
@@ -24,12 +24,7 @@ _SAME = 1e-9  # rounding by another order of sums
 
 def grains(loops: Loops | None) -> list[Row]:
     """5,000 grains that fall in a drum and lie on each other, on one thread."""
-    network = _network(*_thrown())
-    timeline = _core.Timeline(network, RATE)
-    settling = _core.Simulation(network, timeline)
-    settling.process(np.empty((_SETTLED, 1)))  # by now most of them touch
-    x, v = settling.positions()[3:], settling.velocities()[3:]
-    network = _network(x, v)
+    network = settled()
     timeline = _core.Timeline(network, RATE)
     ours = sides.engine("ergon", planned(network, timeline, method="ca"))
     missing = {} if loops else {"C": "no compiler (`cc`) here"}
@@ -41,17 +36,25 @@ def grains(loops: Loops | None) -> list[Row]:
     everyone = [ours, *references]
     sides.agree(everyone, _PROBED, _SAME)
     taken = sides.seconds(ROUNDS, everyone, _FRAMES)
-    scene = f"{_N:,} grains in a drum"
-    return sides.rows(scene, "one thread", taken, {}, missing, _FRAMES / RATE, _N)
+    scene = f"{N:,} grains in a drum"
+    return sides.rows(scene, "one thread", taken, {}, missing, _FRAMES / RATE, N)
+
+
+def settled() -> _core.Network:
+    """The grains where most of them touch; before their coordinates stand those of the middle."""
+    network = _network(*_thrown())
+    settling = _core.Simulation(network, _core.Timeline(network, RATE))
+    settling.process(np.empty((_SETTLED, 1)))
+    return _network(settling.positions()[3:], settling.velocities()[3:])
 
 
 def _thrown() -> tuple[Floats, Floats]:
     """Places on a lattice within the drum, and speeds, axis by axis."""
-    steps = np.arange(-20, 21) * 1.05 * _GAP
+    steps = np.arange(-20, 21) * 1.05 * GAP
     places = np.stack(np.meshgrid(steps, steps, steps), -1).reshape(-1, 3)
-    inside = np.sqrt((places**2).sum(1)) < _RADIUS - _GAP
-    places = places[inside][:_N]
-    speeds = 0.3 * np.sin(np.arange(3 * _N))
+    inside = np.sqrt((places**2).sum(1)) < RADIUS - GAP
+    places = places[inside][:N]
+    speeds = 0.3 * np.sin(np.arange(3 * N))
     return places.T.ravel(), speeds
 
 
@@ -59,28 +62,28 @@ def _network(x: Floats, v: Floats) -> _core.Network:
     network = _core.Network()
     network.part("drum")
     skin = network.points("skin", axes=3, M=[0.0], X0=[0.0] * 3, V0=[0.0] * 3, numbered=False)
-    first = network.points("m", axes=3, M=[_M] * _N, X0=list(x), V0=list(v))
-    own = (first, first + _N, first + 2 * _N), _N
-    network.pairwise("rattle", own, own, gap=_GAP, K=_K, Z=_Z)
+    first = network.points("m", axes=3, M=[M] * N, X0=list(x), V0=list(v))
+    own = (first, first + N, first + 2 * N), N
+    network.pairwise("rattle", own, own, gap=GAP, K=K, Z=Z)
     drum = (skin, skin + 1, skin + 2), 1
-    network.pairwise("drum", drum, own, gap=_RADIUS, K=_WALL, inside=True)
-    network.weigh(first + 2 * _N, _N, -_G)
-    network.listen("tap", positions=[(first + 2 * _N + _N // 2, 1, 1.0)])
+    network.pairwise("drum", drum, own, gap=RADIUS, K=WALL, inside=True)
+    network.weigh(first + 2 * N, N, -G)
+    network.listen("tap", positions=[(first + 2 * N + N // 2, 1, 1.0)])
     return network
 
 
 def _loop(loops: Loops, begun: tuple[Floats, Floats]) -> Run:
-    x, d = (np.ascontiguousarray(one.reshape(3, _N).T).ravel() for one in begun)
-    w, side = 1.0 / (RATE * RATE * _M), int(2 * (_RADIUS + _GAP) / (_GAP + _SKIN)) + 3
+    x, d = (np.ascontiguousarray(one.reshape(3, N).T).ravel() for one in begun)
+    w, side = 1.0 / (RATE * RATE * M), int(2 * (RADIUS + GAP) / (GAP + SKIN)) + 3
     force, start = np.empty_like(x), np.empty_like(x)
-    heads, after = np.empty(side**3, np.int32), np.empty(_N, np.int32)
-    starts, others = np.empty(_N + 1, np.int32), np.empty(_PAIRS * _N, np.int32)
+    heads, after = np.empty(side**3, np.int32), np.empty(N, np.int32)
+    starts, others = np.empty(N + 1, np.int32), np.empty(_PAIRS * N, np.int32)
 
     def run(n_frames: int) -> Floats:
         out = np.empty((n_frames, 1))
         loops.call(
-            "grains", n_frames, _N, _GAP, _SKIN, _K, _Z * RATE, _RADIUS, _WALL, w, -_M * _G,
-            side, x, d, force, start, heads, after, starts, others, 3 * (_N // 2) + 2, out,
+            "grains", n_frames, N, GAP, SKIN, K, Z * RATE, RADIUS, WALL, w, -M * G,
+            side, x, d, force, start, heads, after, starts, others, 3 * (N // 2) + 2, out,
         )  # fmt: skip
         return out
 

@@ -15,8 +15,8 @@ from ergon import _core
 
 ROUNDS = 7
 RATE = 44_100.0
-_SIDE = 100  # points along each side
-_M, _K, _SHEAR, _SPACING, _G = 1e-4, 500.0, 80.0, 0.01, 9.81
+SIDE = 100  # points along each side
+M, _K, _SHEAR, _SPACING, _G = 1e-4, 500.0, 80.0, 0.01, 9.81
 _FRAMES, _PROBED = 400, 200
 _SAME = 1e-9  # rounding by another order of sums
 
@@ -26,8 +26,8 @@ _Links = tuple[int, int, int, float, float]
 
 def matter(loops: Loops | None) -> list[Row]:
     """A cloth of 10,000 points and 39,402 springs that is struck, on one thread."""
-    n, runs = _SIDE * _SIDE, _runs()
-    network, tap = _network(n, runs)
+    n, runs = SIDE * SIDE, runs_of_cloth()
+    network, tap = cloth(n, runs)
     timeline = _core.Timeline(network, RATE)
     ours = sides.engine("ergon", planned(network, timeline, method="ca"))
     missing = {} if loops else {"C": "no compiler (`cc`) here"}
@@ -45,9 +45,9 @@ def matter(loops: Loops | None) -> list[Row]:
     return sides.rows(scene, "one thread", taken, {}, missing, _FRAMES / RATE, modules)
 
 
-def _runs() -> list[_Links]:
+def runs_of_cloth() -> list[_Links]:
     """Row by row: along rows, along columns, across the meshes."""
-    side, far = _SIDE, _SPACING * float(np.sqrt(2.0))
+    side, far = SIDE, _SPACING * float(np.sqrt(2.0))
     rows = [(j * side, j * side + 1, side - 1, _K, _SPACING) for j in range(side)]
     columns = [(0, side, side * (side - 1), _K, _SPACING)]
     across = [
@@ -58,20 +58,20 @@ def _runs() -> list[_Links]:
     return rows + columns + across
 
 
-def _network(n: int, runs: Sequence[_Links]) -> tuple[_core.Network, int]:
+def cloth(n: int, runs: Sequence[_Links]) -> tuple[_core.Network, int]:
     network = _core.Network()
     network.part("cloth")
     at = np.arange(n)
-    x, y = _SPACING * (at % _SIDE), _SPACING * (at // _SIDE)
+    x, y = _SPACING * (at % SIDE), _SPACING * (at // SIDE)
     bump = 1e-3 * np.exp(-((x - 0.4) ** 2 + (y - 0.6) ** 2) / 0.01)
     places = np.concatenate([x, y, bump])
-    mass = np.where((at == 0) | (at == _SIDE - 1), 0.0, _M)
+    mass = np.where((at == 0) | (at == SIDE - 1), 0.0, M)
     first = network.points("", axes=3, M=list(mass), X0=list(places), V0=[0.0] * (3 * n))
     for a, b, count, stiff, rest in runs:
         ends = (range(first + end, first + end + 3 * n, n) for end in (a, b))
         network.space_ref("link", *ends, count=count, rest=rest, K=stiff, Z=0.01)
     network.weigh(first + 2 * n, n, -_G)
-    tap = 2 * n + n // 2 + _SIDE // 3
+    tap = 2 * n + n // 2 + SIDE // 3
     network.listen("tap", positions=[(tap, 1, 1.0)])
     return network, tap
 
@@ -79,10 +79,10 @@ def _network(n: int, runs: Sequence[_Links]) -> tuple[_core.Network, int]:
 def _numbers(n: int) -> tuple[Floats, Floats]:
     """1/M of each coordinate in a step, and its weight, axis by axis."""
     held = np.zeros(n, dtype=bool)
-    held[[0, _SIDE - 1]] = True
-    w = np.tile(np.where(held, 0.0, 1.0 / (RATE * RATE * _M)), 3)
+    held[[0, SIDE - 1]] = True
+    w = np.tile(np.where(held, 0.0, 1.0 / (RATE * RATE * M)), 3)
     weight = np.zeros(3 * n)
-    weight[2 * n :] = np.where(held, 0.0, -_M * _G)
+    weight[2 * n :] = np.where(held, 0.0, -M * _G)
     return w, weight
 
 

@@ -170,6 +170,8 @@ class Assembly:
             own |= _pick(fields, "cohesion", "reach")
             own["inside"] = fields.get("side") == "inside"
             own["normal"] = unit(fields.get("normal"))
+            if (surface := fields.get("mesh")) is not None:
+                own["surface"] = surface.corners, surface.faces
             return self.network.pairwise(module.name, *groups, **own)
         if module.kind == "BUT":
             own = _pick(fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach")

@@ -84,9 +84,9 @@ def is_pairwise(kind: str, fields: Mapping[str, Any], ends: Sequence[Target]) ->
 
 
 def has_wall(fields: Mapping[str, Any]) -> bool:
-    """Whether the first end of a contact in space is a plane, or a sphere or a box around."""
-    is_plane = fields.get("normal") is not None or fields.get("box") is not None
-    return is_plane or fields.get("side") == "inside"
+    """Whether the first end of a contact in space is a plane, a surface, or has room inside."""
+    shapes = (fields.get(name) for name in ("normal", "box", "mesh"))
+    return any(shape is not None for shape in shapes) or fields.get("side") == "inside"
 
 
 def singles(module: Module) -> Iterator[Module]:

@@ -10,6 +10,7 @@ from typing import Any
 from ergon.instruments.materials import MATERIALS, OWN_MATERIAL
 from ergon.instruments.module_kinds import HOLDERS, KINDS, LINKS, tables
 from ergon.instruments.read import INSTRUMENT, PLACING
+from ergon.instruments.space.fields import WALL
 from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
@@ -116,6 +117,7 @@ def text() -> str:
     lines += ["## Modules of an instrument in space", ""]
     for name, table in tables("space", _MATTER).items():
         lines += _section(f"`{name}` in space", table, "###")
+    lines += _section("`mesh`", WALL, "###")
     lines += _materials()
     return "\n".join(lines).rstrip() + "\n"
 

@@ -20,6 +20,7 @@ from ergon.instruments.space.fields import (
     VELOCITY,
     WIDTHS,
 )
+from ergon.instruments.space.mesh import Mesh, Surface, placed
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Shape
 from ergon.notation.tables.value_kinds import AXES
@@ -44,6 +45,8 @@ def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
             fields[field.name] = (_FILLED.get(field.shape, 0.0),) * wanted
     if kind in _CHECKS:
         _CHECKS[kind](fields, values)
+    if kind == "BUT" and fields["mesh"] is not None:
+        fields["mesh"] = _surface(fields, values, axes)
     if "sides" in fields or "span" in fields:
         _size(kind, fields, values)
 
@@ -87,6 +90,29 @@ def _box(fields: _Fields, values: Values) -> None:
     if any(width <= 2 * (fields["gap"] or 0.0) for width in fields["box"]):
         message = f"{values.context.of('box')}: it must be wider than twice the gap"
         values.error("E105", message, "box")
+
+
+def _surface(fields: _Fields, values: Values, axes: int) -> Surface | None:
+    """The triangles of a file are the only wall of their contact, in three axes."""
+    wall: Values = fields["mesh"]
+    who = values.context.of("mesh")
+    if extra := values.written("normal", "side", "box"):
+        message = f"{values.context.of(extra[0])}: `mesh` is written too; keep one of the two"
+        values.error("E111", message, extra[0])
+    elif axes != 3:
+        message = f"{who}: a file has three axes; write space: 3 in the instrument"
+        values.error("E111", message, "mesh")
+    elif not isinstance(model := wall["file"], Mesh):
+        return None  # reported
+    elif not model.faces:
+        values.error("E106", f"{who}: the file has no faces, which points could touch", "mesh")
+    elif not fields["gap"]:
+        message = f"{values.context.of('gap')}: it must be above 0: the radius of what touches"
+        values.error("E105", message, "gap")
+    else:
+        corners = placed(model, wall["scale"], wall["up"], (0.0, 0.0, 0.0))
+        return Surface(tuple(corners), model.faces)
+    return None
 
 
 def _grains(fields: _Fields, values: Values) -> None:

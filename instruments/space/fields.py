@@ -17,10 +17,27 @@ MIDDLE = ListOf(k.POSITION, 1, 2)
 VELOCITY = ListOf(k.SPEED, 2, 3)
 DIRECTION = ListOf(k.NUMBER, 2, 3)
 WIDTHS = ListOf(k.SIZE, 2, 3)
+UP = choice("x", "y", "z")
 SIDES = ListOf(k.integer(1, 2_000, "40"), 2, 2)
 COUNTS = ListOf(k.integer(1, 2_000, "8"), 2, 3)
 
 Family = Literal["mat", "link", "generator"]
+
+# What a contact's first end is where it has the shape of a file.
+WALL = Record(
+    "surface of a file",
+    "triangles that points touch on either side",
+    (
+        Field(
+            "file",
+            k.PATH,
+            "a Wavefront OBJ or a glTF file, whose origin lies at the first end",
+            required=True,
+        ),
+        Field("scale", k.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
+        Field("up", UP, "which axis of the file is the last of the space", "z"),
+    ),
+)
 
 
 def tables(
@@ -153,7 +170,7 @@ def tables(
         whole,
         Field("at", PLACE, "where the origin of the file lies", required=True),
         Field("scale", k.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
-        Field("up", choice("x", "y", "z"), "which axis of the file is the last of the space", "z"),
+        Field("up", UP, "which axis of the file is the last of the space", "z"),
         *springs,
         *memory,
         stretch,
@@ -239,6 +256,12 @@ def tables(
             WIDTHS,
             "the second end is held in a box around the first: how wide it is along each axis; gap "
             "is the distance of a wall at which they touch",
+            shown="none",
+        ),
+        Field(
+            "mesh",
+            WALL,
+            "the first end is a surface of triangles around its point, which the second touches",
             shown="none",
         ),
         Field("exponent", k.EXPONENT, "power of the depth (1.5: Hertz)", 1.0),

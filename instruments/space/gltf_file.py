@@ -1,7 +1,8 @@
 """Meshes of glTF files (Khronos, glTF 2.0): vertices are points, edges of triangles springs.
 
-Only files that hold everything themselves (glTF Embedded) are read: a score's texts are all that
-a session and its journal keep. Programs write a vertex several times where its colour or normal
+Only files that hold everything themselves are read: glTF Embedded, and binary ones (.glb). Of a
+binary one a text of the same mesh is kept, for a score's texts are all that a session and its
+journal keep. Programs write a vertex several times where its colour or normal
 changes; vertices at one place are one point.
 """
 
@@ -16,34 +17,76 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mesh, MeshFileError
+from ergon.instruments.space.mesh import (
+    MAX_EDGES,
+    MAX_FACES,
+    MAX_POINTS,
+    MOST,
+    Mesh,
+    MeshFileError,
+)
 
 _Point = tuple[float, float, float]
 # Rows of a matrix: what a point's coordinates become, and what is added to them.
 _Matrix = tuple[tuple[float, float, float, float], ...]
 
 MAX_NODES = 10_000
+_MOST_READ = 8 * MAX_EDGES  # positions and indices
 _WHOLE: _Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 _EMBEDDED = "data:"
 _FLOAT = 5126
+MAGIC = b"glTF"
+_HEAD = struct.Struct("<4sII")  # magic, version, length of the file
+_CHUNK = struct.Struct("<I4s")  # length, kind
+_JSON, _BIN = b"JSON", b"BIN\0"
 _INDICES = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
 
 
-def read(text: str) -> Mesh:
-    """The mesh of a file's scene, its y, which is up, as z. Raises MeshFileError."""
+def read(text: str | bytes, binary: bytes | None = None) -> Mesh:
+    """The mesh of a file's scene, its y, which is up, as z. Raises MeshFileError.
+
+    `binary` is the data of a file that holds them beside its text.
+    """
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise MeshFileError("it is not the JSON of a glTF file") from error
     try:
-        return _Reader(root).mesh()
+        return _Reader(root, binary).mesh()
     except (KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
         raise MeshFileError("it is incomplete: something that it refers to is missing") from error
 
 
+def read_binary(data: bytes) -> Mesh:
+    """The mesh of a binary file, as `read` has it. Raises MeshFileError."""
+    if len(data) < _HEAD.size or not data.startswith(MAGIC):
+        raise MeshFileError("it is not a binary glTF file")
+    _, version, length = _HEAD.unpack_from(data)
+    if version != 2:
+        raise MeshFileError(f"glTF 2 is read, not version {version}")
+    if length != len(data):
+        raise MeshFileError(f"it is not whole: {length:,} bytes are promised, {len(data):,} there")
+    chunks: list[tuple[bytes, bytes]] = []
+    at = _HEAD.size
+    while at < length and len(chunks) < 2:  # what follows is of extensions
+        if length - at < _CHUNK.size:
+            raise MeshFileError("it is not whole: a chunk has no head")
+        size, kind = _CHUNK.unpack_from(data, at)
+        at += _CHUNK.size
+        if size > length - at:
+            raise MeshFileError("it is not whole: a chunk is longer than the file")
+        chunks.append((kind, data[at : at + size]))
+        at += size
+    if not chunks or chunks[0][0] != _JSON:
+        raise MeshFileError("its first chunk is no JSON")
+    binary = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == _BIN else None
+    return read(chunks[0][1], binary)
+
+
 class _Reader:
-    def __init__(self, root: Any) -> None:
+    def __init__(self, root: Any, binary: bytes | None) -> None:
         self._root = root
+        self._binary = binary
         version = str(root["asset"]["version"])
         if version.partition(".")[0] != "2":
             raise MeshFileError(f"glTF 2 is read, not version {version[:20]}")
@@ -52,6 +95,8 @@ class _Reader:
         self._buffers: dict[int, bytes] = {}
         self._numbers: dict[_Point, int] = {}
         self._edges: dict[tuple[int, int], None] = {}
+        self._faces: list[tuple[int, int, int]] = []
+        self._n_read = 0
 
     def mesh(self) -> Mesh:
         """All meshes of the scene as one."""
@@ -76,7 +121,7 @@ class _Reader:
                 waiting += [(_index(child), matrix) for child in node.get("children", ())]
         if not self._edges:
             raise MeshFileError("the scene has no edges; a mesh has triangles or lines")
-        return Mesh(tuple(self._numbers), tuple(self._edges))
+        return Mesh(tuple(self._numbers), tuple(self._edges), tuple(self._faces))
 
     def _part(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
         points = [_moved(matrix, point) for point in self._positions(part)]
@@ -86,8 +131,14 @@ class _Reader:
             one, other = numbers[a], numbers[b]
             if one != other:
                 self._edges[min(one, other), max(one, other)] = None
+        for corner in _triangles(part.get("mode", 4), corners):
+            a, b, c = (numbers[index] for index in corner)
+            if len({a, b, c}) == 3:
+                self._faces.append((a, b, c))
         if len(self._edges) > MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
+        if len(self._faces) > MAX_FACES:
+            raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
     def _number(self, point: _Point) -> int:
         if not max(map(abs, point)) <= MOST:
@@ -115,6 +166,10 @@ class _Reader:
         begin = _index(view.get("byteOffset", 0))
         data = self._buffer(_index(view["buffer"]))[begin : begin + _index(view["byteLength"])]
         count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
+        # Many nodes may show one mesh.
+        self._n_read += count
+        if self._n_read > _MOST_READ:
+            raise MeshFileError(f"its nodes show more than {_MOST_READ:,} vertices", "E105")
         if count > 3 * MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         begin = _index(accessor.get("byteOffset", 0))
@@ -122,11 +177,16 @@ class _Reader:
 
     def _buffer(self, number: int) -> bytes:
         if number not in self._buffers:
-            address = str(self._root["buffers"][number].get("uri", ""))
+            buffer = self._root["buffers"][number]
+            if number == 0 and self._binary is not None and "uri" not in buffer:
+                self._buffers[number] = self._binary
+                return self._binary
+            address = str(buffer.get("uri", ""))
             head, comma, data = address.partition(",")
             if not head.startswith(_EMBEDDED) or not comma or not head.endswith(";base64"):
                 raise MeshFileError(
-                    "its data is in another file; write it as one file: glTF Embedded (.gltf)"
+                    "its data is in another file; write it as one file: glTF Binary (.glb) or "
+                    "Embedded (.gltf)"
                 )
             try:
                 self._buffers[number] = base64.b64decode(data, validate=True)
@@ -163,6 +223,18 @@ def _edges(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int]]:
         yield from ((corners[0], corner) for corner in corners[2:])
     elif mode != 0:
         raise TypeError
+
+
+def _triangles(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int, int]]:
+    """Triangles of the modes that have them: each by itself, a strip or a fan of them."""
+    n = len(corners)
+    if mode == 4:
+        for i in range(0, n - n % 3, 3):
+            yield corners[i], corners[i + 1], corners[i + 2]
+    elif mode == 5:
+        yield from zip(corners, corners[1:], corners[2:], strict=False)
+    elif mode == 6:
+        yield from ((corners[0], a, b) for a, b in pairwise(corners[1:]))
 
 
 def _placed(node: Mapping[str, Any]) -> _Matrix:

@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from ergon.common.errors import ErgonError
 
 MAX_POINTS = 100_000
 MAX_EDGES = 300_000
+MAX_FACES = 200_000  # triangles
+# The others keep their order of turning.
+TURNS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 MOST = 1e6  # of a coordinate, in units of the file
 
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Points (n, 3), in units of the file, and edges (n_edges, 2), each once, in their order."""
+    """Points (n, 3), in units of the file, edges (n_edges, 2), each once, and triangles (n, 3)."""
 
     points: tuple[tuple[float, float, float], ...]
     edges: tuple[tuple[int, int], ...]
+    faces: tuple[tuple[int, int, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Corners (n, 3) [m], from a point that carries them, and triangles (n, 3)."""
+
+    corners: tuple[tuple[float, ...], ...]
+    faces: tuple[tuple[int, int, int], ...]
+
+
+def placed(mesh: Mesh, scale: float, up: str, at: Sequence[float]) -> Iterator[tuple[float, ...]]:
+    """Where the points of a file lie [m]: its origin `at`, its unit `scale` [m] long.
+
+    The axis of the file that is `up` becomes the last.
+    """
+    turn = TURNS[up]
+    for point in mesh.points:
+        yield tuple(a + scale * point[axis] for a, axis in zip(at, turn, strict=True))
 
 
 class MeshFileError(ErgonError):

@@ -1,40 +1,43 @@
-"""The file of a MESH: Wavefront OBJ, or glTF."""
+"""The file of a MESH or of a wall: Wavefront OBJ, or glTF."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import PurePath
+from typing import Protocol
 
-from ergon.instruments.space import gltf_file
+from ergon.instruments.space import gltf_file, obj_file
 from ergon.instruments.space.mesh import Mesh, MeshFileError
-from ergon.instruments.space.obj_file import Reader
 from ergon.notation.tables.fields import Values
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector
+from ergon.notation.text.syntax import Decoder, decode
 from ergon.notation.text.values import Place
 
 _BINARY = ".glb"
 _GLTF = ".gltf"
 
 
-def from_file(
-    values: Values, read: Callable[[str, Place], Document | None], collector: Collector
-) -> Values:
-    """The fields of a MESH with the mesh of the file that it names; reports."""
+class Read(Protocol):
+    """Reads a file that a score names; None after a report."""
+
+    def __call__(self, name: str, place: Place, decoder: Decoder = ..., /) -> Document | None:
+        """By its name, asked for at a place; `decoder` makes its text."""
+
+
+def from_file(values: Values, read: Read, collector: Collector) -> Values:
+    """The fields of a MESH, or of a wall, with the mesh of the file that they name; reports."""
     name = values.given.get("file")
     if not isinstance(name, str):
         return values
     place, who = values.place_of("file"), values.context.of("file")
+    kind = PurePath(name).suffix.lower()
+    document = read(name, place, _as_text if kind == _BINARY else decode)
     mesh = None
-    if PurePath(name).suffix.lower() == _BINARY:
-        message = f"{who}: a binary glTF is not read; write it as text: glTF Embedded (.gltf)"
-        collector.error("E206", message, place)
-    elif (document := read(name, place)) is not None:
-        if PurePath(name).suffix.lower() == _GLTF:
-            mesh = _gltf(document, who, collector)
-        else:
-            mesh = Reader(document, who, collector).mesh(place)
+    if document is not None and kind == _GLTF:
+        mesh = _gltf(document, who, collector)
+    elif document is not None:
+        mesh = obj_file.Reader(document, who, collector).mesh(place)
     given = {field: value for field, value in values.given.items() if field != "file"}
     return replace(values, given=given if mesh is None else {**given, "file": mesh})
 
@@ -44,4 +47,15 @@ def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:
         return gltf_file.read(document.text)
     except MeshFileError as error:
         collector.error(error.code, f"{who}: {error}", Place(document.file, 1, 1))
+        return None
+
+
+def _as_text(data: bytes, name: str, collector: Collector) -> str | None:
+    """The mesh of a binary glTF as the text of a Wavefront OBJ: what is kept of the file."""
+    if data.startswith(b"v "):  # what was kept, written as a file again
+        return decode(data, name, collector)
+    try:
+        return obj_file.written(gltf_file.read_binary(data))
+    except MeshFileError as error:
+        collector.error(error.code, str(error), Place(name, 1, 1))
         return None

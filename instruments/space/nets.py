@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon import _core
+from ergon.instruments.space.mesh import TURNS, placed
 from ergon.instruments.space.points import Vector, add_points, along, between
 
 Cell = tuple[int, ...]  # the number of a point along each axis of a lattice
@@ -187,14 +188,9 @@ def _is_in_ball(cell: Cell, n: int) -> bool:
 
 def mesh(fields: Mapping[str, Any]) -> Net:
     """The points of a file, joined along its edges."""
-    model, at, scale = fields["file"], fields["at"], fields["scale"]
-    # The axis that is up becomes the last; the others keep their order of turning.
-    turn = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}[fields["up"]]
-    places = [
-        tuple(a + scale * point[axis] for a, axis in zip(at, turn, strict=True))
-        for point in model.points
-    ]
-    heights = [point[turn[-1]] for point in model.points]
+    model, up = fields["file"], fields["up"]
+    places = list(placed(model, fields["scale"], up, fields["at"]))
+    heights = [point[TURNS[up][-1]] for point in model.points]
     end = {"bottom": min(heights), "top": max(heights)}.get(fields["held"])
     springs = ((a, b, math.dist(places[a], places[b])) for a, b in model.edges)
     return Net(places, [height == end for height in heights], _equal(springs, fields))

@@ -1,4 +1,7 @@
-"""Meshes of Wavefront OBJ files: vertices are points, edges of faces and lines are springs."""
+"""Meshes of Wavefront OBJ files: vertices are points, edges of faces and lines are springs.
+
+Faces are triangles too, as which points touch them.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import re
 from collections.abc import Iterator
 from itertools import pairwise
 
-from ergon.instruments.space.mesh import MAX_EDGES, MAX_POINTS, MOST, Mesh, MeshFileError
+from ergon.instruments.space.mesh import MAX_EDGES, MAX_FACES, MAX_POINTS, MOST, Mesh, MeshFileError
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
@@ -17,6 +20,14 @@ _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
 _OTHER = frozenset(["vt", "vn", "o", "g", "s", "usemtl", "mtllib"])
 
 
+def written(mesh: Mesh) -> str:
+    """A mesh as a text that reads as itself."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.points]
+    lines += [f"l {a + 1} {b + 1}" for a, b in mesh.edges]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
+    return "\n".join([*lines, ""])
+
+
 class Reader:
     """Reads a file line by line."""
 
@@ -25,6 +36,7 @@ class Reader:
         self._document, self._who, self._collector = document, who, collector
         self._points: list[tuple[float, float, float]] = []
         self._edges: dict[tuple[int, int], None] = {}
+        self._faces: list[tuple[int, int, int]] = []
 
     def mesh(self, asked: Place) -> Mesh | None:
         """What the file says; None after a report."""
@@ -36,7 +48,7 @@ class Reader:
                 self._collector.error(error.code, f"{self._who}: {error}", place)
                 return None
         if self._edges:
-            return Mesh(tuple(self._points), tuple(self._edges))
+            return Mesh(tuple(self._points), tuple(self._edges), tuple(self._faces))
         message = (
             f"{self._who}: the file has no edges; a mesh has lines such as v 0 0 1 and f 1 2 3"
         )
@@ -87,8 +99,13 @@ class Reader:
             if a == b:
                 raise MeshFileError(f"vertex {a + 1} is written twice in a row")
             self._edges[min(a, b), max(a, b)] = None
+        if kind == "f":  # a fan of triangles
+            first, *others = corners
+            self._faces += [(first, a, b) for a, b in pairwise(others)]
         if len(self._edges) > MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
+        if len(self._faces) > MAX_FACES:
+            raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
     def _corner(self, word: str) -> int:
         """The number of a vertex, from 0 on: counted from 1, or back from the last with a minus."""

@@ -17,7 +17,7 @@ from ergon.notation.text.errors import Collector
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.sections import remembered
 from ergon.notation.text.spelling import nearest
-from ergon.notation.text.syntax import MAX_BYTES, decode
+from ergon.notation.text.syntax import MAX_BYTES, Decoder, decode
 from ergon.notation.text.values import Place
 
 MAX_FILES = 256  # that one score reads
@@ -198,8 +198,17 @@ class Files:
             self._refuse("E103", f"{name} is empty", str(path), asked)
         return None
 
-    def plain(self, name: str, folder: Path, asked: Place) -> Document | None:
-        """A text that is no YAML, such as a table; None after a report."""
+    def plain(
+        self,
+        name: str,
+        folder: Path,
+        asked: Place,
+        decoder: Decoder = decode,
+    ) -> Document | None:
+        """A text that is no YAML, such as a table; None after a report.
+
+        Of a file that is no text, `decoder` makes one (bytes, name, collector), or reports.
+        """
         path = self.locate(name, folder, asked)
         if path is None or str(path) in self.documents:
             return None if path is None else self.documents[str(path)]
@@ -212,7 +221,7 @@ class Files:
                 self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asked)
                 return None
             self.collector.file(str(path))
-            text = decode(data, str(path), self.collector)
+            text = decoder(data, str(path), self.collector)
         document = Document(str(path), text or "")
         self.documents[str(path)] = document
         return document if text is not None else None

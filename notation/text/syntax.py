@@ -1,10 +1,15 @@
 """What is wrong with a text that is not YAML, or not text at all, in a composer's words."""
 
+from collections.abc import Callable
+
 import yaml
 from yaml.composer import ComposerError
 
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.values import Place
+
+# The text of a file's bytes, by its name; None after a report.
+Decoder = Callable[[bytes, str, Collector], str | None]
 
 MAX_BYTES = 64 * 2**20  # bigger data are takes, and takes are files of their own
 MAX_LINES = 5_000_000  # five times the rows of the longest table: places need an index of them

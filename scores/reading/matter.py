@@ -20,6 +20,7 @@ from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import quote
+from ergon.notation.text.syntax import Decoder, decode
 from ergon.notation.text.values import Place
 from ergon.scores.reading import build, overlay
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
@@ -92,11 +93,11 @@ class Matter:
         self.by_name[name] = part_object
 
     def _with_files(self, values: Values) -> Values:
-        """The values with what is in the files that BANK, MODES and MESH name."""
+        """The values with what is in the files that BANK, MODES, MESH and BUT name."""
 
-        def read(file: str, place: Place) -> Document | None:
+        def read(file: str, place: Place, decoder: Decoder = decode) -> Document | None:
             files = self._uses.files
-            return files.plain(file, files.documents[place.file].folder, place)
+            return files.plain(file, files.documents[place.file].folder, place, decoder)
 
         def filled(owner: Values) -> Values:
             body = owner.given.get(owner.kind)
@@ -106,6 +107,9 @@ class Matter:
                 said = modal.from_file(body, read, moved, self._collector)
             elif owner.kind == "MESH" and body.written("file"):
                 said = mesh_file.from_file(body, read, self._collector)
+            elif owner.kind == "BUT" and isinstance(wall := body.given.get("mesh"), Values):
+                wall = mesh_file.from_file(wall, read, self._collector)
+                said = replace(body, given={**body.given, "mesh": wall})
             else:
                 return owner
             return replace(owner, given={**owner.given, owner.kind: said})

@@ -70,7 +70,7 @@ def test_what_a_page_shows_is_so(page: Path, tmp_path: Path) -> None:
     for block in blocks(page):
         if block.language == "console":
             run(block, tmp_path)
-        elif block.language in ("yaml", "csv"):
+        elif block.language in ("yaml", "csv", "obj"):
             path = put(block, tmp_path)
             if block.language == "yaml":
                 check(block, path)
@@ -136,7 +136,7 @@ def test_all_languages_are_known() -> None:
     """A block in another language would be looked at by nobody."""
     # A session is typed by test_repl_concert; Python is run by test_session_api and
     # test_library_face; JSON is a protocol.
-    known = {"yaml", "console", "csv", "text", "sh", "repl", "python", "json"}
+    known = {"yaml", "console", "csv", "text", "sh", "repl", "python", "json", "obj"}
     for page in PAGES:
         assert {block.language for block in blocks(page)} <= known, page.name
 

@@ -1,41 +1,15 @@
 """Meshes of glTF files: places by hand, edges of every mode, what is refused."""
 
-import base64
 import json
-import struct
 from typing import Any
 
 import pytest
+from gltf_files import made
 
 from ergon.instruments.space import gltf_file
 from ergon.instruments.space.mesh import MeshFileError
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
-
-CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, 1, 0), (0, 0, 1)]
-
-
-def made(mode: int = 4, indices: tuple[int, ...] = (0, 1, 2, 3, 4, 5), **node: Any) -> dict:
-    """A tetrahedron without one of its faces, whose vertices stand for each face anew."""
-    data = struct.pack("<18f", *(part for corner in CORNERS for part in corner))
-    data += struct.pack(f"<{len(indices)}H", *indices)
-    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
-    views = [{"buffer": 0, "byteLength": 72}, {"buffer": 0, "byteOffset": 72, "byteLength": 99}]
-    accessors = [
-        {"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"},
-        {"bufferView": 1, "componentType": 5123, "count": len(indices), "type": "SCALAR"},
-    ]
-    part = {"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}
-    return {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"children": [1], "translation": [10, 0, 0]}, {"mesh": 0, **node}],
-        "meshes": [{"primitives": [part]}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(data), "uri": uri}],
-    }
 
 
 def test_vertices_at_one_place_are_one_point():
@@ -100,7 +74,10 @@ def _with(value: Any, *path: str | int) -> str:
         (_without("accessors", 1), "it is incomplete"),
         (_with("1.0", "asset", "version"), "not version 1.0"),
         (_with(["KHR_draco_mesh_compression"], "extensionsRequired"), "KHR_draco_mesh_compression"),
-        (_with("mesh.bin", "buffers", 0, "uri"), "write it as one file: glTF Embedded"),
+        (
+            _with("mesh.bin", "buffers", 0, "uri"),
+            "write it as one file: glTF Binary (.glb) or Embedded (.gltf)",
+        ),
         (_with("data:x;base64,!", "buffers", 0, "uri"), "its data is not base64"),
         (_with([0], "nodes", 1, "children"), "contains itself"),
         (_with(-1, "nodes", 1, "mesh"), "it is incomplete"),
@@ -141,7 +118,7 @@ def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "code", "said"),
-    [("rock.glb", "E206", "glTF Embedded (.gltf)"), ("rock.gltf", "E106", "it is incomplete")],
+    [("rock.glb", "E106", "not a binary glTF file"), ("rock.gltf", "E106", "it is incomplete")],
 )
 def test_a_score_tells_what_is_wrong_with_its_file(tmp_path, file: str, code: str, said: str):
     (tmp_path / file).write_text("{}")

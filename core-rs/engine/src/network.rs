@@ -43,7 +43,7 @@ pub use proxy::{Along, Proxy, Shares};
 pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
 pub(crate) use sliding::{Sliding, difference};
 pub(crate) use space::{AXES_MAX, distance, inverse};
-pub use space::{Measure, SpaceLaw, SpaceLink, SpacePoint, SpacePoints};
+pub use space::{Facets, Measure, SpaceLaw, SpaceLink, SpacePoint, SpacePoints};
 pub(crate) use subset::Subset;
 
 use std::ops::Range;

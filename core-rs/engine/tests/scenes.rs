@@ -36,11 +36,19 @@ mod sliding;
 mod sounds_in;
 #[path = "scenes/space.rs"]
 mod space;
+#[path = "scenes/space_laws.rs"]
+mod space_laws;
 #[path = "scenes/sparks.rs"]
 mod sparks;
 #[path = "scenes/stiff.rs"]
 mod stiff;
+#[path = "scenes/surfaces.rs"]
+mod surfaces;
 #[path = "scenes/takeover.rs"]
 mod takeover;
+#[path = "scenes/tangles.rs"]
+mod tangles;
+#[path = "scenes/tearing.rs"]
+mod tearing;
 #[path = "scenes/turned.rs"]
 mod turned;

@@ -562,6 +562,7 @@ class Network:
         clamp: bool = False,
         inside: bool = False,
         normal: Sequence[float] | None = None,
+        surface: tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]] | None = None,
         friction: float = 0.0,
         core: float | None = None,
         cohesion: float | None = None,
@@ -572,7 +573,8 @@ class Network:
         A group is the MATs of its first point's axes, and its count; the same group twice: between
         all its points. The second is not smaller than the first. They push as `space_but` does, where the distance
         is below `gap` [m]; `inside`: above it; with `normal`, (3,) and of length 1, where `b` is
-        less than `gap` above the plane through the point of `a`. `friction` is the coefficient of dry
+        less than `gap` above the plane through the point of `a`; with `surface`, its corners (n, 3)
+        [m] from the point of `a` and its triangles (n, 3), where `b` is nearer than `gap` to these. `friction` is the coefficient of dry
         friction across a contact. With `core` [m] they attract each other as those of `space_ref`,
         and have no gap. Raises EngineError.
         """

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::network::{Measure, PairLaw, PointGroup, SpaceLaw, SpacePoint};
+use ergon_engine::network::{Facets, Measure, PairLaw, PointGroup, SpaceLaw, SpacePoint};
 use pyo3::prelude::*;
 
 use super::Network;
@@ -129,10 +129,10 @@ impl Network {
     }
 
     /// Contacts between all points of two groups, each (coordinates of its first point, count); the same group twice: between
-    /// all its points. With `normal` they touch planes through the points of the first group, with `inside` they are held
-    /// in spheres around these. `friction` is the coefficient of dry friction across a contact. With `core` [m] they attract
+    /// all its points. With `normal` they touch planes through the points of the first group, with `surface` triangles (their
+    /// corners [m] from these points, and corners of each), with `inside` they are held in spheres around these. `friction` is the coefficient of dry friction across a contact. With `core` [m] they attract
     /// each other. With `cohesion` [N] they pull as well, until the ends are `reach` [m] farther apart than where they touch.
-    #[pyo3(signature = (name, a, b, *, gap=0.0, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None, friction=0.0, core=None, cohesion=None, reach=0.0))]
+    #[pyo3(signature = (name, a, b, *, gap=0.0, K=0.0, Z=0.0, exponent=1.0, clamp=false, inside=false, normal=None, surface=None, friction=0.0, core=None, cohesion=None, reach=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn pairwise(
         &mut self,
@@ -146,6 +146,7 @@ impl Network {
         clamp: bool,
         inside: bool,
         normal: Option<[f64; 3]>,
+        surface: Option<(Vec<[f64; 3]>, Vec<[u32; 3]>)>,
         friction: f64,
         core: Option<f64>,
         cohesion: Option<f64>,
@@ -155,10 +156,15 @@ impl Network {
             Some(core) => SpaceLaw::Attraction { core },
             None => contact([exponent, K], clamp, cohesion, reach),
         };
-        let measure = match normal {
-            Some(normal) => Measure::Plane(normal),
-            None if inside => Measure::Within,
-            None => Measure::Distance,
+        let measure = match (normal, surface) {
+            (_, Some((corners, triangles))) => {
+                let facets = Facets::new(&corners, &triangles, gap + law.reach())
+                    .map_err(|message| refused(name, message))?;
+                Measure::Surface(Arc::new(facets))
+            }
+            (Some(normal), None) => Measure::Plane(normal),
+            (None, None) if inside => Measure::Within,
+            (None, None) => Measure::Distance,
         };
         let own = PairLaw {
             measure,

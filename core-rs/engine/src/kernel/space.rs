@@ -140,7 +140,7 @@ wide! {
 
 wide! {
     /// Distances − rest from what ends are apart, which become unit vectors.
-    fn lines(rest: f64, apart: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
+    pub(super) fn lines(rest: f64, apart: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
         let n = e.len();
         let [x, y, z] = apart;
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);

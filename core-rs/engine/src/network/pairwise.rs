@@ -171,10 +171,10 @@ impl Network {
         own: PairLaw,
         [k, z, gap]: [f64; 3],
     ) -> Result<usize, Error> {
-        let (measure, friction) = (own.measure, own.friction);
+        let (measure, friction) = (own.measure.clone(), own.friction);
         self.check(name, &[("friction", friction, Rule::NotNegative)])?;
         // A plane may lie beside the point that carries it.
-        let length = match measure {
+        let length = match &measure {
             Measure::Plane(_) if gap.is_finite() => 0.0,
             _ => gap,
         };
@@ -193,6 +193,11 @@ impl Network {
         self.room(name, b.n)?;
         let first = self.n_lia;
         let reach = own.law.reach();
+        let rest = reach
+            + match measure {
+                Measure::Within => -gap,
+                Measure::Distance | Measure::Plane(_) | Measure::Surface(_) => gap,
+            };
         let link = SpaceLink::of(own.law, measure, n_axes, [a.first, b.first]);
         let pairs = Pairwise {
             link,
@@ -200,10 +205,6 @@ impl Network {
             is_within,
             friction,
         };
-        let rest = match measure {
-            Measure::Within => -gap,
-            Measure::Distance | Measure::Plane(_) => gap,
-        } + reach;
         let (kind, ends) = (LinkKind::Pairwise(pairs), (a.first.first, b.first.first));
         self.add_run(kind, ends.0, ends.1, b.n, [k, z, rest]);
         let name = self.full_name(name);
@@ -219,10 +220,10 @@ fn refusal(
     own: &PairLaw,
     gap: f64,
 ) -> Option<&'static str> {
-    let (law, measure, friction) = (&own.law, own.measure, own.friction);
+    let (law, measure, friction) = (&own.law, &own.measure, own.friction);
     let is_contact = law.is_contact();
     let attracts = matches!(law, SpaceLaw::Attraction { .. });
-    let length = |normal: [f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
+    let length = |normal: &[f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
     // No two axes share a MAT.
     let is_whole = |group: PointGroup| {
         let mut starts: Vec<usize> = (0..n_axes.min(AXES_MAX))
@@ -240,20 +241,24 @@ fn refusal(
         Some("its two groups have points in common")
     } else if !is_whole(a) || !is_whole(b) {
         Some("the coordinates of a group lie axis by axis")
-    } else if a == b && measure != Measure::Distance {
+    } else if a == b && *measure != Measure::Distance {
         Some("points of one group meet by their distance")
     } else if !is_contact && !attracts {
         Some("only contacts and attractions act between all pairs of points")
-    } else if attracts && (measure != Measure::Distance || gap != 0.0 || friction != 0.0) {
+    } else if attracts && (*measure != Measure::Distance || gap != 0.0 || friction != 0.0) {
         Some("an attraction acts along a distance, without a gap and without friction")
-    } else if is_contact && measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
+    } else if is_contact && *measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")
-    } else if measure == Measure::Distance && law.sinks_beyond(gap) {
+    } else if matches!(measure, Measure::Distance | Measure::Surface(_)) && law.sinks_beyond(gap) {
         Some(SINKS)
     } else if matches!(measure, Measure::Plane(normal) if (length(normal) - 1.0).abs() > 1e-9
         || (n_axes == 2 && normal[2] != 0.0))
     {
         Some("the normal of a plane has a length of 1")
+    } else if matches!(measure, Measure::Surface(_) if n_axes != AXES_MAX) {
+        Some("a surface of triangles is touched in three axes")
+    } else if matches!(measure, Measure::Surface(facets) if facets.reach() < gap + law.reach()) {
+        Some("a surface is touched from no farther than it is seen")
     } else {
         None
     }

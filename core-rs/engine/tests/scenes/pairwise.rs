@@ -315,35 +315,35 @@ fn what_cannot_meet_is_refused() {
     let (near, numbers) = (Measure::Distance, [1.0, 0.0, GAP]);
     refused(
         [own, few],
-        near,
+        near.clone(),
         LINEAR,
         numbers,
         "needs two groups of points, the second not smaller than the first",
     );
     refused(
         [part, own],
-        near,
+        near.clone(),
         LINEAR,
         numbers,
         "its two groups have points in common",
     );
     refused(
         [own, far],
-        near,
+        near.clone(),
         LINEAR,
         numbers,
         "joins a module that does not exist",
     );
     refused(
         [own, own],
-        near,
+        near.clone(),
         SpaceLaw::Spring,
         numbers,
         "only contacts and attractions act between all pairs of points",
     );
     refused(
         [own, own],
-        near,
+        near.clone(),
         LINEAR,
         [1.0, 0.0, 0.0],
         "points that meet need a gap above 0: the distance at which they touch",

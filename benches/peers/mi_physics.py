@@ -1,0 +1,64 @@
+"""Masses, springs and contacts in miPhysics (Java), stepped by its own classes.
+
+Its sources are not ours: `MIPHYSICS` names the folder `src` of a copy of
+https://github.com/mi-creative/miPhysics_Processing.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from benches.peers import Missing, command, found
+from benches.sides import Floats
+
+_DRIVER = Path(__file__).parent / "MiPhysics.java"
+# All that its engine takes of Processing.
+_STUB = (
+    "package processing.core; public class PVector { public PVector(float a, float b, float c) {} }"
+)
+_MEMORY = "-Xmx4g"
+
+
+class Program:
+    """The engine and our driver, compiled."""
+
+    def __init__(self) -> None:
+        """Compile; raises Missing."""
+        java, javac = found("java", "default-jre"), found("javac", "default-jdk")
+        self._java = java
+        sources = Path(os.environ.get("MIPHYSICS", "/nowhere"))
+        engine = sources / "miPhysics" / "Engine"
+        if not engine.is_dir():
+            raise Missing("its sources are not here; MIPHYSICS names their folder `src`")
+        self._folder = tempfile.TemporaryDirectory()
+        stub = Path(self._folder.name) / "PVector.java"
+        stub.write_text(_STUB)
+        driver = Path(self._folder.name) / _DRIVER.name
+        driver.write_text(_DRIVER.read_text())
+        # javac finds what these use in the sources.
+        path = ["-sourcepath", str(sources), "-d", self._folder.name, "-nowarn"]
+        command([javac, *path, str(stub), str(driver)])
+
+    def scene(
+        self, lines: Iterable[str], warm: int, n_frames: int
+    ) -> Callable[[], tuple[float, Floats]]:
+        """A call that gives the CPU time of frames after the warm ones [s], and where masses are.
+
+        Lines are those of the driver; places are (n, 3) [m].
+        """
+        file = Path(self._folder.name) / "scene"
+        file.write_text("\n".join(lines))
+
+        def run() -> tuple[float, Floats]:
+            line = [self._java, _MEMORY, "-cp", self._folder.name, "miPhysics.Engine.MiPhysics"]
+            said = command([*line, str(file), str(warm), str(n_frames)])
+            head, _, rest = said[said.index("took ") :].partition("\n")
+            places = np.array([[float(word) for word in row.split()] for row in rest.splitlines()])
+            return int(head.split()[1]) * 1e-9, places
+
+        return run

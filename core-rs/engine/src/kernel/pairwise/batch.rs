@@ -1,0 +1,269 @@
+//! Pairs of points that touch, a batch at a time: found without branches, their directions and forces computed in
+//! vectors, and added to their points one after the other.
+
+use super::super::space::lines;
+use super::contact::Contact;
+use super::{Pair, Quad};
+use crate::maths::wide::wide;
+use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference};
+use crate::state::ContactHistory;
+
+/// Pairs of a batch: its numbers stay in the nearest cache.
+pub(super) const BATCH: usize = 128;
+
+/// Forces on points, and how strongly all others push each [N], apart by whether a point is the first or the second of a
+/// pair.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Forces {
+    /// (n each)
+    pub(super) first: Vec<Quad>,
+    pub(super) second: Vec<Quad>,
+}
+
+/// Scratch memory for the pairs of a batch   (BATCH each).
+#[derive(Clone, Debug, Default)]
+pub(super) struct Batch {
+    ends: Vec<Pair>,
+    /// The unit vector from the first point to the second, and what lies between them more than a step before [m].
+    along: [Vec<f64>; AXES_MAX],
+    moved: [Vec<f64>; AXES_MAX],
+    /// Distance − rest [m], and what it grew by in the last step.
+    e: Vec<f64>,
+    step: Vec<f64>,
+    /// Force that pulls the ends together [N], and its elastic part.
+    f: Vec<f64>,
+    elastic: Vec<f64>,
+    part: Vec<Quad>,
+}
+
+impl Batch {
+    pub(super) fn new() -> Self {
+        let room = || vec![0.0; BATCH];
+        Self {
+            ends: vec![Pair::default(); BATCH],
+            along: std::array::from_fn(|_| room()),
+            moved: std::array::from_fn(|_| room()),
+            e: room(),
+            step: room(),
+            f: room(),
+            elastic: room(),
+            part: vec![Quad::default(); BATCH],
+        }
+    }
+
+    /// Add the forces of those of at most `BATCH` pairs that touch, by the law of a run, whose K and Z are `by`, and by its
+    /// friction.
+    pub(super) fn push(
+        &mut self,
+        run: &PairRun,
+        by: [f64; 2],
+        pairs: &[Pair],
+        (x, d): (&[Quad], &[Quad]),
+        history: &mut ContactHistory,
+        forces: &mut Forces,
+    ) {
+        let n = self.find(run.rest, pairs, x);
+        let ends = &self.ends[..n];
+        let along = self.along.each_ref().map(|one| &one[..n]);
+        let [moved_x, moved_y, moved_z] = self.moved.each_mut().map(|one| &mut one[..n]);
+        let (e, step) = (&mut self.e[..n], &mut self.step[..n]);
+        let (f, elastic) = (&mut self.f[..n], &mut self.elastic[..n]);
+        apart(d, ends, [&mut *moved_x, &mut *moved_y, &mut *moved_z]);
+        product(along, [&*moved_x, &*moved_y, &*moved_z], step);
+        match &run.pairs.link.law {
+            SpaceLaw::Contact {
+                exponent: 1.0,
+                clamp,
+            } => linear(by, *clamp, [&*e, &*step], [&mut *elastic, &mut *f]),
+            law => {
+                for i in 0..n {
+                    elastic[i] = law.elastic(by[0], e[i]);
+                    f[i] = law.damped([by[0], e[i]], elastic[i], by[1] * step[i]);
+                }
+            }
+        }
+        // Of two groups only the second is told of: half the push to each of one, the whole to the other.
+        let share = if run.pairs.is_within { 0.5 } else { 1.0 };
+        let part = &mut self.part[..n];
+        parts(f, along, -share, part);
+        if run.pairs.friction > 0.0 {
+            for (k, (&[i, j], part)) in ends.iter().zip(&mut *part).enumerate() {
+                let (here, there) = (x[i as usize], x[j as usize]);
+                let vector = |of: Quad| [of[0], of[1], of[2]];
+                let contact = Contact {
+                    e: e[k],
+                    f: f[k],
+                    elastic: elastic[k],
+                    along: along.map(|one| one[k]),
+                    apart: difference(vector(there), vector(here)),
+                    moved: [moved_x[k], moved_y[k], moved_z[k]],
+                };
+                let pull = contact.pull_across(&run.pairs, by, [i, j], history);
+                for (part, pull) in part.iter_mut().zip(pull) {
+                    *part += pull;
+                }
+            }
+        }
+        add(ends, part, &mut forces.first, &mut forces.second);
+    }
+
+    /// Note the ends of the pairs that touch, their directions and e; how many there are. What is not a number goes on,
+    /// and is found later.
+    fn find(&mut self, rest: f64, pairs: &[Pair], x: &[Quad]) -> usize {
+        let n = near(x, pairs, rest * rest, &mut self.ends);
+        let ends = &self.ends[..n];
+        let [along_x, along_y, along_z] = self.along.each_mut().map(|one| &mut one[..n]);
+        apart(x, ends, [&mut *along_x, &mut *along_y, &mut *along_z]);
+        lines(rest, [along_x, along_y, along_z], &mut self.e[..n]);
+        if is_rounded(&self.e[..n]) {
+            self.drop_rounded(n)
+        } else {
+            n
+        }
+    }
+
+    /// A length whose square is less than that of `rest` may be rounded to `rest`: nothing is pressed then.
+    #[cold]
+    fn drop_rounded(&mut self, n: usize) -> usize {
+        let mut kept = 0;
+        for i in 0..n {
+            if self.e[i] >= 0.0 {
+                continue;
+            }
+            self.ends[kept] = self.ends[i];
+            self.e[kept] = self.e[i];
+            for one in &mut self.along {
+                one[kept] = one[i];
+            }
+            kept += 1;
+        }
+        kept
+    }
+}
+
+wide! {
+    /// Those pairs whose distance squared is not at least `square`, in their order; how many there are.
+    pub(super) fn near(x: &[Quad], pairs: &[Pair], square: f64, found: &mut [Pair]) -> usize {
+        let found = &mut found[..pairs.len()];
+        let mut n = 0;
+        for &[i, j] in pairs {
+            let (here, there) = (&x[i as usize], &x[j as usize]);
+            let [x, y, z] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+            found[n] = [i, j];
+            let is_far = x * x + y * y + z * z >= square;
+            n += usize::from(!is_far);
+        }
+        n
+    }
+}
+
+wide! {
+    /// What the second point of each pair has more than the first, axis by axis.
+    fn apart(of: &[Quad], ends: &[Pair], into: [&mut [f64]; AXES_MAX]) {
+        let n = ends.len();
+        let [x, y, z] = into;
+        let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
+        for (k, &[i, j]) in ends.iter().enumerate() {
+            let (here, there) = (&of[i as usize], &of[j as usize]);
+            x[k] = there[0] - here[0];
+            y[k] = there[1] - here[1];
+            z[k] = there[2] - here[2];
+        }
+    }
+}
+
+wide! {
+    /// Whether any is 0 or more.
+    fn is_rounded(e: &[f64]) -> bool {
+        let mut is_one = false;
+        for e in e {
+            is_one |= *e >= 0.0;
+        }
+        is_one
+    }
+}
+
+wide! {
+    /// Products of vectors.
+    fn product(a: [&[f64]; AXES_MAX], b: [&[f64]; AXES_MAX], into: &mut [f64]) {
+        let n = into.len();
+        let [ax, ay, az] = a.map(|one| &one[..n]);
+        let [bx, by, bz] = b.map(|one| &one[..n]);
+        for i in 0..n {
+            into[i] = ax[i] * bx[i] + ay[i] * by[i] + az[i] * bz[i];
+        }
+    }
+}
+
+wide! {
+    /// A contact that pushes by K·p + Z·dp/dt: the elastic part, and the whole.
+    fn linear(by: [f64; 2], clamp: bool, of: [&[f64]; 2], into: [&mut [f64]; 2]) {
+        let n = of[0].len();
+        let ([k, z], [e, step], [elastic, f]) = (by, of, into);
+        let (e, step) = (&e[..n], &step[..n]);
+        let (elastic, f) = (&mut elastic[..n], &mut f[..n]);
+        for i in 0..n {
+            elastic[i] = -k * -e[i];
+            f[i] = elastic[i] + z * step[i];
+        }
+        if clamp {
+            for f in f {
+                *f = f.min(0.0);
+            }
+        }
+    }
+}
+
+wide! {
+    /// Components of forces along directions, and what is told of each.
+    fn parts(f: &[f64], along: [&[f64]; AXES_MAX], told: f64, into: &mut [Quad]) {
+        let n = f.len();
+        let [x, y, z] = along.map(|one| &one[..n]);
+        let into = &mut into[..n];
+        for i in 0..n {
+            into[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], told * f[i]];
+        }
+    }
+}
+
+wide! {
+    /// Add what pulls the first point of each pair to it, and take it from the second.
+    fn add(ends: &[Pair], parts: &[Quad], first: &mut [Quad], second: &mut [Quad]) {
+        for (&[i, j], part) in ends.iter().zip(parts) {
+            let here = &mut first[i as usize];
+            for axis in 0..=AXES_MAX {
+                here[axis] += part[axis];
+            }
+            let there = &mut second[j as usize];
+            for axis in 0..=AXES_MAX {
+                there[axis] -= part[axis];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::distance;
+
+    /// Friction divides by the depth, which rounding may make 0.
+    #[test]
+    fn what_touches_is_pressed() {
+        let mut batch = Batch::new();
+        let mut n_rounded = 0;
+        for i in 1..20_000 {
+            let rest = 1e-6 * f64::from(i);
+            let (x, y) = (0.6 * rest, 0.8 * rest);
+            let is_near = x * x + y * y < rest * rest;
+            n_rounded += u32::from(is_near && distance(x, y, 0.0) >= rest);
+            // One that touches for sure lies behind it.
+            let points = [[0.0; 4], [x, y, 0.0, 0.0], [0.5 * rest, 0.0, 0.0, 0.0]];
+            let n = batch.find(rest, &[[0, 1], [0, 2]], &points);
+            assert!(batch.e[..n].iter().all(|e| *e < 0.0), "{x} {y}");
+            assert_eq!(batch.ends[n - 1], [0, 2]);
+            assert!((batch.along[0][n - 1] - 1.0).abs() < 1e-15);
+        }
+        assert!(n_rounded > 0, "the loop has no such length");
+    }
+}

@@ -1,0 +1,169 @@
+//! Points sorted into cells, by which those that are near each other are found.
+
+use std::ops::Range;
+
+use super::{Pair, Quad};
+use crate::network::{AXES_MAX, distance};
+
+/// Points in reach of a point on average for which there is room at once.
+const ROOM: usize = 24;
+/// And at most: spheres that push each other do not come so near. Where they do, forces are not a number any more, which
+/// is a fault.
+const MOST: usize = 512;
+
+/// The cells of so many points.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Cells {
+    grid: Grid,
+    /// The cell of each point in the grid   (n)
+    cells: Vec<[u32; AXES_MAX]>,
+    /// Where the points of each cell begin in `members`, and where these points are [m]   (n_cells + 1, n, n)
+    begins: Vec<u32>,
+    members: Vec<u32>,
+    places: Vec<Quad>,
+}
+
+/// How many pairs of so many points there is room for at once.
+pub(super) fn room(n: usize) -> usize {
+    ROOM * n
+}
+
+impl Cells {
+    pub(super) fn new(n: usize, n_axes: usize) -> Self {
+        let grid = Grid::new(n, n_axes);
+        Self {
+            cells: vec![[0; AXES_MAX]; n],
+            begins: vec![0; grid.n_cells() + 1],
+            members: vec![0; n],
+            places: vec![Quad::default(); n],
+            grid,
+        }
+    }
+
+    /// Set `pairs` to all within `reach` [m] of points at `x`, in the order of their numbers: of the first `n_first` and
+    /// the others, or of all where there are no others. False where there are more than can be.
+    #[cold]
+    pub(super) fn search(
+        &mut self,
+        x: &[Quad],
+        n_first: usize,
+        reach: f64,
+        pairs: &mut Vec<Pair>,
+    ) -> bool {
+        self.fill(x, reach);
+        pairs.clear();
+        let depth = if self.grid.bits[2] > 0 { 1 } else { 0 };
+        for i in 0..n_first {
+            let begin = pairs.len();
+            if begin > MOST * x.len() {
+                return false;
+            }
+            let least = if n_first < x.len() { n_first } else { i + 1 };
+            let [cx, cy, cz] = self.cells[i];
+            for dz in -depth..=depth {
+                for dy in -1..=1 {
+                    let row = [cy.wrapping_add_signed(dy), cz.wrapping_add_signed(dz)];
+                    for cells in self.grid.three(cx, row) {
+                        self.near((i, x[i]), cells, least, reach, pairs);
+                    }
+                }
+            }
+            pairs[begin..].sort_unstable_by_key(|pair| pair[1]);
+        }
+        true
+    }
+
+    /// Note the points of some cells, from point `least` on, that are within `reach` of point `i`.
+    #[inline(always)]
+    fn near(
+        &self,
+        (i, here): (usize, Quad),
+        cells: Range<usize>,
+        least: usize,
+        reach: f64,
+        pairs: &mut Vec<Pair>,
+    ) {
+        let range = self.begins[cells.start] as usize..self.begins[cells.end] as usize;
+        let points = self.members[range.clone()].iter().zip(&self.places[range]);
+        for (&member, there) in points {
+            let [x, y, z] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+            if member as usize >= least && distance(x, y, z) <= reach {
+                pairs.push([i as u32, member]);
+            }
+        }
+    }
+
+    /// Sort the points into cells as wide as `reach` [m].
+    fn fill(&mut self, x: &[Quad], reach: f64) {
+        let wide = 1.0 / reach;
+        self.begins.fill(0);
+        for (cell, x) in self.cells.iter_mut().zip(x) {
+            // Far away, and where a position is not a number, cells are one: `as` saturates.
+            *cell = std::array::from_fn(|axis| (x[axis] * wide).floor() as i32 as u32);
+            self.begins[self.grid.index(*cell) + 1] += 1;
+        }
+        for i in 1..self.begins.len() {
+            self.begins[i] += self.begins[i - 1];
+        }
+        // From the last on, so that where each cell ends becomes where it begins.
+        for (i, &cell) in self.cells.iter().enumerate().rev() {
+            let end = &mut self.begins[self.grid.index(cell) + 1];
+            *end -= 1;
+            self.members[*end as usize] = i as u32;
+            self.places[*end as usize] = x[i];
+        }
+        self.begins.copy_within(1.., 0);
+        if let Some(last) = self.begins.last_mut() {
+            *last = self.cells.len() as u32;
+        }
+    }
+}
+
+/// A grid of cells that repeats itself: what lies beyond it shares cells with what lies in it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Grid {
+    /// Powers of two of which there are so many cells along each axis.
+    bits: [u32; AXES_MAX],
+}
+
+impl Grid {
+    /// Least power of two along an axis: the three cells around a point are three.
+    const LEAST: u32 = 2;
+
+    /// With twice as many cells as points, or more.
+    fn new(n: usize, n_axes: usize) -> Self {
+        let all = (2 * n.max(1)).next_power_of_two().ilog2();
+        let each = all.div_ceil(n_axes as u32).max(Self::LEAST);
+        let bits = [each, each, if n_axes == AXES_MAX { each } else { 0 }];
+        Self { bits }
+    }
+
+    fn n_cells(self) -> usize {
+        1 << self.bits.iter().sum::<u32>()
+    }
+
+    #[inline(always)]
+    fn index(self, [x, y, z]: [u32; AXES_MAX]) -> usize {
+        let [of_x, of_y, of_z] = self.bits;
+        let within = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
+        (((within(z, of_z) << of_y) | within(y, of_y)) << of_x) | within(x, of_x)
+    }
+
+    /// The cells at `x` and beside it in a row (y, z): one range, or two where the row ends between them.
+    #[inline(always)]
+    fn three(self, x: u32, [y, z]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
+        let row = self.index([0, y, z]);
+        let n = 1 << self.bits[0];
+        let x = x as usize & (n - 1);
+        let (before, after) = (x.wrapping_sub(1) & (n - 1), (x + 1) & (n - 1));
+        let (main, other) = if before > x {
+            (x..x + 2, Some(before))
+        } else if after < x {
+            (before..x + 1, Some(after))
+        } else {
+            (before..after + 1, None)
+        };
+        let other = other.map(|cell| row + cell..row + cell + 1);
+        std::iter::once(row + main.start..row + main.end).chain(other)
+    }
+}

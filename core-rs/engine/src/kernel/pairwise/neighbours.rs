@@ -1,0 +1,222 @@
+//! Which points may meet: a list of all that are near, and a shorter one of those that may touch before it is made anew.
+
+use super::batch::{BATCH, Batch, Forces, near};
+use super::cells::{Cells, room};
+use super::{Pair, Quad};
+use crate::maths::wide::wide;
+use crate::network::{AXES_MAX, Measure, PairRun, Pairwise};
+use crate::state::ContactHistory;
+
+/// Beyond what touches, pairs are kept that are so far apart, as a share of the gap.
+const SKIN: f64 = 0.36;
+/// And of these those that are so far apart are looked at in every frame: until a point has moved half of this.
+const MARGIN: f64 = 0.06;
+/// A hair less than half: rounding leaves out no pair.
+const HALF: f64 = 0.499_999;
+
+/// The coordinates of a pair of points along the first axis.
+pub(crate) type Ends = (usize, usize);
+
+/// Which points may meet, and the memory to find out.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Neighbours {
+    /// Positions and last steps [m]; 0 along axes that there are not   (n each)
+    x: Vec<Quad>,
+    d: Vec<Quad>,
+    /// Where the points were when all that are near were searched, and where when the shorter list was made [m]   (n each)
+    searched_at: Vec<Quad>,
+    narrowed_at: Vec<Quad>,
+    cells: Cells,
+    /// All pairs that are near, and of these the first `n_close` of `close`.
+    pairs: Vec<Pair>,
+    close: Vec<Pair>,
+    n_close: usize,
+    batch: Batch,
+    forces: Forces,
+    /// Which points a wall may touch   (n)
+    seen: Vec<bool>,
+    is_made: bool,
+    /// More points are near each other than any pushing allows.
+    is_full: bool,
+}
+
+impl Neighbours {
+    pub(crate) fn new(run: &PairRun) -> Self {
+        let pairs = &run.pairs;
+        if !pairs.is_searched() {
+            return Self {
+                seen: vec![true; run.n],
+                ..Self::default()
+            };
+        }
+        let n = pairs.n_points(run.n);
+        let quads = || vec![Quad::default(); n];
+        Self {
+            x: quads(),
+            d: quads(),
+            searched_at: quads(),
+            narrowed_at: quads(),
+            cells: Cells::new(n, pairs.link.n_axes),
+            pairs: Vec::with_capacity(room(n)),
+            close: Vec::with_capacity(room(n)),
+            batch: Batch::new(),
+            forces: Forces {
+                first: quads(),
+                second: quads(),
+            },
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn seen(&mut self) -> &mut [bool] {
+        &mut self.seen
+    }
+
+    /// Every pair that touches, or attracts each other, at positions `x`: its first coordinates, distance − rest [m], and
+    /// the direction from the one to the other. False where there are too many to be told of.
+    pub(crate) fn touching(
+        &mut self,
+        run: &PairRun,
+        x: impl Fn(usize) -> f64,
+        mut each: impl FnMut(Ends, f64, [f64; AXES_MAX]),
+    ) -> bool {
+        let pairs = &run.pairs;
+        if !pairs.is_searched() {
+            for first in 0..pairs.n_first {
+                for second in pairs.others(first, run.n) {
+                    let ends = (run.a + first, run.b + second);
+                    let (length, along) = pairs.link.line(ends, &x);
+                    let e = length - run.rest;
+                    if pairs.link.law.acts(e) {
+                        each(ends, e, along);
+                    }
+                }
+            }
+            return true;
+        }
+        self.follow(run, x);
+        for &[i, j] in &self.close[..self.n_close] {
+            let [here, there] = [self.x[i as usize], self.x[j as usize]];
+            if let Some((e, along)) = meeting(run.rest, here, there) {
+                each(run.ends([i, j]), e, along);
+            }
+        }
+        !self.is_full
+    }
+
+    /// Know which points may meet at positions `x`.
+    fn follow(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
+        gather(run, &mut self.x, x);
+        let (skin, margin) = (SKIN * run.rest, MARGIN * run.rest);
+        if self.is_made && stay(&self.x, &self.narrowed_at, square(HALF * margin)) {
+            return;
+        }
+        if !self.is_made || !stay(&self.x, &self.searched_at, square(HALF * (skin - margin))) {
+            let n_first = run.pairs.n_first;
+            let reach = run.rest + skin;
+            self.searched_at.copy_from_slice(&self.x);
+            self.is_full = !self.cells.search(&self.x, n_first, reach, &mut self.pairs);
+            if self.close.len() < self.pairs.len() {
+                self.close.resize(self.pairs.len(), Pair::default());
+            }
+            self.is_made = true;
+        }
+        self.narrowed_at.copy_from_slice(&self.x);
+        let reach = square(run.rest + margin);
+        self.n_close = near(&self.x, &self.pairs, reach, &mut self.close);
+    }
+
+    /// Compute the forces of all pairs by the law of a run, whose K and Z are `by`, and by its friction.
+    pub(super) fn push(
+        &mut self,
+        run: &PairRun,
+        by: [f64; 2],
+        (x, d): (&[f64], &[f64]),
+        history: &mut ContactHistory,
+    ) {
+        self.follow(run, |mat| x[mat]);
+        gather(run, &mut self.d, |mat| d[mat]);
+        self.forces.first.fill(Quad::default());
+        self.forces.second.fill(Quad::default());
+        for pairs in self.close[..self.n_close].chunks(BATCH) {
+            let motion = (&*self.x, &*self.d);
+            self.batch
+                .push(run, by, pairs, motion, history, &mut self.forces);
+        }
+    }
+
+    /// Add them to `force` (n_mat), and say how strongly each point of the second group is pushed [N]   (run.n).
+    pub(super) fn tell(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
+        let Forces { first, second } = &self.forces;
+        for (range, starts) in groups(run) {
+            let own = || first[range.clone()].iter().zip(&second[range.clone()]);
+            for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
+                for (force, (first, second)) in force[start..].iter_mut().zip(own()) {
+                    *force += second[axis] + first[axis];
+                }
+            }
+        }
+        let told = first.len() - pushes.len();
+        let own = first[told..].iter().zip(&second[told..]);
+        for (push, (first, second)) in pushes.iter_mut().zip(own) {
+            *push = second[AXES_MAX] - first[AXES_MAX];
+        }
+        if self.is_full {
+            pushes.fill(f64::NAN);
+            force[run.a] = f64::NAN;
+        }
+    }
+}
+
+fn square(x: f64) -> f64 {
+    x * x
+}
+
+/// The points of each group by their numbers, and their first coordinates, axis by axis.
+fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
+    let Pairwise { link, n_first, .. } = &run.pairs;
+    let (a, b): ([usize; AXES_MAX], [usize; AXES_MAX]) = {
+        let at = |axis: usize| link.pair((run.a, run.b), axis.min(link.n_axes - 1));
+        let all: [(usize, usize); AXES_MAX] = std::array::from_fn(at);
+        (all.map(|ends| ends.0), all.map(|ends| ends.1))
+    };
+    let second = *n_first..run.pairs.n_points(run.n);
+    [(0..*n_first, a), (second, b)]
+}
+
+/// Copy what each coordinate has to where the coordinates of a point lie together.
+fn gather(run: &PairRun, into: &mut [Quad], of: impl Fn(usize) -> f64) {
+    for (range, starts) in groups(run) {
+        for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
+            for (i, own) in into[range.clone()].iter_mut().enumerate() {
+                own[axis] = of(start + i);
+            }
+        }
+    }
+}
+
+wide! {
+    /// Whether no point has moved farther than √`most` [m], and all are numbers.
+    fn stay(now: &[Quad], then: &[Quad], most: f64) -> bool {
+        let mut stay = true;
+        for (now, then) in now.iter().zip(then) {
+            let [x, y, z] = [now[0] - then[0], now[1] - then[1], now[2] - then[2]];
+            stay &= x * x + y * y + z * z <= most;
+        }
+        stay
+    }
+}
+
+/// Distance − rest and direction of a pair that touches. What is not a number goes on, and is found later.
+#[inline(always)]
+fn meeting(rest: f64, here: Quad, there: Quad) -> Option<(f64, [f64; AXES_MAX])> {
+    let apart = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+    let square = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
+    if square >= rest * rest {
+        return None;
+    }
+    let (length, along) = Measure::Distance.of(apart);
+    let e = length - rest;
+    // A length whose square is less than that of `rest` may be rounded to `rest`: nothing is pressed then.
+    if e >= 0.0 { None } else { Some((e, along)) }
+}

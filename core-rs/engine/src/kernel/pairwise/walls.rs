@@ -1,0 +1,180 @@
+//! Walls, and what acts from afar: every point of the second group is looked at.
+//!
+//! Most points touch no wall: which ones may is found in vectors, a hair too many rather than too few.
+
+use super::contact::Contact;
+use crate::maths::wide::wide;
+use crate::network::{AXES_MAX, Measure, PairRun};
+use crate::state::ContactHistory;
+
+/// Points that are passed over at once where none of them touches.
+const CHUNK: usize = 8;
+/// What rounding may take from a length, as a share of its square.
+const HAIR: f64 = 1e-12;
+
+/// Add the forces of all pairs to the coordinates of the points, and set `pushes` to how strongly each point of the second
+/// group is pushed [N].
+pub(super) fn push(
+    run: &PairRun,
+    by: [f64; 2],
+    (x, d): (&[f64], &[f64]),
+    (seen, history): (&mut [bool], &mut ContactHistory),
+    (pair_force, pushes): (&mut [f64], &mut [f64]),
+) {
+    let (pairs, link) = (&run.pairs, &run.pairs.link);
+    pushes.fill(0.0);
+    let mut pull = |first: usize, second: usize| {
+        let ends = (run.a + first, run.b + second);
+        let (length, along) = link.line(ends, |mat| x[mat]);
+        let e = length - run.rest;
+        if !link.law.acts(e) {
+            return;
+        }
+        let step = link.stretch(ends, along, |mat| d[mat]);
+        let elastic = link.law.elastic(by[0], e);
+        let f = link.law.damped([by[0], e], elastic, by[1] * step);
+        let mut pull = along.map(|along| f * along);
+        if pairs.friction > 0.0 {
+            let contact = Contact {
+                e,
+                f,
+                elastic,
+                along,
+                apart: link.between(ends, |mat| x[mat]),
+                moved: link.between(ends, |mat| d[mat]),
+            };
+            let across = contact.pull_across(pairs, by, run.points(ends), history);
+            pull = std::array::from_fn(|axis| pull[axis] + across[axis]);
+        }
+        for (axis, pull) in pull.into_iter().enumerate().take(link.n_axes) {
+            let (a, b) = link.pair(ends, axis);
+            pair_force[a] += pull;
+            pair_force[b] -= pull;
+        }
+        // Of one group each point is told of: half the force of each pair.
+        if pairs.is_within {
+            pushes[first] += 0.5 * f;
+            pushes[second] += 0.5 * f;
+        } else {
+            pushes[second] += f;
+        }
+    };
+    for first in 0..pairs.n_first {
+        if !link.law.is_contact() {
+            pairs
+                .others(first, run.n)
+                .for_each(|second| pull(first, second));
+            continue;
+        }
+        look(run, first, x, seen);
+        for (chunk, seen) in seen.chunks(CHUNK).enumerate() {
+            if !seen.contains(&true) {
+                continue;
+            }
+            for (i, _) in seen.iter().enumerate().filter(|(_, seen)| **seen) {
+                pull(first, CHUNK * chunk + i);
+            }
+        }
+    }
+}
+
+/// Which points of the second group a wall may touch.
+fn look(run: &PairRun, first: usize, x: &[f64], seen: &mut [bool]) {
+    let link = &run.pairs.link;
+    let at = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
+    let ends: [(usize, usize); AXES_MAX] = std::array::from_fn(at);
+    let wall = ends.map(|(a, _)| x[a]);
+    let points = ends.map(|(_, b)| &x[b..b + run.n]);
+    let is_deep = if link.n_axes == AXES_MAX { 1.0 } else { 0.0 };
+    let square = run.rest * run.rest;
+    match &link.measure {
+        Measure::Plane([nx, ny, nz]) => {
+            below([*nx, *ny, nz * is_deep], run.rest, wall, points, seen);
+        }
+        Measure::Distance => within(square * (1.0 + HAIR), is_deep, wall, points, seen),
+        // Below 0 a distance is: a rest above 0 closes it everywhere.
+        Measure::Within if run.rest < 0.0 => {
+            beyond(square * (1.0 - HAIR), is_deep, wall, points, seen);
+        }
+        Measure::Within => seen.fill(true),
+        Measure::Surface(facets) => inside(facets.bounds(), wall, points, seen),
+    }
+}
+
+wide! {
+    /// Which points lie less than `rest` above a plane, or are not a number.
+    fn below(
+        normal: [f64; AXES_MAX],
+        rest: f64,
+        wall: [f64; AXES_MAX],
+        points: [&[f64]; AXES_MAX],
+        seen: &mut [bool],
+    ) {
+        let n = seen.len();
+        let [x, y, z] = points.map(|one| &one[..n]);
+        for i in 0..n {
+            let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], z[i] - wall[2]];
+            let e = normal[0] * x + normal[1] * y + normal[2] * z - rest;
+            let is_above = e >= 0.0;
+            seen[i] = !is_above;
+        }
+    }
+}
+
+wide! {
+    /// Which points are nearer than √`square`, or are not a number.
+    fn within(
+        square: f64,
+        is_deep: f64,
+        wall: [f64; AXES_MAX],
+        points: [&[f64]; AXES_MAX],
+        seen: &mut [bool],
+    ) {
+        let n = seen.len();
+        let [x, y, z] = points.map(|one| &one[..n]);
+        for i in 0..n {
+            let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], is_deep * (z[i] - wall[2])];
+            let is_far = x * x + y * y + z * z >= square;
+            seen[i] = !is_far;
+        }
+    }
+}
+
+wide! {
+    /// Which points are farther than √`square`, or are not a number.
+    fn beyond(
+        square: f64,
+        is_deep: f64,
+        wall: [f64; AXES_MAX],
+        points: [&[f64]; AXES_MAX],
+        seen: &mut [bool],
+    ) {
+        let n = seen.len();
+        let [x, y, z] = points.map(|one| &one[..n]);
+        for i in 0..n {
+            let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], is_deep * (z[i] - wall[2])];
+            let is_near = x * x + y * y + z * z < square;
+            seen[i] = !is_near;
+        }
+    }
+}
+
+wide! {
+    /// Which points are in a box, or are not a number.
+    fn inside(
+        bounds: [[f64; AXES_MAX]; 2],
+        wall: [f64; AXES_MAX],
+        points: [&[f64]; AXES_MAX],
+        seen: &mut [bool],
+    ) {
+        let n = seen.len();
+        let [low, high] = bounds;
+        let [x, y, z] = points.map(|one| &one[..n]);
+        for i in 0..n {
+            let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], z[i] - wall[2]];
+            let is_below = (x < low[0]) | (y < low[1]) | (z < low[2]);
+            let is_above = (x > high[0]) | (y > high[1]) | (z > high[2]);
+            seen[i] = !(is_below | is_above);
+        }
+    }
+}

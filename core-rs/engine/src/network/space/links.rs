@@ -1,0 +1,217 @@
+//! Springs, contacts and laws between points in space.
+
+use std::sync::Arc;
+
+use super::super::checks::Rule;
+use super::super::error::Error;
+use super::law::SINKS;
+use super::{AXES_MAX, LinkKind, Measure, Network, SpaceLaw, SpacePoint, inverse};
+use crate::law::Law;
+
+/// Links between points in space. Of a run, `a` and `b` are the first coordinates of the ends of the first link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpaceLink {
+    /// What it does.
+    pub law: SpaceLaw,
+    /// What it measures.
+    pub measure: Measure,
+    /// How many axes: 2 or 3.
+    pub n_axes: usize,
+    /// How far behind the first coordinate of an end the second and the third are   (ends a and b)
+    pub offsets: [[isize; AXES_MAX - 1]; 2],
+}
+
+impl SpaceLink {
+    /// A link between points with these strides.
+    pub(in crate::network) fn of(
+        law: SpaceLaw,
+        measure: Measure,
+        n_axes: usize,
+        ends: [SpacePoint; 2],
+    ) -> Self {
+        let offsets = ends.map(|end| end.offsets);
+        Self {
+            law,
+            measure,
+            n_axes,
+            offsets,
+        }
+    }
+
+    /// The same at so many frames a second [Hz].
+    pub(crate) fn stepped(&self, at: f64) -> Self {
+        let mut stepped = self.clone();
+        if let SpaceLaw::Lnl { rate, .. } = &mut stepped.law {
+            *rate = at;
+        }
+        stepped
+    }
+
+    /// The coordinates of an axis, from those of the first axis.
+    pub(crate) fn pair(&self, (a, b): (usize, usize), axis: usize) -> (usize, usize) {
+        match axis {
+            0 => (a, b),
+            _ => (
+                a.wrapping_add_signed(self.offsets[0][axis - 1]),
+                b.wrapping_add_signed(self.offsets[1][axis - 1]),
+            ),
+        }
+    }
+
+    /// The length that it measures at positions `x`, and components of the unit vector along which the length grows: 0
+    /// where ends are at one place, and along axes that there are not.
+    pub(crate) fn line(
+        &self,
+        ends: (usize, usize),
+        x: impl Fn(usize) -> f64,
+    ) -> (f64, [f64; AXES_MAX]) {
+        self.measure.of(self.between(ends, x))
+    }
+
+    /// What `x` of the second end is beyond that of the first, axis by axis.
+    pub(crate) fn between(
+        &self,
+        ends: (usize, usize),
+        x: impl Fn(usize) -> f64,
+    ) -> [f64; AXES_MAX] {
+        let mut between = [0.0; AXES_MAX];
+        for (axis, between) in between.iter_mut().enumerate().take(self.n_axes) {
+            let (a, b) = self.pair(ends, axis);
+            *between = x(b) - x(a);
+        }
+        between
+    }
+
+    /// How far the ends move away from each other along the line between them, where each MAT moves by `moved`.
+    pub(crate) fn stretch(
+        &self,
+        ends: (usize, usize),
+        direction: [f64; AXES_MAX],
+        moved: impl Fn(usize) -> f64,
+    ) -> f64 {
+        let along = direction.into_iter().enumerate().take(self.n_axes);
+        let along = along.map(|(axis, direction)| {
+            let (a, b) = self.pair(ends, axis);
+            direction * (moved(b) - moved(a))
+        });
+        along.sum()
+    }
+}
+
+impl Network {
+    /// Add springs or contacts between `n` pairs of points in space that follow one another; returns the index of the first.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    pub fn space_links(
+        &mut self,
+        name: &str,
+        (a, b): (SpacePoint, SpacePoint),
+        n: usize,
+        n_axes: usize,
+        law: SpaceLaw,
+        [k, z, rest]: [f64; 3],
+    ) -> Result<usize, Error> {
+        self.check_space(name, n_axes, &law, [k, z, rest])?;
+        if law.sinks_beyond(rest - law.reach()) {
+            return Err(self.refused(name, SINKS));
+        }
+        if n == 0 || !self.has_points(a, n, n_axes) || !self.has_points(b, n, n_axes) {
+            return Err(self.refused(name, "joins a module that does not exist"));
+        }
+        if a.first == b.first {
+            return Err(self.refused(name, "a link joins two different points"));
+        }
+        self.room(name, n)?;
+        let first = self.n_lia;
+        let space = SpaceLink::of(law, Measure::Distance, n_axes, [a, b]);
+        self.add_run(LinkKind::Space(space), a.first, b.first, n, [k, z, rest]);
+        let name = self.full_name(name);
+        self.names.add_links(first, n, n > 1, name);
+        Ok(first)
+    }
+
+    /// Add a law (LNL) of distance − `rest` and its rate between two points in space; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
+    pub fn space_lnl(
+        &mut self,
+        name: &str,
+        ends: (SpacePoint, SpacePoint),
+        n_axes: usize,
+        law: Arc<Law>,
+        rest: f64,
+    ) -> Result<usize, Error> {
+        let distance = self.distance(ends, n_axes);
+        let from = distance - rest;
+        // Stiffest where it begins, or where it rests: along its line its slope, across it f/ℓ.
+        let at = |e: f64| {
+            let across = inverse(rest + e) * law.spring(e);
+            law.slope(e).max(across).max(0.0)
+        };
+        let [k, z] = if rest > 0.0 {
+            let viscosity = |e| law.damping_slope(e);
+            [at(from).max(at(0.0)), viscosity(from).max(viscosity(0.0))]
+        } else {
+            [at(from), law.damping_slope(from)]
+        };
+        if !law.spring(from).is_finite() {
+            return Err(self.refused(
+                name,
+                "the force of its law is not a finite number where it begins",
+            ));
+        }
+        let rate = 1.0;
+        let law = SpaceLaw::Lnl { law, from, rate };
+        self.space_links(name, ends, 1, n_axes, law, [k, z.max(0.0), rest])
+    }
+
+    /// Refuse the numbers of links in space that are out of range.
+    pub(in crate::network) fn check_space(
+        &self,
+        name: &str,
+        n_axes: usize,
+        law: &SpaceLaw,
+        [k, z, rest]: [f64; 3],
+    ) -> Result<(), Error> {
+        self.check(
+            name,
+            &[
+                ("K", k, Rule::NotNegative),
+                ("Z", z, Rule::NotNegative),
+                ("rest", rest, Rule::NotNegative),
+            ],
+        )?;
+        if let SpaceLaw::Yielding { yields, breaks } = law
+            && !(*yields > 0.0 && *breaks > 0.0)
+        {
+            return Err(self.refused(
+                name,
+                "the force at which a link yields, and the length at which it breaks, are above 0",
+            ));
+        }
+        if let SpaceLaw::Attraction { core } = law
+            && !(*core > 0.0 && core.is_finite())
+        {
+            return Err(self.refused(name, "the core of an attraction must be above 0"));
+        }
+        if let SpaceLaw::Contact { exponent, .. } | SpaceLaw::Cohesive { exponent, .. } = law
+            && !(1.0..=8.0).contains(exponent)
+        {
+            return Err(self.refused(name, "the exponent of a contact must be from 1 to 8"));
+        }
+        if let SpaceLaw::Cohesive { sink, reach, .. } = law {
+            let is_number = |value: f64| value > 0.0 && value.is_finite();
+            if !is_number(*sink) || !is_number(*reach) {
+                let message =
+                    "a contact that sticks needs a stiffness, an attraction and a reach above 0";
+                return Err(self.refused(name, message));
+            }
+        }
+        if !(2..=AXES_MAX).contains(&n_axes) {
+            return Err(self.refused(name, "a link in space has two or three axes"));
+        }
+        Ok(())
+    }
+}

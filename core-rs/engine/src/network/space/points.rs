@@ -1,0 +1,112 @@
+//! Points in space, by their coordinates.
+
+use super::super::checks::Rule;
+use super::super::error::Error;
+use super::{AXES_MAX, Network, distance};
+
+/// A point in space, by its coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpacePoint {
+    /// The MAT that is its first coordinate.
+    pub first: usize,
+    /// How far behind it the second and the third are. Points that move with the masses of a body have a coordinate
+    /// there, which may come before the others.
+    pub offsets: [isize; AXES_MAX - 1],
+}
+
+/// Points that are added to a space at once.
+#[derive(Clone, Copy, Debug)]
+pub struct SpacePoints<'a> {
+    /// How many axes: 1 to 3.
+    pub n_axes: usize,
+    /// Mass of each [kg]; 0 for a fixed point   (n)
+    pub masses: &'a [f64],
+    /// Where they are at the beginning [m]   (n_axes · n), axis by axis
+    pub x0: &'a [f64],
+    /// How fast they are at the beginning [m/s]   (n_axes · n)
+    pub v0: &'a [f64],
+    /// Viscosity against what surrounds each [N·s/m].
+    pub z: f64,
+}
+
+impl SpacePoint {
+    /// A point whose coordinates are `stride` from each other: 1 for a single point, their number for points that are
+    /// added at once.
+    pub const fn strided(first: usize, stride: usize) -> Self {
+        let stride = stride as isize;
+        Self {
+            first,
+            offsets: [stride, 2 * stride],
+        }
+    }
+
+    /// Its coordinate along an axis; `None` where there is no such MAT.
+    pub(in crate::network) fn coordinate(self, axis: usize) -> Option<usize> {
+        match axis {
+            0 => Some(self.first),
+            _ => self.first.checked_add_signed(self.offsets[axis - 1]),
+        }
+    }
+}
+
+impl Network {
+    /// Add points in space; returns the index of the first coordinate of the first. Coordinates stand axis by axis: that of
+    /// point i along the second axis is n behind that along the first. They are named `name.3.x`; of a single point that is
+    /// not numbered `name.x`.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
+    pub fn points(
+        &mut self,
+        name: &str,
+        is_numbered: bool,
+        points: SpacePoints<'_>,
+    ) -> Result<usize, Error> {
+        let SpacePoints {
+            n_axes,
+            masses,
+            x0,
+            v0,
+            z,
+        } = points;
+        let n = masses.len();
+        if !(1..=AXES_MAX).contains(&n_axes) || [x0.len(), v0.len()] != [n_axes * n; 2] || n == 0 {
+            let message = "points have one to three coordinates each";
+            return Err(self.refused(name, message));
+        }
+        self.check(name, &[("Z", z, Rule::NotNegative)])?;
+        for &m in masses {
+            self.check(name, &[("M", m, Rule::NotNegative)])?;
+        }
+        for (x, v) in x0.iter().zip(v0) {
+            self.check(name, &[("X0", *x, Rule::Finite), ("V0", *v, Rule::Finite)])?;
+        }
+        self.room(name, n_axes * n)?;
+        let first = self.n_mat();
+        for (i, (&x, &v)) in x0.iter().zip(v0).enumerate() {
+            self.push_coordinate(masses[i % n], z, [x, v]);
+        }
+        for axis in 0..n_axes {
+            self.name_coordinates(first + axis * n, n, is_numbered, name, axis);
+        }
+        Ok(first)
+    }
+
+    /// The distance of two points at the beginning [m].
+    pub fn distance(&self, (a, b): (SpacePoint, SpacePoint), n_axes: usize) -> f64 {
+        let apart = |axis: usize| {
+            let at = |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
+            if axis < n_axes { at(b) - at(a) } else { 0.0 }
+        };
+        distance(apart(0), apart(1), apart(2))
+    }
+
+    /// Whether `n` points from one on are MATs of the network.
+    pub(in crate::network) fn has_points(&self, end: SpacePoint, n: usize, n_axes: usize) -> bool {
+        let is_here = |axis| {
+            let last = end.coordinate(axis)?.checked_add(n)?;
+            Some(last <= self.n_mat())
+        };
+        (0..n_axes.min(AXES_MAX)).all(|axis| is_here(axis) == Some(true))
+    }
+}
