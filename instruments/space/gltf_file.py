@@ -65,16 +65,16 @@ def read_binary(data: bytes) -> Mesh:
     if version != 2:
         raise MeshFileError(f"glTF 2 is read, not version {version}")
     if length != len(data):
-        raise MeshFileError(f"it is not whole: {length:,} bytes are promised, {len(data):,} there")
+        raise MeshFileError(f"it is incomplete: {length:,} bytes are promised, {len(data):,} there")
     chunks: list[tuple[bytes, bytes]] = []
     at = _HEAD.size
     while at < length and len(chunks) < 2:  # what follows is of extensions
         if length - at < _CHUNK.size:
-            raise MeshFileError("it is not whole: a chunk has no head")
+            raise MeshFileError("it is incomplete: a chunk has no head")
         size, kind = _CHUNK.unpack_from(data, at)
         at += _CHUNK.size
         if size > length - at:
-            raise MeshFileError("it is not whole: a chunk is longer than the file")
+            raise MeshFileError("it is incomplete: a chunk is longer than the file")
         chunks.append((kind, data[at : at + size]))
         at += size
     if not chunks or chunks[0][0] != _JSON:

@@ -168,7 +168,7 @@ def _spoiled(at: int, data: bytes) -> bytes:
     [
         (b"glTF", "it is not a binary glTF file"),
         (_spoiled(4, struct.pack("<I", 1)), "glTF 2 is read, not version 1"),
-        (_spoiled(8, struct.pack("<I", 2**31)), "it is not whole"),
+        (_spoiled(8, struct.pack("<I", 2**31)), "it is incomplete"),
         (_spoiled(12, struct.pack("<I", 2**31)), "a chunk is longer than the file"),
         (_spoiled(16, b"JUNK"), "its first chunk is no JSON"),
         (binary(made())[:8] + struct.pack("<I", 14) + b"12", "a chunk has no head"),
