@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon.models.bank import Bank, Way
+    from ergon.models.programs.bank import Bank, Way
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
     from ergon.scores.staging.stage import Ready
@@ -35,7 +35,7 @@ def bank_of(piece: Piece, ready: Ready, found: PartModes, most: int) -> Bank:
 
     Raises OptionError for more of them, or where nothing is heard.
     """
-    from ergon.models.bank import Bank
+    from ergon.models.programs.bank import Bank
 
     swings = found.poles.imag > 0.0
     poles = found.poles[swings]
@@ -103,7 +103,7 @@ def _way(
 ) -> Sequence[Way]:
     import numpy as np
 
-    from ergon.models.bank import Way
+    from ergon.models.programs.bank import Way
 
     sizes = np.abs(gain)
     kept = sizes > _LEAST * sizes.max(initial=0.0)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon.instruments.model import Target
-    from ergon.models.bank import Bank
-    from ergon.models.network import Part, Stepped
+    from ergon.models.programs.bank import Bank
+    from ergon.models.programs.network import Part, Stepped
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
 
@@ -93,10 +93,10 @@ def faust_programs(
     of the parts. Links to other parts are left out. Raises ScoreError, OptionError, and ModelError
     with the places of what is not written.
     """
-    from ergon.models.faust_bank import MOST as RESONATORS
-    from ergon.models.faust_bank import program as bank_program
-    from ergon.models.faust_program import program
-    from ergon.models.network import MOST
+    from ergon.models.programs.faust_bank import MOST as RESONATORS
+    from ergon.models.programs.faust_bank import program as bank_program
+    from ergon.models.programs.faust_program import program
+    from ergon.models.programs.network import MOST
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
@@ -166,7 +166,7 @@ def mi_gen_models(
     Inputs are those of a program of Faust; an output hears one point, or the links of one point.
     Raises ScoreError, OptionError, and ModelError with the places of what the format cannot say.
     """
-    from ergon.models.mi_gen import MOST, model
+    from ergon.models.programs.mi_gen import MOST, model
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
@@ -181,7 +181,7 @@ def _programs(
     *,
     most: int,
 ) -> tuple[ExportedPart, ...]:
-    from ergon.models.network import stepped
+    from ergon.models.programs.network import stepped
 
     piece = scores.piece_of(loaded)
     title = Path(score).stem if str(score) != scores.STDIN else "score"
@@ -198,7 +198,7 @@ def _programs(
 
 def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
     from ergon.models.errors import ModelError
-    from ergon.models.network import Part
+    from ergon.models.programs.network import Part
 
     for name in names:
         if name in piece.keys and piece.keys[name].reach != 1.0:

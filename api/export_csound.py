@@ -21,7 +21,7 @@ def csound_orchestras(
     the nearest sample. Without `parts` those are written of which a movement is heard. Modes are
     those of `mode_tables`. Raises ScoreError and OptionError.
     """
-    from ergon.models.csound import MOST, orchestra
+    from ergon.models.programs.csound import MOST, orchestra
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)

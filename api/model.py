@@ -9,25 +9,25 @@ from pathlib import Path
 from typing import Literal
 
 from ergon.models.errors import DialectError, ModelError
-from ergon.models.grammar import FORMS, NAMES, Dialect
-from ergon.models.laws import Laws
-from ergon.models.miphysics_reading import is_model as is_miphysics
-from ergon.models.miphysics_reading import parse as miphysics_network
-from ergon.models.miphysics_score import RATES
-from ergon.models.miphysics_score import written as miphysics_written
-from ergon.models.model import Model
+from ergon.models.mims.grammar import FORMS, NAMES, Dialect
+from ergon.models.mims.laws import Laws
+from ergon.models.mims.model import Model
+from ergon.models.mims.reading import is_table, parse, text_of
+from ergon.models.mims.score import written
+from ergon.models.miphysics.reading import is_model as is_miphysics
+from ergon.models.miphysics.reading import parse as miphysics_network
+from ergon.models.miphysics.score import RATES
+from ergon.models.miphysics.score import written as miphysics_written
 from ergon.models.page import RATE, Input
-from ergon.models.pmpd_obeying import network
-from ergon.models.pmpd_reading import is_list
-from ergon.models.pmpd_reading import parse as pmpd_messages
-from ergon.models.pmpd_score import written as pmpd_written
-from ergon.models.pmpd_words import OBJECTS, Object
-from ergon.models.reading import is_table, parse, text_of
-from ergon.models.sam_reading import parse as sam_sheet
-from ergon.models.sam_reading import ports as sam_ports
-from ergon.models.sam_score import written as sam_written
-from ergon.models.sam_words import is_model as is_sam
-from ergon.models.score import written
+from ergon.models.pmpd.interpreter import network
+from ergon.models.pmpd.reading import is_list
+from ergon.models.pmpd.reading import parse as pmpd_messages
+from ergon.models.pmpd.score import written as pmpd_written
+from ergon.models.pmpd.words import OBJECTS, Object
+from ergon.models.sam.reading import parse as sam_sheet
+from ergon.models.sam.reading import ports as sam_ports
+from ergon.models.sam.score import written as sam_written
+from ergon.models.sam.words import is_model as is_sam
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 

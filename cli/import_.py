@@ -13,7 +13,7 @@ from .outcome import Refused, check_stdout
 
 if TYPE_CHECKING:
     from ergon.api.model import Language
-    from ergon.models.laws import Laws
+    from ergon.models.mims.laws import Laws
 
 
 @click.command("import")

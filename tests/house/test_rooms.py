@@ -11,6 +11,8 @@ TEXT, CLOCK, TABLES = (f"notation.{step}" for step in ("text", "clock", "tables"
 GESTURE, PATTERN, READING, EDITS, STAGING = (
     f"scores.{step}" for step in ("gesture", "pattern", "reading", "edits", "staging")
 )
+# What all dialects of models share: errors, names, sentences, numbers, and their last page.
+MODELS = {f"models.{one}" for one in ("errors", "exact_numbers", "naming", "page", "refused")}
 MAY = {
     "common": set(),
     "view": set(),
@@ -31,6 +33,11 @@ MAY = {
     "metrology": {"view", "_core"},
     "bells": {"notation", "exchange", "_core"},
     "models": {"notation", "instruments", "_core"},
+    "models.mims": {"notation", "instruments", "_core", *MODELS},
+    "models.pmpd": {"notation", "instruments", "_core", *MODELS},
+    "models.sam": {"notation", "instruments", "_core", *MODELS},
+    "models.miphysics": {"notation", "instruments", "_core", *MODELS},
+    "models.programs": {"notation", "instruments", "_core", "models.mims.laws", *MODELS},
     "movies": set(),
     "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {

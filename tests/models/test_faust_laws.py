@@ -11,8 +11,8 @@ from planned_sound import off_db, played
 
 from ergon import _core
 from ergon.api.export import faust_programs
-from ergon.models.faust_law import Laws
-from ergon.models.network import Law
+from ergon.models.programs.faust_law import Laws
+from ergon.models.programs.network import Law
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 RATE = 44_100

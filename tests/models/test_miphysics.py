@@ -13,8 +13,8 @@ from ergon import _core
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 from ergon.models.errors import ModelError
-from ergon.models.miphysics_reading import LINKS, MASSES, is_model, parse
-from ergon.models.miphysics_score import written
+from ergon.models.miphysics.reading import LINKS, MASSES, is_model, parse
+from ergon.models.miphysics.score import written
 from ergon.scores.reading.load import load
 
 RATE = 44_100

@@ -7,9 +7,9 @@ from oracle import mims
 from planned_sound import off_db
 
 from ergon.models.errors import ModelError
-from ergon.models.grammar import FORMS
-from ergon.models.reading import parse
-from ergon.models.score import written
+from ergon.models.mims.grammar import FORMS
+from ergon.models.mims.reading import parse
+from ergon.models.mims.score import written
 
 SECONDS = 0.1
 LINEAR, TOUCHING = 1e-12, 1e-5  # largest error: where rounding does not grow, and where it may

@@ -12,10 +12,10 @@ from oracle import pmpd
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 from ergon.models.errors import DialectError, ModelError
-from ergon.models.pmpd_obeying import network
-from ergon.models.pmpd_reading import parse
-from ergon.models.pmpd_score import written
-from ergon.models.pmpd_words import FORMS, Object
+from ergon.models.pmpd.interpreter import network
+from ergon.models.pmpd.reading import parse
+from ergon.models.pmpd.score import written
+from ergon.models.pmpd.words import FORMS, Object
 from ergon.scores.reading.load import load
 
 RATE = 44_100

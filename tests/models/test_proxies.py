@@ -11,8 +11,8 @@ from oracle import mims
 
 from ergon.api.model import ModelOptions, import_model
 from ergon.models.errors import ModelError
-from ergon.models.reading import parse
-from ergon.models.score import written
+from ergon.models.mims.reading import parse
+from ergon.models.mims.score import written
 
 FRAMES = 1500
 pytestmark = pytest.mark.usefixtures("own_folder")

@@ -7,10 +7,10 @@ import pytest
 from ergon.api.errors import OptionError
 from ergon.api.model import ModelOptions, import_model
 from ergon.instruments.module_kinds import MAX_MODULES, MAX_RADIUS
-from ergon.models import places
 from ergon.models.errors import DialectError, ModelError
-from ergon.models.reading import MOST_BYTES, parse
-from ergon.models.score import written
+from ergon.models.mims import places
+from ergon.models.mims.reading import MOST_BYTES, parse
+from ergon.models.mims.score import written
 
 M = "@g ground 0\n@m mass 1 0 0\n"
 S = "@s string 5 1 0.1 0 0 0\n"

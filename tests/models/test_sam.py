@@ -14,11 +14,11 @@ from sweep import few
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 from ergon.models.errors import ModelError
-from ergon.models.sam_expressions import definitions
-from ergon.models.sam_reading import Code, parse
-from ergon.models.sam_score import written
-from ergon.models.sam_values import LIBRARY, Values
-from ergon.models.sam_words import LINKS, MASSES, REFUSED, is_model
+from ergon.models.sam.expressions import definitions
+from ergon.models.sam.reading import Code, parse
+from ergon.models.sam.score import written
+from ergon.models.sam.values import LIBRARY, Values
+from ergon.models.sam.words import LINKS, MASSES, REFUSED, is_model
 from ergon.scores.reading.load import load
 
 RATE = 44_100

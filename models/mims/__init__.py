@@ -1,0 +1,1 @@
+"""Models of MIMS (v1) and mi-gen (v2): their language read, and written as a score."""

@@ -1,0 +1,39 @@
+"""What the jump of an input in the first step of a model does to what its links feel.
+
+Before the first sample an input stands at its x0, then at the first value of its file. A model's
+dampers feel that jump. A score's input begins where its file does, so the force of the jump is a
+strike there, one sample long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ergon import _core
+from ergon.models.mims.laws import Link
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """Where a point is when the score begins [m], its last step then, and that of a jump."""
+
+    x: float
+    step: float = 0.0
+    jump: float = 0.0
+
+
+def kick(law: Link, values: Mapping[str, float], a: Begin, b: Begin) -> float:
+    """The force on the first end by which the jump is missed; its opposite is that on the second.
+
+    `values` are those of the statement.
+    """
+    d = b.x - a.x - values.get("thresh", 0.0)
+    step, jump = b.step - a.step, b.jump - a.jump
+    if law.kind == "LNL":
+        constants = {letter: values.get(name, 0.0) for letter, name in law.fields.items()}
+        own = _core.Law(law.law or None, law.damping or None, constants)
+        return own.force(d, step + jump) - own.force(d, step)
+    if law.kind == "BUT" and d >= 0.0:
+        return 0.0
+    return values.get("Z", 0.0) * jump

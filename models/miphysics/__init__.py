@@ -1,0 +1,1 @@
+"""Models of miPhysics (XML): read, and written as a score."""

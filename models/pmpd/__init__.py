@@ -1,0 +1,1 @@
+"""Lists of messages to pmpd and pmpd~ of Pure Data: read, and written as a score."""

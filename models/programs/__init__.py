@@ -1,0 +1,1 @@
+"""Parts of a score as programs of others: Faust, mi-gen, Csound."""

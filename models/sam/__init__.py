@@ -1,0 +1,1 @@
+"""Models of Synth-A-Modeler: read, and written as a score."""
