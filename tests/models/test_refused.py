@@ -151,7 +151,7 @@ def test_an_input_that_is_none(tmp_path: Path):
 
 
 def test_an_expression_is_read_once(monkeypatch: pytest.MonkeyPatch):
-    from ergon.models import model
+    from ergon.models.mims import model
 
     read = []
     whole = model.evaluate
