@@ -28,6 +28,7 @@ class Score:
             self.space()
         if with_proxies:
             self.proxies()
+            self.following()
         for _ in range(self.dice.randint(0, 6)):
             self.link(f"l{len(self.modules)}")
         self.link("hand", first="k")
@@ -151,6 +152,23 @@ class Score:
             self.modules.append(f"p{number}: {{PROXY: {{{way}}}}}")
             self.link(f"at_p{number}", first=f"p{number}")
         self.points += [f"p{number}" for number in range(len(ways))]
+
+    def following(self) -> None:
+        """Links and a mass whose values go by where something is that moves."""
+        self.modules.append(f"lead: {{MAS: {{M: 1g, V0: {self.by_ratio(1e-3, 1)}m/s}}}}")
+        for number in range(self.dice.randint(1, 2)):
+            ends = self.dice.sample([*self.moving, "lead"], 2) if self.moving else ["lead", "k"]
+            goes = [
+                f"of: {self.dice.choice((*self.moving, 'lead'))}, from: {self.by_ratio(*ends_of)}, "
+                f"to: {self.by_ratio(*ends_of)}, span: {self.dice.choice(('5mm', '-2mm'))}"
+                for ends_of in ((1, 1e3), (1e-3, 0.1))
+            ]
+            law = f'law: "s*d", damping: "r*v", follows: {{s: {{{goes[0]}}}, r: {{{goes[1]}}}}}'
+            self.modules.append(f"by{number}: {{LNL: {{between: [{', '.join(ends)}], {law}}}}}")
+        follows = "follows: {M: {of: lead, from: 2g, to: 30g, span: 1cm}}"
+        self.modules.append(f"pan: {{MAS: {{M: 2g, {follows}}}}}")
+        self.link("of_pan", first="pan")
+        self.moving.append("pan")
 
     def drive(self) -> None:
         """A point that goes where a file says, or a force that a file gives."""
