@@ -29,7 +29,7 @@ def scene() -> Scene:
 REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
     "unknown key": (lambda it: it[1].gesture(7, [0.0, 1.0], [0.0, 0.1], ["line"] * 2), "no key 7"),
     "unknown link": (lambda it: it[1].couple(9, 0.0), "no such link"),
-    "backward coupling": (lambda it: it[1].couple(0, 2.0, 1.0), "ends after it begins"),
+    "backward coupling": (lambda it: it[1].couple(0, 2.0, 1.0), "must end after it begins"),
     "fixed strike": (lambda it: it[1].strike(2, 0.0, mass=1.0, speed=1.0), "p.c is fixed"),
     "drive to nowhere": (lambda it: it[1].drive(1, "position", constant=np.nan), "finite"),
     "start at nowhere": (lambda it: it[0].start(0, np.nan, 0.0), "finite"),

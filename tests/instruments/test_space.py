@@ -298,7 +298,11 @@ CELL = "  c:\n    modules:\n      m: {CEL: {M: 1g, f: A3}}\n"
             "E202",
             "space",
         ),
-        (f"{SPACE}      s: {{LNL: {{between: [bob, nail], law: k*d}}}}\n", "E207", "called `k`"),
+        (
+            f"{SPACE}      s: {{LNL: {{between: [bob, nail], law: k*d}}}}\n",
+            "E207",
+            "There is no constant `k`",
+        ),
         (
             f"{SPACE}      s: {{LNL: {{between: [bob, nail], law: d, points: [[0, 0], [1, 1]]}}}}",
             "E111",

@@ -106,7 +106,7 @@ def test_without_a_card_its_file_is_heard_and_a_line_says_so():
     [
         ("jack", "null", "JACK"),
         ("pulse", "null", "PulseAudio"),
-        ("jack", "null:fast", "and the output does not take it so (null: no sound, as fast"),
+        ("jack", "null:fast", "and the output does not take it so"),
         ("file:x.wav", "null", "use jack or pulse"),
         ("alsa", "null", "no such"),
     ],

@@ -80,7 +80,7 @@ def test_a_little_is_told_of(capsys: Capture) -> None:
     Path("a.yaml").write_text(HAMMER)
     assert app.run(["render", "a.yaml", "--method", "ca"]) == 0
     err = capsys.readouterr().err
-    assert "a.yaml:7:7: warning[W404] bell.felt made energy" in err
+    assert "a.yaml:7:7: warning[W404] bell.felt created energy" in err
     assert app.run(["render", "a.yaml"]) == 0
     assert "W404" not in capsys.readouterr().err
 

@@ -192,7 +192,7 @@ def test_a_gltf_animates_a_node_for_each_point() -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["render", "bell.yaml", "--see", "all"], "add motion"),
+        (["render", "bell.yaml", "--see", "all"], "add the option motion"),
         (["render", "bell.yaml", "--motion", "-o", "-"], "gives the motion file no name"),
         (["motion", "export", "a.motion"], "name the file to write"),
         (["motion", "export", "a.motion", "-o", "x.usd"], ".csv, .npz, .gltf"),

@@ -48,7 +48,7 @@ def test_a_scaled_hand_is_told_once_and_gets_all_of_it_back(tmp_path: Path):
         own.run(0.1)
         said = own.ok(STIFF).text
         assert "remi gets " in said
-        assert "N/m met" in said
+        assert "N/m stiff at this key" in said
         own.run(0.4)
         low = own.scale
         assert low < 0.9

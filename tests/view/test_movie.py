@@ -129,7 +129,7 @@ def test_the_command_makes_a_film_and_says_so(shown: Shown, tmp_path: Path) -> N
     assert "exists and was not made by ergon (-f overwrites it)" in again.stderr
     lost = forked(["view", str(shown.motion), "--fps", "2"], tmp_path)
     assert lost.returncode == 2
-    assert "--fps goes with --movie" in lost.stderr
+    assert "--fps needs --movie" in lost.stderr
 
 
 REFUSED = {
