@@ -4,16 +4,18 @@
 //! The search goes from cheap to dear by what half a step changes, and believes of that the worst. So it often ends where
 //! less would do, and a method that it did not come to may be cheaper.
 
+use std::rc::Rc;
+
 use crate::integrate::MeshMethod;
-use crate::maths::{decibels, log10};
 use crate::network::Error;
+use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::{Assembled, Shape};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{TrialError, unless_spent};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{is_worth, play};
+use crate::plan::trial::pilot_run::{PilotRun, is_worth};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, difference};
+use crate::plan::trial::waveform_error::{DOUBLING, Held, ORDERS, difference, left_of, sum};
 
 /// All of an island by one method.
 const WAYS: [(MeshMethod, u32); 5] = [
@@ -34,21 +36,11 @@ const MARGIN: f64 = 0.1;
 /// Where errors may grow after the pilot, so much.
 const MARGIN_OF_KEYS: f64 = 3.0;
 /// A more exact run is looked for so often.
-const SHARPER: usize = 3;
+const SHARPER: usize = 6;
 /// Contacts are computed so many times as finely to see what error they have, and by their lowest order it is so much more
 /// than what that changes [dB].
 const FINER_CONTACTS: usize = 4;
 const MORE_THAN_CHANGE: f64 = 2.5;
-
-/// An error that is made of several.
-pub(in crate::plan) fn sum(errors: impl IntoIterator<Item = f64>) -> f64 {
-    20.0 * log10(errors.into_iter().map(decibels).sum::<f64>().max(1e-15))
-}
-
-/// What is left of a budget beside an error; nothing where that is above it.
-pub(in crate::plan) fn left_of(budget: f64, error: f64) -> f64 {
-    20.0 * log10((decibels(budget) - decibels(error)).max(1e-15))
-}
 
 /// A way of a kind that was not exact enough: nothing is expected of the same a little more often.
 struct Refused {
@@ -56,6 +48,21 @@ struct Refused {
     oversampling: u32,
     /// Its error at least [dB].
     error: f64,
+}
+
+/// What ways are held against: the most exact run that is known.
+struct Truth {
+    run: Rc<PilotRun>,
+    /// Its error [dB].
+    error: f64,
+    /// By what it was found.
+    best: Candidate,
+    /// The error that contacts and laws have by how finely the search computed them [dB].
+    contacts: f64,
+    /// That was measured, not only stated.
+    are_measured: bool,
+    /// A more exact one is looked for so often.
+    left: usize,
 }
 
 impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
@@ -66,8 +73,15 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         (found, cost): (&Candidate, f64),
         of_contacts: Option<f64>,
     ) -> Result<Option<Candidate>, Error> {
-        let mut of_contacts = of_contacts.unwrap_or(f64::NEG_INFINITY);
-        let mut are_measured = of_contacts == f64::NEG_INFINITY;
+        let way = self.cheaper((found, cost), of_contacts);
+        Ok(unless_spent(way)?.flatten())
+    }
+
+    fn cheaper(
+        &self,
+        (found, cost): (&Candidate, f64),
+        of_contacts: Option<f64>,
+    ) -> Result<Option<Candidate>, TrialError> {
         let margin = if horizon::may_grow(&found.island.island_plan) {
             MARGIN_OF_KEYS
         } else {
@@ -75,7 +89,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         };
         let aim = self.budget.asked() - margin;
         let mut refused: Vec<Refused> = Vec::new();
-        let (mut best, mut sharper) = (found.clone(), SHARPER);
+        let mut truth = Truth::of(found, of_contacts);
         for way in self.ways(WORTH * cost) {
             let plan = &way.island_plan;
             let (shape, oversampling) = (way.shape, plan.oversampling);
@@ -91,17 +105,28 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 continue;
             }
             let substeps = plan.contact_substeps;
-            let run = play(plan, substeps, self.n_frames, self.allowance);
-            let Some(run) = unless_spent(run)? else {
-                return Ok(None);
+            let mut held = Held::against(&truth.run.sound, self.spans);
+            let run = self
+                .runs
+                .play_while((plan, substeps), self.allowance, |frames, sound| {
+                    let apart = held.look(frames, sound);
+                    apart.is_none_or(|apart| left_of(apart, truth.error) <= aim)
+                })?;
+            let Some(run) = run else {
+                let error = left_of(held.least, truth.error);
+                refused.push(Refused {
+                    shape,
+                    oversampling,
+                    error,
+                });
+                continue;
             };
             if run.is_lost {
                 continue;
             }
             loop {
-                let truth = best.finest();
-                let apart = difference(&run.sound, truth.0, self.spans);
-                let most = sum([apart, truth.1, of_contacts]);
+                let apart = difference(&run.sound, &truth.run.sound, self.spans);
+                let most = sum([apart, truth.error]);
                 if most <= aim {
                     return Ok(Some(Candidate {
                         error: most,
@@ -112,42 +137,68 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                         ..found.clone()
                     }));
                 }
-                if sum([apart, truth.1]) <= aim && !are_measured {
-                    let Some(measured) = unless_spent(self.of_contacts(found))? else {
-                        return Ok(None);
-                    };
-                    (of_contacts, are_measured) = (of_contacts.min(measured), true);
-                    continue;
-                }
-                let least = left_of(apart, truth.1);
-                if least > aim || sharper == 0 {
+                let error = left_of(apart, truth.error);
+                // The truth may not be known well enough.
+                if error > aim || !self.sharpen(&mut truth, found)? {
                     refused.push(Refused {
                         shape,
                         oversampling,
-                        error: least,
+                        error,
                     });
                     break;
-                }
-                // The truth is not known well enough.
-                sharper -= 1;
-                let Some(better) = unless_spent(self.better(&best))? else {
-                    return Ok(None);
-                };
-                match better {
-                    Some(better) => best = better,
-                    None => sharper = 0,
                 }
             }
         }
         Ok(None)
     }
 
-    /// The error that contacts and laws have by how finely they are computed [dB].
-    fn of_contacts(&self, found: &Candidate) -> Result<f64, TrialError> {
-        let substeps = FINER_CONTACTS * found.contact_substeps;
-        let plan = &found.island.island_plan;
-        let finer = play(plan, substeps, self.n_frames, self.allowance)?;
-        Ok(difference(&found.run.sound, &finer.sound, self.spans) + MORE_THAN_CHANGE)
+    /// Find a more exact run, by what costs least; whether there is one.
+    fn sharpen(&self, truth: &mut Truth, found: &Candidate) -> Result<bool, TrialError> {
+        if truth.contacts > f64::NEG_INFINITY && !truth.are_measured {
+            let finer = FINER_CONTACTS * found.contact_substeps;
+            let finer = (&found.island.island_plan, finer);
+            let finer = self.runs.play(finer, self.allowance)?;
+            let change = difference(&found.run.sound, &finer.sound, self.spans);
+            truth.contacts = truth.contacts.min(change + MORE_THAN_CHANGE);
+            truth.are_measured = true;
+        } else {
+            if truth.left == 0 {
+                return Ok(false);
+            }
+            truth.left -= 1;
+            match self.better(&truth.best)? {
+                Some(better) => truth.best = better,
+                None => {
+                    truth.left = 0;
+                    return Ok(false);
+                }
+            }
+        }
+        let (run, error) = truth.best.finest();
+        (truth.run, truth.error) = (run.clone(), sum([error, truth.contacts]));
+        self.with_finer_contacts(truth)?;
+        Ok(true)
+    }
+
+    /// The same with contacts that are computed more finely, where these are most of its error.
+    fn with_finer_contacts(&self, truth: &mut Truth) -> Result<(), TrialError> {
+        let (_, error) = truth.best.finest();
+        if truth.contacts <= error - DOUBLING {
+            return Ok(());
+        }
+        let Some(island) = self.finer(&truth.best.island) else {
+            return Ok(());
+        };
+        let substeps = FINER_CONTACTS * self.contact_substeps(&island);
+        if substeps > Budget::STEPS_MAX {
+            return Ok(());
+        }
+        truth.run = self
+            .runs
+            .play((&island.island_plan, substeps), self.allowance)?;
+        let falls = ORDERS.0 * DOUBLING * FINER_CONTACTS.ilog2() as f64;
+        truth.error = sum([truth.best.finer.1, truth.contacts - falls]);
+        Ok(())
     }
 
     /// All ways to compute an island for less than that, by what they cost.
@@ -182,5 +233,21 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         }
         found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
         found.into_iter().map(|(_, way)| way).collect()
+    }
+}
+
+impl Truth {
+    /// The most exact run of a search, whose contacts have such an error.
+    fn of(found: &Candidate, contacts: Option<f64>) -> Self {
+        let (run, error) = found.finest();
+        let contacts = contacts.unwrap_or(f64::NEG_INFINITY);
+        Self {
+            run: run.clone(),
+            error: sum([error, contacts]),
+            best: found.clone(),
+            contacts,
+            are_measured: false,
+            left: SHARPER,
+        }
     }
 }
