@@ -61,6 +61,8 @@ struct Truth {
     contacts: f64,
     /// That was measured, not only stated.
     are_measured: bool,
+    /// In it they were computed so many times as finely.
+    times: usize,
     /// A more exact one is looked for so often.
     left: usize,
 }
@@ -161,44 +163,54 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             let change = difference(&found.run.sound, &finer.sound, self.spans);
             truth.contacts = truth.contacts.min(change + MORE_THAN_CHANGE);
             truth.are_measured = true;
-        } else {
-            if truth.left == 0 {
-                return Ok(false);
-            }
-            truth.left -= 1;
-            match self.better(&truth.best)? {
-                Some(better) => truth.best = better,
-                None => {
-                    truth.left = 0;
-                    return Ok(false);
-                }
-            }
+            let (run, error) = truth.best.finest();
+            truth.take(run.clone(), sum([error, truth.contacts]));
+            self.sharpen_contacts(truth)?;
+            return Ok(true);
         }
+        // Where laws have kinks even what half the step changes is an error of theirs.
+        if found.island.may_collocate && self.sharpen_contacts(truth)? {
+            return Ok(true);
+        }
+        if truth.left == 0 {
+            return Ok(false);
+        }
+        truth.left -= 1;
+        let Some(better) = self.better(&truth.best)? else {
+            truth.left = 0;
+            return Ok(false);
+        };
+        truth.best = better;
         let (run, error) = truth.best.finest();
-        (truth.run, truth.error) = (run.clone(), sum([error, truth.contacts]));
-        self.with_finer_contacts(truth)?;
+        truth.take(run.clone(), sum([error, truth.contacts]));
         Ok(true)
     }
 
-    /// The same with contacts that are computed more finely, where these are most of its error.
-    fn with_finer_contacts(&self, truth: &mut Truth) -> Result<(), TrialError> {
-        let (_, error) = truth.best.finest();
-        if truth.contacts <= error - DOUBLING {
-            return Ok(());
-        }
-        let Some(island) = self.finer(&truth.best.island) else {
-            return Ok(());
+    /// The same with contacts that are computed more finely, where that may be; whether it is more exact.
+    fn sharpen_contacts(&self, truth: &mut Truth) -> Result<bool, TrialError> {
+        let times = FINER_CONTACTS * truth.times;
+        let finely = Search {
+            once: times * self.once,
+            ..*self
         };
-        let substeps = FINER_CONTACTS * self.contact_substeps(&island);
-        if substeps > Budget::STEPS_MAX {
-            return Ok(());
-        }
-        truth.run = self
+        let island = &truth.best.island;
+        let substeps = finely.contact_substeps(island);
+        let is_finer = substeps > truth.best.contact_substeps && substeps <= Budget::STEPS_MAX;
+        let Some(finer) = self.finer(island).filter(|_| is_finer) else {
+            return Ok(false);
+        };
+        let run = self
             .runs
             .play((&island.island_plan, substeps), self.allowance)?;
-        let falls = ORDERS.0 * DOUBLING * FINER_CONTACTS.ilog2() as f64;
-        truth.error = sum([truth.best.finer.1, truth.contacts - falls]);
-        Ok(())
+        let any = (truth.best.rung, None, f64::INFINITY);
+        let own = finely.compare_with_finer(island.clone(), run, &finer, any)?;
+        truth.times = times;
+        let falls = ORDERS.0 * DOUBLING * f64::from(times.ilog2());
+        let Some(own) = own else {
+            return Ok(false);
+        };
+        let (run, error) = own.finest();
+        Ok(truth.take(run.clone(), sum([error, truth.contacts - falls])))
     }
 
     /// All ways to compute an island for less than that, by what they cost.
@@ -247,7 +259,17 @@ impl Truth {
             best: found.clone(),
             contacts,
             are_measured: false,
+            times: 1,
             left: SHARPER,
         }
+    }
+
+    /// A run with such an error [dB], where that is less; whether it is.
+    fn take(&mut self, run: Rc<PilotRun>, error: f64) -> bool {
+        let is_better = error < self.error;
+        if is_better {
+            (self.run, self.error) = (run, error);
+        }
+        is_better
     }
 }

@@ -12,7 +12,7 @@ use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::report::row::Measured;
-use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::Parting;
 use crate::plan::trial::cheapest;
@@ -24,6 +24,10 @@ use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::tried::{Beyond, Piloted, Tried};
 use crate::plan::trial::waveform_error::{Spans, beside, left_of};
+
+/// A search takes so many times the work of its first run, where contacts make that dear: they are computed twice and four
+/// times as finely, and at half the step.
+const RUNS: f64 = 12.0;
 
 /// The cheapest island within the budget; `assemble` puts it together at some times the rate.
 pub(in crate::plan) fn pilot(
@@ -44,8 +48,11 @@ pub(in crate::plan) fn pilot(
     if n_frames == 0 {
         return Ok(Piloted::untried(island).into());
     }
-    let spans = Spans::of(&island.island_plan, n_frames);
-    let (runs, stretches) = (Runs::new(n_frames), OnceCell::new());
+    let begun = unless_spent(begun(&island, n_frames, budget, allowance))?;
+    let Some((runs, spans)) = begun else {
+        return Ok(Piloted::untried(island).into());
+    };
+    let (n_frames, stretches) = (runs.n_frames(), OnceCell::new());
     let heard = (&spans, &stretches);
     let found = contacts(&island, budget, (&runs, n_frames), heard, allowance);
     let Some(found) = unless_spent(found)? else {
@@ -170,6 +177,30 @@ pub(in crate::plan) fn pilot(
             finer,
         }),
     })
+}
+
+/// How long runs are, and where they are compared: as long as the work of a search allows that is not done by the first of
+/// them. What a waveform is promised of is better known for a short time than not at all.
+fn begun(
+    island: &Assembled,
+    n_frames: usize,
+    budget: &Budget,
+    allowance: &Allowance,
+) -> Result<(Runs, Spans), TrialError> {
+    let plan = &island.island_plan;
+    let (runs, spans) = (Runs::new(n_frames), Spans::of(plan, n_frames));
+    if !matches!(budget, Budget::Error(_)) {
+        return Ok((runs, spans));
+    }
+    let (before, _) = allowance.spent();
+    runs.play((plan, plan.contact_substeps), allowance)?;
+    let first = allowance.spent().0 - before;
+    let thirds = (3.0 * allowance.share_left(RUNS * first)) as usize;
+    if thirds >= 3 {
+        return Ok((runs, spans));
+    }
+    let spans = spans.only(thirds);
+    Ok((runs.only(spans.end()), spans))
 }
 
 /// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.

@@ -75,6 +75,21 @@ impl Spans {
         first.saturating_sub(all - second)
     }
 
+    /// Of less time after the first event: so many thirds of it.
+    pub(in crate::plan) fn only(&self, thirds: usize) -> Self {
+        let (event, end) = (self.event(), self.frames[thirds.clamp(1, 3) - 1]);
+        let third = (end - event) / 3;
+        Self {
+            frames: [2, 1, 0].map(|thirds| end - thirds * third),
+            ..*self
+        }
+    }
+
+    /// Where the last of them ends [frames].
+    pub(in crate::plan) fn end(&self) -> usize {
+        self.frames[2]
+    }
+
     /// Frames from the start that a run is looked at, that all of it need not be played: to the end of all spans but the
     /// last, and of the early part of the first.
     pub(in crate::plan) fn looks(&self) -> [usize; 3] {
