@@ -203,12 +203,15 @@ fn begun(
     Ok((runs.only(spans.end()), spans))
 }
 
+/// An island whose meshes cannot diverge, and how it plays, if that is known.
+type Safe = (Assembled, Option<Rc<PilotRun>>);
+
 /// An island whose meshes cannot diverge, and how it plays, where the allowance lets it; `None` where it is lost too.
 fn safe(
     assemble: &impl Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>,
     runs: &Runs,
     allowance: &Allowance,
-) -> Result<Option<(Assembled, Option<Rc<PilotRun>>)>, Error> {
+) -> Result<Option<Safe>, Error> {
     let Ok(island) = assemble((1, MethodChoice::Unconditional)) else {
         return Ok(None);
     };
