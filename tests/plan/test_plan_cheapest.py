@@ -11,7 +11,7 @@ from ergon import _core
 SPENT = 1.25
 SCENES = [
     *(("law", 0), ("law", 2), ("hard", 3), ("bow", 1), ("key", 1), ("bow", 4), ("hard", 0)),
-    *(("dry", 5), ("hard", 1), ("law", 6)),
+    *(("dry", 5), ("hard", 1), ("law", 6), ("bridge", 2)),
 ]
 
 

@@ -162,3 +162,67 @@ pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
     let all = (0..spans.n_out).flat_map(|output| spans.frames.map(|n| of(output, n)));
     20.0 * log10(sqrt(all.fold(0.0, f64::max)).max(1e-15))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of one output at 1 kHz: an event after 60 ms, and 0.3 s.
+    fn spans() -> Spans {
+        Spans {
+            n_out: 1,
+            rate: 1_000.0,
+            frames: [160, 260, 360],
+        }
+    }
+
+    #[test]
+    fn what_is_left_beside_a_part_is_the_rest() {
+        for (one, other) in [(-40.0, -46.0), (-80.0, -40.0), (-3.0, -3.0)] {
+            assert!((left_of(sum([one, other]), other) - one).abs() < 1e-9);
+        }
+        assert!((sum([-40.0, -40.0]) + 40.0 - DOUBLING).abs() < 0.01);
+        assert!(left_of(-60.0, -40.0) <= -300.0);
+    }
+
+    #[test]
+    fn a_shorter_time_is_a_part_of_it_after_the_same_event() {
+        let all = spans();
+        assert_eq!((all.event(), all.end()), (60, 360));
+        for (thirds, end) in [(0, 160), (1, 160), (2, 260), (3, 360)] {
+            let only = all.only(thirds);
+            assert_eq!(only.end(), end);
+            assert!(only.event().abs_diff(60) <= 2);
+        }
+    }
+
+    /// Two notes that begin at the event; the second one's pitch is off, or an early part of it is.
+    fn notes(apart: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
+        let own = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
+        let all = 0..360_usize;
+        (
+            all.clone().map(|n| own(n) + apart(n)).collect(),
+            all.map(own).collect(),
+        )
+    }
+
+    #[test]
+    fn a_run_on_its_way_is_never_told_to_be_further_than_it_will_be() {
+        let spans = spans();
+        let grows = |n: usize| 1e-6 * (n as f64 - 60.0).max(0.0);
+        let falls = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };
+        for (a, b) in [notes(grows), notes(falls)] {
+            let mut held = Held::against(&b, &spans);
+            let whole = difference(&a, &b, &spans);
+            let mut n_told = 0;
+            for end in (0..=360).step_by(24) {
+                if let Some(least) = held.look(end, &a[..end]) {
+                    n_told += 1;
+                    assert!(least <= whole + 1e-9, "{least} of {whole} after {end}");
+                }
+            }
+            assert_eq!(n_told, 3);
+            assert!(held.least > whole - EARLY.1);
+        }
+    }
+}
