@@ -9,7 +9,10 @@ from sweep import few
 from ergon import _core
 
 SPENT = 1.25
-SCENES = [("law", 0), ("law", 2), ("hard", 3), ("bow", 1), ("key", 1), ("bow", 4), ("hard", 0)]
+SCENES = [
+    *(("law", 0), ("law", 2), ("hard", 3), ("bow", 1), ("key", 1), ("bow", 4), ("hard", 0)),
+    *(("dry", 5), ("hard", 1), ("law", 6), ("bridge", 2)),
+]
 
 
 @pytest.mark.parametrize(("family", "seed"), few(SCENES, 3))

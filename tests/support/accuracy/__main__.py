@@ -43,7 +43,8 @@ By ear, where all goes by modes, what lies above 20 kHz is taken from both: a pl
 * **overspending**: the plan's cost over that of the cheapest plain setting that is within the
   budget too (`--method ca` at 1, 2, 4 and 8 times the rate, `ca2p` and `bm4` at 1 and 2 times,
   `modal`), both by the table of costs. Below 1 the plan is cheaper than all of them. Settings are
-  held against the reference over the same time as the plan.
+  held against the reference over the same time as the plan, up to 0.3 s beyond a render's end
+  where the plan's pilot played so long.
 * **judged**: rendered, not announced as chaotic, and with a reference that is sure: at a tolerance
   100 times wider it stays at least 10 dB closer than the plan.
 """
@@ -71,9 +72,6 @@ The cost of what would help is counted in that of CA at the score's rate.
   found between frames, as contacts and laws are.
 * **Strikes on a mass that friction holds** act as a force for a frame, of which friction takes its
   part in each: an error of first order in the frame, -55 and -73 dB at 44.1 kHz (docs/numerics.md).
-* **bridge-2**: 19 clamped contacts under a string of 45 masses. The work of planning ends at
-  contacts computed 4 times a frame, which W403 says. More steps gain less than their order where
-  many contacts close in one frame.
 """
 
 

@@ -118,9 +118,16 @@ def look(
     loaded = load("scene.yaml", text=text)
     piece = loaded.piece
     assert piece is not None, f"{name}: {[one.message for one in loaded.diagnostics]}"
+    made = [_made(piece, budget) for budget in budgets]
+    # A pilot may play on where a render is at its end.
     n_frames = prepare(piece).n_frames
+    most = n_frames + round(3.0 * THIRD * piece.rate)
+    pilots = [min(_pilot(own) * piece.rate, most) for own in made if _pilot(own) < inf]
+    n_frames = max([n_frames, *map(round, pilots)])
     exact = reference.solve(read(text), n_frames)
-    plans = tuple(_plan(piece, budget, exact) for budget in budgets)
+    plans = tuple(
+        _plan(piece, budget, own, exact) for budget, own in zip(budgets, made, strict=True)
+    )
     settings = _plain(piece, exact.sound, plans) if plain else ()
     return Audit(name, plans, tuple(settings))
 
@@ -158,18 +165,38 @@ def audible(x: np.ndarray, rate: float) -> np.ndarray:
     return np.fft.irfft(lines, len(x), axis=0)
 
 
-def _plan(piece: Piece, budget: float | None, exact: reference.Reference) -> Plan:
+def _made(piece: Piece, budget: float | None) -> planning.Planned | str:
+    """The plan of a piece, or why there is none."""
     ready = prepare(piece)
     try:
-        made = planning.make(ready.network, ready.timeline, Accuracy(error=budget))
-        sound = _play(ready, made.plan, len(exact.sound))
+        return planning.make(ready.network, ready.timeline, Accuracy(error=budget))
+    except (_core.EngineError, StageError) as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def _pilot(made: planning.Planned | str) -> float:
+    """How long the pilots of a plan played [s]."""
+    rows = [] if isinstance(made, str) else made.plan.rows()
+    return max((row.error_s for row in rows if row.error_s is not None), default=inf)
+
+
+def _plan(
+    piece: Piece,
+    budget: float | None,
+    made: planning.Planned | str,
+    exact: reference.Reference,
+) -> Plan:
+    if isinstance(made, str):
+        return Plan(budget, refused=made)
+    try:
+        sound = _play(prepare(piece), made.plan, len(exact.sound))
     except (_core.EngineError, StageError) as error:
         return Plan(budget, refused=f"{type(error).__name__}: {error}")
     rows = made.plan.rows()
     errors = [row.error_db for row in rows if row.error_db is not None]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
     stated = [*errors, *left_out]
-    pilot = max((row.error_s for row in rows if row.error_s is not None), default=inf)
+    pilot = _pilot(made)
     heard = exact.sound
     if budget is BY_EAR and not errors:
         sound, heard = audible(sound, piece.rate), audible(heard, piece.rate)

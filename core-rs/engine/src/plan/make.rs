@@ -25,8 +25,9 @@ use crate::plan::report::row::{self, Computed, Measured, PRESERVED, Reason, Row}
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
-use crate::plan::trial::pilot::{self, Piloted, Tried};
+use crate::plan::trial::pilot;
 use crate::plan::trial::record::{Series, TrialStore};
+use crate::plan::trial::tried::{self, Piloted, Tried};
 use crate::plan::{Known, Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -392,7 +393,7 @@ impl Maker<'_> {
             };
             if judged.is_ok() {
                 let found = match pin {
-                    Some(pin) => pilot::pinned(
+                    Some(pin) => tried::pinned(
                         assemble((pin.oversampling.max(1), MethodChoice::ByBudget))?,
                         pin,
                     )

@@ -4,16 +4,18 @@
 //! The search goes from cheap to dear by what half a step changes, and believes of that the worst. So it often ends where
 //! less would do, and a method that it did not come to may be cheaper.
 
+use std::rc::Rc;
+
 use crate::integrate::MeshMethod;
-use crate::maths::{decibels, log10};
 use crate::network::Error;
+use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::{Assembled, Shape};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{TrialError, unless_spent};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{is_worth, play};
+use crate::plan::trial::pilot_run::{PilotRun, is_worth};
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
-use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, difference};
+use crate::plan::trial::waveform_error::{DOUBLING, Held, ORDERS, difference, left_of, sum};
 
 /// All of an island by one method.
 const WAYS: [(MeshMethod, u32); 5] = [
@@ -34,21 +36,11 @@ const MARGIN: f64 = 0.1;
 /// Where errors may grow after the pilot, so much.
 const MARGIN_OF_KEYS: f64 = 3.0;
 /// A more exact run is looked for so often.
-const SHARPER: usize = 3;
+const SHARPER: usize = 6;
 /// Contacts are computed so many times as finely to see what error they have, and by their lowest order it is so much more
 /// than what that changes [dB].
 const FINER_CONTACTS: usize = 4;
 const MORE_THAN_CHANGE: f64 = 2.5;
-
-/// An error that is made of several.
-pub(in crate::plan) fn sum(errors: impl IntoIterator<Item = f64>) -> f64 {
-    20.0 * log10(errors.into_iter().map(decibels).sum::<f64>().max(1e-15))
-}
-
-/// What is left of a budget beside an error; nothing where that is above it.
-pub(in crate::plan) fn left_of(budget: f64, error: f64) -> f64 {
-    20.0 * log10((decibels(budget) - decibels(error)).max(1e-15))
-}
 
 /// A way of a kind that was not exact enough: nothing is expected of the same a little more often.
 struct Refused {
@@ -56,6 +48,23 @@ struct Refused {
     oversampling: u32,
     /// Its error at least [dB].
     error: f64,
+}
+
+/// What ways are held against: the most exact run that is known.
+struct Truth {
+    run: Rc<PilotRun>,
+    /// Its error [dB].
+    error: f64,
+    /// By what it was found.
+    best: Candidate,
+    /// The error that contacts and laws have by how finely the search computed them [dB].
+    contacts: f64,
+    /// That was measured, not only stated.
+    are_measured: bool,
+    /// In it they were computed so many times as finely.
+    times: usize,
+    /// A more exact one is looked for so often.
+    left: usize,
 }
 
 impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
@@ -66,8 +75,15 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         (found, cost): (&Candidate, f64),
         of_contacts: Option<f64>,
     ) -> Result<Option<Candidate>, Error> {
-        let mut of_contacts = of_contacts.unwrap_or(f64::NEG_INFINITY);
-        let mut are_measured = of_contacts == f64::NEG_INFINITY;
+        let way = self.cheaper((found, cost), of_contacts);
+        Ok(unless_spent(way)?.flatten())
+    }
+
+    fn cheaper(
+        &self,
+        (found, cost): (&Candidate, f64),
+        of_contacts: Option<f64>,
+    ) -> Result<Option<Candidate>, TrialError> {
         let margin = if horizon::may_grow(&found.island.island_plan) {
             MARGIN_OF_KEYS
         } else {
@@ -75,7 +91,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         };
         let aim = self.budget.asked() - margin;
         let mut refused: Vec<Refused> = Vec::new();
-        let (mut best, mut sharper) = (found.clone(), SHARPER);
+        let mut truth = Truth::of(found, of_contacts);
         for way in self.ways(WORTH * cost) {
             let plan = &way.island_plan;
             let (shape, oversampling) = (way.shape, plan.oversampling);
@@ -91,17 +107,28 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 continue;
             }
             let substeps = plan.contact_substeps;
-            let run = play(plan, substeps, self.n_frames, self.allowance);
-            let Some(run) = unless_spent(run)? else {
-                return Ok(None);
+            let mut held = Held::against(&truth.run.sound, self.spans);
+            let run = self
+                .runs
+                .play_while((plan, substeps), self.allowance, |frames, sound| {
+                    let apart = held.look(frames, sound);
+                    apart.is_none_or(|apart| left_of(apart, truth.error) <= aim)
+                })?;
+            let Some(run) = run else {
+                let error = left_of(held.least, truth.error);
+                refused.push(Refused {
+                    shape,
+                    oversampling,
+                    error,
+                });
+                continue;
             };
             if run.is_lost {
                 continue;
             }
             loop {
-                let truth = best.finest();
-                let apart = difference(&run.sound, truth.0, self.spans);
-                let most = sum([apart, truth.1, of_contacts]);
+                let apart = difference(&run.sound, &truth.run.sound, self.spans);
+                let most = sum([apart, truth.error]);
                 if most <= aim {
                     return Ok(Some(Candidate {
                         error: most,
@@ -112,42 +139,78 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                         ..found.clone()
                     }));
                 }
-                if sum([apart, truth.1]) <= aim && !are_measured {
-                    let Some(measured) = unless_spent(self.of_contacts(found))? else {
-                        return Ok(None);
-                    };
-                    (of_contacts, are_measured) = (of_contacts.min(measured), true);
-                    continue;
-                }
-                let least = left_of(apart, truth.1);
-                if least > aim || sharper == 0 {
+                let error = left_of(apart, truth.error);
+                // The truth may not be known well enough.
+                if error > aim || !self.sharpen(&mut truth, found)? {
                     refused.push(Refused {
                         shape,
                         oversampling,
-                        error: least,
+                        error,
                     });
                     break;
-                }
-                // The truth is not known well enough.
-                sharper -= 1;
-                let Some(better) = unless_spent(self.better(&best))? else {
-                    return Ok(None);
-                };
-                match better {
-                    Some(better) => best = better,
-                    None => sharper = 0,
                 }
             }
         }
         Ok(None)
     }
 
-    /// The error that contacts and laws have by how finely they are computed [dB].
-    fn of_contacts(&self, found: &Candidate) -> Result<f64, TrialError> {
-        let substeps = FINER_CONTACTS * found.contact_substeps;
-        let plan = &found.island.island_plan;
-        let finer = play(plan, substeps, self.n_frames, self.allowance)?;
-        Ok(difference(&found.run.sound, &finer.sound, self.spans) + MORE_THAN_CHANGE)
+    /// Find a more exact run, by what costs least; whether there is one.
+    fn sharpen(&self, truth: &mut Truth, found: &Candidate) -> Result<bool, TrialError> {
+        if truth.contacts > f64::NEG_INFINITY && !truth.are_measured {
+            let finer = FINER_CONTACTS * found.contact_substeps;
+            let finer = (&found.island.island_plan, finer);
+            let finer = self.runs.play(finer, self.allowance)?;
+            let change = difference(&found.run.sound, &finer.sound, self.spans);
+            truth.contacts = truth.contacts.min(change + MORE_THAN_CHANGE);
+            truth.are_measured = true;
+            let (run, error) = truth.best.finest();
+            truth.take(run.clone(), sum([error, truth.contacts]));
+            self.sharpen_contacts(truth)?;
+            return Ok(true);
+        }
+        // Where laws have kinks even what half the step changes is an error of theirs.
+        if found.island.may_collocate && self.sharpen_contacts(truth)? {
+            return Ok(true);
+        }
+        if truth.left == 0 {
+            return Ok(false);
+        }
+        truth.left -= 1;
+        let Some(better) = self.better(&truth.best)? else {
+            truth.left = 0;
+            return Ok(false);
+        };
+        truth.best = better;
+        let (run, error) = truth.best.finest();
+        truth.take(run.clone(), sum([error, truth.contacts]));
+        Ok(true)
+    }
+
+    /// The same with contacts that are computed more finely, where that may be; whether it is more exact.
+    fn sharpen_contacts(&self, truth: &mut Truth) -> Result<bool, TrialError> {
+        let times = FINER_CONTACTS * truth.times;
+        let finely = Search {
+            once: times * self.once,
+            ..*self
+        };
+        let island = &truth.best.island;
+        let substeps = finely.contact_substeps(island);
+        let is_finer = substeps > truth.best.contact_substeps && substeps <= Budget::STEPS_MAX;
+        let Some(finer) = self.finer(island).filter(|_| is_finer) else {
+            return Ok(false);
+        };
+        let run = self
+            .runs
+            .play((&island.island_plan, substeps), self.allowance)?;
+        let any = (truth.best.rung, None, f64::INFINITY);
+        let own = finely.compare_with_finer(island.clone(), run, &finer, any)?;
+        truth.times = times;
+        let falls = ORDERS.0 * DOUBLING * f64::from(times.ilog2());
+        let Some(own) = own else {
+            return Ok(false);
+        };
+        let (run, error) = own.finest();
+        Ok(truth.take(run.clone(), sum([error, truth.contacts - falls])))
     }
 
     /// All ways to compute an island for less than that, by what they cost.
@@ -182,5 +245,31 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         }
         found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
         found.into_iter().map(|(_, way)| way).collect()
+    }
+}
+
+impl Truth {
+    /// The most exact run of a search, whose contacts have such an error.
+    fn of(found: &Candidate, contacts: Option<f64>) -> Self {
+        let (run, error) = found.finest();
+        let contacts = contacts.unwrap_or(f64::NEG_INFINITY);
+        Self {
+            run: run.clone(),
+            error: sum([error, contacts]),
+            best: found.clone(),
+            contacts,
+            are_measured: false,
+            times: 1,
+            left: SHARPER,
+        }
+    }
+
+    /// A run with such an error [dB], where that is less; whether it is.
+    fn take(&mut self, run: Rc<PilotRun>, error: f64) -> bool {
+        let is_better = error < self.error;
+        if is_better {
+            (self.run, self.error) = (run, error);
+        }
+        is_better
     }
 }

@@ -166,25 +166,46 @@ pub(in crate::plan) fn play(
     n_frames: usize,
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
-    nudged(
-        (island_plan, contact_substeps),
-        n_frames,
-        (n_frames, 1.0),
-        allowance,
-    )
+    let played = (island_plan, contact_substeps);
+    nudged(played, n_frames, (n_frames, 1.0), allowance)
 }
 
-/// The same, with all speeds so many times as large at each step of a block.
+/// The same, as far as `goes_on` holds of so many frames and of the sound; `None` where it does not.
+///
+/// # Errors
+///
+/// Those of [`play`].
+pub(in crate::plan) fn play_while(
+    played: (&IslandPlan, usize),
+    n_frames: usize,
+    allowance: &Allowance,
+    goes_on: impl FnMut(usize, &[f64]) -> bool,
+) -> Result<Option<PilotRun>, TrialError> {
+    run(played, n_frames, (n_frames, 1.0), allowance, goes_on)
+}
+
+/// The same to the end, with all speeds so many times as large at each step of a block.
 ///
 /// # Errors
 ///
 /// Those of [`play`].
 pub(in crate::plan) fn nudged(
+    played: (&IslandPlan, usize),
+    n_frames: usize,
+    nudge: (usize, f64),
+    allowance: &Allowance,
+) -> Result<PilotRun, TrialError> {
+    let run = run(played, n_frames, nudge, allowance, |_, _| true)?;
+    Ok(run.unwrap_or_else(|| unreachable!("nothing ends it")))
+}
+
+fn run(
     (island_plan, contact_substeps): (&IslandPlan, usize),
     n_frames: usize,
     (block, by): (usize, f64),
     allowance: &Allowance,
-) -> Result<PilotRun, TrialError> {
+    mut goes_on: impl FnMut(usize, &[f64]) -> bool,
+) -> Result<Option<PilotRun>, TrialError> {
     allowance.plays(n_frames);
     let mut meter = Meter::new(island_plan, allowance);
     // What cannot be paid for is not begun.
@@ -201,23 +222,27 @@ pub(in crate::plan) fn nudged(
         .iter()
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
-    for (at, sound) in sound.chunks_mut((LOOK * n_out).max(1)).enumerate() {
-        if at * LOOK == block {
+    for at in (0..n_frames).step_by(LOOK) {
+        if at == block {
             island.damp(by);
-        } else if at * LOOK == block + LOOK {
+        } else if at == block + LOOK {
             island.damp(1.0);
         }
-        let frames = sound.len() / n_out.max(1);
-        meter.draw(&island, frames)?;
-        let _ = island.process(sound, frames, &mut ThreadTeam::alone());
-        derivatives.process(sound, n_out);
+        let end = (at + LOOK).min(n_frames);
+        let own = &mut sound[at * n_out..end * n_out];
+        meter.draw(&island, end - at)?;
+        let _ = island.process(own, end - at, &mut ThreadTeam::alone());
+        derivatives.process(own, n_out);
         island.squares(&mut squares);
+        if !goes_on(end, &sound[..end * n_out]) {
+            return Ok(None);
+        }
     }
-    Ok(PilotRun {
+    Ok(Some(PilotRun {
         sound,
         squares,
         is_lost: !island.muted().is_empty(),
-    })
+    }))
 }
 
 #[cfg(test)]

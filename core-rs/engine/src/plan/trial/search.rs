@@ -1,8 +1,8 @@
 //! The search for an island that is exact enough: other methods for its meshes, then more steps a frame for all of it.
 //! How finely contacts are computed is found before, by the `pilot`.
 
-use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, Spans, difference, errors, with_kinks};
 use std::cell::OnceCell;
+use std::rc::Rc;
 
 use crate::integrate::MeshMethod;
 use crate::maths::decibels;
@@ -13,7 +13,11 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
-use crate::plan::trial::pilot_run::{PilotRun, is_worth, play};
+use crate::plan::trial::pilot_run::{PilotRun, is_worth};
+use crate::plan::trial::runs::Runs;
+use crate::plan::trial::waveform_error::{
+    DOUBLING, Held, ORDERS, Spans, difference, errors, left_of, with_kinks,
+};
 
 /// An island is stepped at most so often a frame.
 pub(in crate::plan) const TIMES_MAX: u32 = 8;
@@ -36,6 +40,7 @@ pub(in crate::plan) struct Search<'a, F> {
     /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
+    pub(in crate::plan) runs: &'a Runs,
     pub(in crate::plan) budget: &'a Budget,
     pub(in crate::plan) allowance: &'a Allowance,
 }
@@ -48,13 +53,13 @@ pub(in crate::plan) struct Candidate {
     pub(in crate::plan) rung: Option<usize>,
     pub(in crate::plan) oversampling: u32,
     pub(in crate::plan) contact_substeps: usize,
-    pub(in crate::plan) run: PilotRun,
+    pub(in crate::plan) run: Rc<PilotRun>,
     /// Its error by what half the step changes [dB]; infinite where it is lost.
     pub(in crate::plan) error: f64,
     /// What that change was.
     pub(in crate::plan) change: f64,
     /// What is heard at half the step, and its error [dB].
-    pub(in crate::plan) finer: (Vec<f64>, f64),
+    pub(in crate::plan) finer: (Rc<PilotRun>, f64),
     /// Where it is chaotic.
     pub(in crate::plan) parting: Option<Parting>,
     /// What is heard of its error, where pitch is what counts and it is not chaotic.
@@ -72,13 +77,14 @@ const ALIKE: f64 = 2.0;
 const GAIN: f64 = 1.0;
 
 impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
-    /// Assemble an island and measure its error; `None` if that would take too long or the island is unstable.
+    /// Assemble an island and measure its error by waveform, where that is less than that of `best` by more than `gain` [dB];
+    /// `None` where it is not, if it would take too long, or the island is unstable.
     fn measure(
         &self,
-        oversampling: u32,
-        choice: MethodChoice<'_>,
+        (oversampling, choice): (u32, MethodChoice<'_>),
         rung: Option<usize>,
         last: Option<f64>,
+        (best, gain): (&Candidate, f64),
     ) -> Result<Option<Candidate>, TrialError> {
         let Ok(island) = (self.assemble)((oversampling, choice)) else {
             return Ok(None);
@@ -86,14 +92,26 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let Some(finer) = self.finer(&island) else {
             return Ok(None);
         };
-        let run = play(
-            &island.island_plan,
-            self.contact_substeps(&island),
-            self.n_frames,
-            self.allowance,
-        )?;
-        self.compare_with_finer(island, run, &finer, rung, last)
-            .map(Some)
+        // What is chaotic, or what is heard, is judged by more than the waveform.
+        let is_by_waveform = matches!(self.budget, Budget::Error(_)) && best.parting.is_none();
+        let most = if is_by_waveform && !best.run.is_lost {
+            best.error - gain
+        } else {
+            f64::INFINITY
+        };
+        let (truth, known) = best.finest();
+        let mut held = Held::against(&truth.sound, self.spans);
+        let played = (&island.island_plan, self.contact_substeps(&island));
+        let run = self
+            .runs
+            .play_while(played, self.allowance, |frames, sound| {
+                let apart = held.look(frames, sound);
+                apart.is_none_or(|apart| left_of(apart, known) <= most)
+            })?;
+        let Some(run) = run else {
+            return Ok(None);
+        };
+        self.compare_with_finer(island, run, &finer, (rung, last, most))
     }
 
     /// Half the step by the same methods, else a finer plan could be the same one; `None` where it would take long to
@@ -107,34 +125,41 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
-    /// Measure the error of an island that was played by playing it at half its step.
+    /// Measure the error of an island that was played by playing it at half its step; `None` where it is above `most` [dB].
     pub(in crate::plan) fn compare_with_finer(
         &self,
         island: Assembled,
-        run: PilotRun,
+        run: Rc<PilotRun>,
         finer: &Assembled,
-        rung: Option<usize>,
-        last: Option<f64>,
-    ) -> Result<Candidate, TrialError> {
+        (rung, last, most): (Option<usize>, Option<f64>, f64),
+    ) -> Result<Option<Candidate>, TrialError> {
         let oversampling = island.island_plan.oversampling;
-        let fine = play(
-            &finer.island_plan,
-            self.contact_substeps(finer),
-            self.n_frames,
-            self.allowance,
-        )?;
+        let mut held = Held::against(&run.sound, self.spans);
+        let played = (&finer.island_plan, self.contact_substeps(finer));
+        let fine = self
+            .runs
+            .play_while(played, self.allowance, |frames, sound| {
+                let change = held.look(frames, sound);
+                change.is_none_or(|change| errors(change, last, ORDERS.1).0 <= most)
+            })?;
+        let Some(fine) = fine else {
+            return Ok(None);
+        };
         let change = difference(&run.sound, &fine.sound, self.spans);
         let (mut error, mut left) = errors(change, last, ORDERS.1);
         if island.may_collocate || island.sticks() {
             error = with_kinks(error, last.map(|last| last + DOUBLING));
             left = with_kinks(left, Some(error));
         }
+        if error > most {
+            return Ok(None);
+        }
         if last.is_none()
             && island.sticks()
             && let Some(finest) = self.finer(finer)
         {
-            let substeps = self.contact_substeps(&finest);
-            let finest = play(&finest.island_plan, substeps, self.n_frames, self.allowance)?;
+            let played = (&finest.island_plan, self.contact_substeps(&finest));
+            let finest = self.runs.play(played, self.allowance)?;
             let next = difference(&fine.sound, &finest.sound, self.spans);
             error = error.max(errors(next, Some(change), ORDERS.1).0 + DOUBLING);
             left = with_kinks(left, Some(error));
@@ -156,7 +181,7 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let audible = Audible::of_budget(self.budget, (&run, &fine.sound), self.spans)
             .filter(|_| parting.is_none())
             .map(|audible| audible.times(decibels(error - change)));
-        Ok(Candidate {
+        Ok(Some(Candidate {
             parting,
             audible,
             error: if run.is_lost { f64::INFINITY } else { error },
@@ -166,8 +191,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             contact_substeps,
             run,
             change,
-            finer: (fine.sound, left),
-        })
+            finer: (fine, left),
+        }))
     }
 
     /// How often a step contacts are computed.
@@ -222,7 +247,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         // amplitude goes another way, and the pilot may end before that is heard.
         let is_led = !best.island.island_plan.timeline.leads.is_empty();
         if best.island.has_modes() && best.oversampling == 1 && !is_led {
-            let candidate = self.measure(1, MethodChoice::Stepped, None, None)?;
+            let gain = (best, GAINS.0);
+            let candidate = self.measure((1, MethodChoice::Stepped), None, None, gain)?;
             let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
             if let Some(candidate) = candidate.filter(is_better) {
                 return Ok(Some(candidate));
@@ -230,8 +256,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         }
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
-            let candidate =
-                self.measure(best.oversampling, MethodChoice::All(way), Some(rung), None)?;
+            let how = (best.oversampling, MethodChoice::All(way));
+            let candidate = self.measure(how, Some(rung), None, (best, GAINS.0))?;
             let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.0, self.budget);
             if let Some(candidate) = candidate.filter(is_better) {
                 return Ok(Some(candidate));
@@ -243,7 +269,8 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let methods = best.island.mesh_methods();
         let last = (!best.run.is_lost).then_some(best.change);
         let again = best.island.again(&methods);
-        let candidate = self.measure(2 * best.oversampling, again, best.rung, last)?;
+        let (twice, gain) = (2 * best.oversampling, (best, GAINS.1));
+        let candidate = self.measure((twice, again), best.rung, last, gain)?;
         let is_better = |candidate: &Candidate| candidate.beats(best, GAINS.1, self.budget);
         if let Some(candidate) = candidate.filter(is_better) {
             return Ok(Some(candidate));
@@ -256,19 +283,20 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             return Ok(None);
         }
         // The method itself may diverge: a simpler method at a higher rate may not.
-        let candidate = self.measure(2 * best.oversampling, MethodChoice::ByBudget, None, None)?;
+        let simple = (twice, MethodChoice::ByBudget);
+        let candidate = self.measure(simple, None, None, gain)?;
         Ok(candidate.filter(is_better))
     }
 }
 
 impl Candidate {
     /// The most exact run that is known, and its error.
-    pub(in crate::plan) fn finest(&self) -> (&[f64], f64) {
-        let (sound, error) = &self.finer;
+    pub(in crate::plan) fn finest(&self) -> (&Rc<PilotRun>, f64) {
+        let (finer, error) = &self.finer;
         if *error < self.error {
-            (sound, *error)
+            (finer, *error)
         } else {
-            (&self.run.sound, self.error)
+            (&self.run, self.error)
         }
     }
 

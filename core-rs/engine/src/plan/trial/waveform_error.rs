@@ -1,6 +1,6 @@
 //! How far apart two runs of one beginning are, and what errors that tells.
 
-use crate::maths::{log10, pow, sqrt};
+use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
 use crate::plan::trial::pilot_run::AFTER;
 
@@ -8,6 +8,10 @@ use crate::plan::trial::pilot_run::AFTER;
 pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
 /// By so much an error of order 1 falls with a doubling [dB].
 pub(in crate::plan) const DOUBLING: f64 = 6.02;
+
+/// A run is first looked at when so large a part of the time to its first look is over (one of so many), and is then
+/// further from what it is held against than it will be by so much at most [dB].
+const EARLY: (usize, f64) = (4, 12.0);
 
 /// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
 /// by the order `most` is luck, for it matters where between two instants a contact closes.
@@ -36,6 +40,16 @@ pub(in crate::plan) fn beside(one: f64, other: f64) -> f64 {
     10.0 * log10(power(one) + power(other))
 }
 
+/// An error that is made of several.
+pub(in crate::plan) fn sum(errors: impl IntoIterator<Item = f64>) -> f64 {
+    20.0 * log10(errors.into_iter().map(decibels).sum::<f64>().max(1e-15))
+}
+
+/// What is left of a budget beside an error; nothing where that is above it.
+pub(in crate::plan) fn left_of(budget: f64, error: f64) -> f64 {
+    20.0 * log10((decibels(budget) - decibels(error)).max(1e-15))
+}
+
 /// Where sounds are compared: from the start to a third of the time after the first event, to two thirds, to all.
 pub(in crate::plan) struct Spans {
     pub(in crate::plan) n_out: usize,
@@ -61,12 +75,74 @@ impl Spans {
         first.saturating_sub(all - second)
     }
 
+    /// Of less time after the first event: so many thirds of it.
+    pub(in crate::plan) fn only(&self, thirds: usize) -> Self {
+        let (event, end) = (self.event(), self.frames[thirds.clamp(1, 3) - 1]);
+        let third = (end - event) / 3;
+        Self {
+            frames: [2, 1, 0].map(|thirds| end - thirds * third),
+            ..*self
+        }
+    }
+
+    /// Where the last of them ends [frames].
+    pub(in crate::plan) fn end(&self) -> usize {
+        self.frames[2]
+    }
+
+    /// Frames from the start that a run is looked at, that all of it need not be played: to the end of all spans but the
+    /// last, and of the early part of the first.
+    pub(in crate::plan) fn looks(&self) -> [usize; 3] {
+        let [first, second, _] = self.frames;
+        [
+            first - (first - self.event()) * (EARLY.0 - 1) / EARLY.0,
+            first,
+            second,
+        ]
+    }
+
     /// Only so many frames.
     pub(in crate::plan) fn within(&self, n_frames: usize) -> Self {
         Self {
             frames: self.frames.map(|n| n.min(n_frames)),
             ..*self
         }
+    }
+}
+
+/// A run that is held against another one while it is played.
+pub(in crate::plan) struct Held<'a> {
+    against: &'a [f64],
+    spans: &'a Spans,
+    /// Looks that lie behind.
+    n_looks: usize,
+    /// By so much all of it will be apart at least [dB].
+    pub(in crate::plan) least: f64,
+}
+
+impl<'a> Held<'a> {
+    pub(in crate::plan) fn against(against: &'a [f64], spans: &'a Spans) -> Self {
+        Self {
+            against,
+            spans,
+            n_looks: 0,
+            least: f64::NEG_INFINITY,
+        }
+    }
+
+    /// The least that the whole run will be apart, where so many frames of its sound tell more of it than was known [dB].
+    pub(in crate::plan) fn look(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
+        let looks = self.spans.looks();
+        let n = looks.iter().filter(|look| **look <= n_frames).count();
+        if n <= self.n_looks {
+            return None;
+        }
+        self.n_looks = n;
+        let early = if n == 1 { EARLY.1 } else { 0.0 };
+        let own = self.spans.within(looks[n - 1]);
+        let apart = difference(sound, self.against, &own) - early;
+        self.least = self.least.max(apart);
+        Some(self.least)
     }
 }
 
@@ -85,4 +161,68 @@ pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
     };
     let all = (0..spans.n_out).flat_map(|output| spans.frames.map(|n| of(output, n)));
     20.0 * log10(sqrt(all.fold(0.0, f64::max)).max(1e-15))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of one output at 1 kHz: an event after 60 ms, and 0.3 s.
+    fn spans() -> Spans {
+        Spans {
+            n_out: 1,
+            rate: 1_000.0,
+            frames: [160, 260, 360],
+        }
+    }
+
+    #[test]
+    fn what_is_left_beside_a_part_is_the_rest() {
+        for (one, other) in [(-40.0, -46.0), (-80.0, -40.0), (-3.0, -3.0)] {
+            assert!((left_of(sum([one, other]), other) - one).abs() < 1e-9);
+        }
+        assert!((sum([-40.0, -40.0]) + 40.0 - DOUBLING).abs() < 0.01);
+        assert!(left_of(-60.0, -40.0) <= -300.0);
+    }
+
+    #[test]
+    fn a_shorter_time_is_a_part_of_it_after_the_same_event() {
+        let all = spans();
+        assert_eq!((all.event(), all.end()), (60, 360));
+        for (thirds, end) in [(0, 160), (1, 160), (2, 260), (3, 360)] {
+            let only = all.only(thirds);
+            assert_eq!(only.end(), end);
+            assert!(only.event().abs_diff(60) <= 2);
+        }
+    }
+
+    /// Two notes that begin at the event; the second one's pitch is off, or an early part of it is.
+    fn notes(apart: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
+        let own = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
+        let all = 0..360_usize;
+        (
+            all.clone().map(|n| own(n) + apart(n)).collect(),
+            all.map(own).collect(),
+        )
+    }
+
+    #[test]
+    fn a_run_on_its_way_is_never_told_to_be_further_than_it_will_be() {
+        let spans = spans();
+        let grows = |n: usize| 1e-6 * (n as f64 - 60.0).max(0.0);
+        let falls = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };
+        for (a, b) in [notes(grows), notes(falls)] {
+            let mut held = Held::against(&b, &spans);
+            let whole = difference(&a, &b, &spans);
+            let mut n_told = 0;
+            for end in (0..=360).step_by(24) {
+                if let Some(least) = held.look(end, &a[..end]) {
+                    n_told += 1;
+                    assert!(least <= whole + 1e-9, "{least} of {whole} after {end}");
+                }
+            }
+            assert_eq!(n_told, 3);
+            assert!(held.least > whole - EARLY.1);
+        }
+    }
 }

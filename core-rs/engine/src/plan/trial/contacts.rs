@@ -1,0 +1,212 @@
+//! How finely contacts and laws are computed: so often a step that twice as often makes no difference.
+
+use std::cell::OnceCell;
+use std::rc::Rc;
+
+use crate::plan::budget::Budget;
+use crate::plan::passes::assemble::Assembled;
+use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::trial::audible::Audible;
+use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::pilot_run::PilotRun;
+use crate::plan::trial::runs::Runs;
+use crate::plan::trial::waveform_error::{DOUBLING, ORDERS, Spans, difference, errors, with_kinks};
+
+/// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
+const CONTACT: f64 = 4.0;
+const LAW: f64 = 2.0;
+/// Contacts are not computed more finely where so many doublings one after the other gain less than this [dB]: what
+/// differs is then no error of theirs. (A steep law may begin to gain later.)
+const IDLE: usize = 2;
+const GAIN: f64 = 3.0;
+
+/// How finely contacts are computed: as finely as it takes for twice as often to make no difference.
+pub(in crate::plan) struct Contacts {
+    pub(in crate::plan) contact_substeps: usize,
+    pub(in crate::plan) error: Option<f64>,
+    pub(in crate::plan) run: Rc<PilotRun>,
+    /// Where it is chaotic: then the error is that of the time until runs part.
+    pub(in crate::plan) parting: Option<Parting>,
+    /// Computing them more finely gains nothing.
+    pub(in crate::plan) is_idle: bool,
+}
+
+impl Contacts {
+    /// What is heard of the error of contacts, where it stays above what they are to be right to.
+    pub(in crate::plan) fn audible(
+        &self,
+        island: &Assembled,
+        budget: &Budget,
+        (runs, spans): (&Runs, &Spans),
+        allowance: &Allowance,
+    ) -> Result<Option<Audible>, TrialError> {
+        let is_missed = self.error.is_some_and(|error| error > budget.contact());
+        if !is_missed || self.parting.is_some() || !matches!(budget, Budget::Cents { .. }) {
+            return Ok(None);
+        }
+        let finer = (&island.island_plan, 2 * self.contact_substeps);
+        let finer = runs.play(finer, allowance)?;
+        Ok(Audible::of_budget(budget, (&self.run, &finer.sound), spans))
+    }
+
+    /// Nothing is known but that a part of the island goes beyond all bounds.
+    fn lost(contact_substeps: usize, run: Rc<PilotRun>) -> Self {
+        Self {
+            contact_substeps,
+            error: None,
+            run,
+            parting: None,
+            is_idle: false,
+        }
+    }
+}
+
+/// The fewest steps that are enough, or as many as are worth it.
+pub(in crate::plan) fn contacts(
+    island: &Assembled,
+    budget: &Budget,
+    (runs, n_frames): (&Runs, usize),
+    (spans, stretches): (&Spans, &OnceCell<Stretches>),
+    allowance: &Allowance,
+) -> Result<Contacts, TrialError> {
+    let island_plan = &island.island_plan;
+    // Of what no waveform is promised laws are right as they are.
+    let may_collocate = island.may_collocate && matches!(budget, Budget::Error(_));
+    if island_plan.contact_substeps == 1 && !may_collocate {
+        return Ok(Contacts {
+            contact_substeps: 1,
+            error: None,
+            run: runs.play((island_plan, 1), allowance)?,
+            parting: None,
+            is_idle: false,
+        });
+    }
+    let aim = budget.contact();
+    let order = if island.may_collocate { LAW } else { CONTACT };
+    let mut contact_substeps = island_plan.contact_substeps;
+    let mut run = runs.play((island_plan, contact_substeps), allowance)?;
+    let (mut last, mut before) = (None, None);
+    let (mut parting, mut until) = (None, n_frames);
+    // What is known of the run: its error, and where it parts from others.
+    let mut known: Option<(f64, Option<Parting>)> = None;
+    // The last run from which doubling gained something, and how often it has gained nothing since.
+    let mut settled: Option<Contacts> = None;
+    // A run that may agree with the finer one by luck.
+    let mut unsure: Option<Contacts> = None;
+    let mut idle = 0;
+    loop {
+        let finer = runs.play((island_plan, 2 * contact_substeps), allowance);
+        let finer = match (finer, known.take()) {
+            (Ok(finer), _) => finer,
+            (Err(TrialError::AllowanceSpent), Some((error, parting))) => {
+                return Ok(Contacts {
+                    contact_substeps,
+                    error: Some(error),
+                    run,
+                    parting,
+                    is_idle: false,
+                });
+            }
+            (Err(TrialError::AllowanceSpent), None) if run.is_lost => {
+                return Ok(Contacts::lost(contact_substeps, run));
+            }
+            (Err(halt), _) => return Err(halt),
+        };
+        let pair = (!run.is_lost).then(|| Pair {
+            run: &run,
+            finer: &finer,
+            spans,
+            stretches: stretches.get_or_init(|| Stretches::of(&run.sound, spans)),
+        });
+        if let Some(pair) = pair {
+            let was_chaotic = parting.is_some();
+            if was_chaotic && pair.together().is_none() {
+                // What diverged was computed too roughly.
+                parting = None;
+            } else if !was_chaotic {
+                parting = pair.parting(island_plan, contact_substeps, allowance)?;
+            }
+            if was_chaotic != parting.is_some() {
+                // Of what is chaotic only the time until runs part tells.
+                let together = parting.as_ref().and_then(|_| pair.together());
+                (until, last, before) = (together.unwrap_or(n_frames), None, None);
+            }
+        }
+        let told = |is_finer| {
+            parting
+                .as_ref()
+                .zip(pair)
+                .map(|(own, pair)| own.again(&pair, is_finer))
+        };
+        let change = difference(&run.sound, &finer.sound, &spans.within(until));
+        let last_change = last;
+        let (own, left) = errors(change, last, order);
+        // Once a step is another method: it tells nothing of how fast the error falls.
+        let is_between = contact_substeps > 1;
+        let has_kinks = island.may_collocate && is_between;
+        let stated = with_kinks(own, before);
+        let stated_left = with_kinks(left, has_kinks.then_some(own));
+        before = has_kinks.then_some(own);
+        if let Some(found) = unsure.take()
+            && own + DOUBLING <= aim
+        {
+            return Ok(Contacts {
+                error: found.error.map(|error| error.max(own + DOUBLING)),
+                ..found
+            });
+        }
+        // Where something sticks, or a law has a kink, two runs may agree by luck: three do not.
+        let is_sure = last.is_some() || !(island.sticks() || island.may_collocate);
+        let is_idle = !island.may_collocate && last.is_some_and(|last| change > last - GAIN);
+        idle = if is_idle { idle + 1 } else { 0 };
+        last = is_between.then_some(change);
+        if own <= aim && stated <= budget.asked() && is_sure {
+            let parting = told(false);
+            return Ok(Contacts {
+                contact_substeps,
+                error: Some(stated),
+                run,
+                parting,
+                is_idle: false,
+            });
+        }
+        contact_substeps *= 2;
+        // What a kink leaves is known of a run that a finer one was held against.
+        let is_enough = left <= aim && is_sure && !island.may_collocate;
+        if is_enough || 2 * contact_substeps > Budget::STEPS_MAX {
+            return Ok(Contacts {
+                contact_substeps,
+                error: Some(stated_left),
+                parting: told(true),
+                run: finer,
+                is_idle: false,
+            });
+        }
+        if idle == IDLE
+            && let Some(settled) = settled
+        {
+            let chaos = pair.map(|pair| pair.chaos(island_plan, contact_substeps / 2, allowance));
+            return Ok(Contacts {
+                parting: chaos.transpose()?.flatten().or(settled.parting),
+                is_idle: true,
+                ..settled
+            });
+        }
+        // If it stays at that, no finer run has shown that contacts are as good as smooth.
+        let (_, unproved) = errors(change, last_change, order.min(ORDERS.1));
+        known = Some((stated_left.max(unproved), told(true)));
+        let found = Contacts {
+            contact_substeps: contact_substeps / 2,
+            error: Some(stated),
+            parting: told(false),
+            run,
+            is_idle: false,
+        };
+        if own <= aim && !is_sure {
+            unsure = Some(found);
+        } else if idle == 0 {
+            settled = Some(found);
+        }
+        run = finer;
+    }
+}

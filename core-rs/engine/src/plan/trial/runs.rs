@@ -1,0 +1,110 @@
+//! Runs of one island that were played: what is asked for again is not played again.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use crate::plan::IslandPlan;
+use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::trial::pilot_run::{PilotRun, play_while, work};
+
+/// Samples of sound that are kept at most.
+const MOST: usize = 1 << 24;
+
+/// What tells one way to play an island from others: what a frame of it costs to the last bit, how often a frame it is
+/// stepped, and how often a step contacts are computed.
+type Way = (u64, u32, usize);
+
+/// Runs of one length.
+pub(in crate::plan) struct Runs {
+    n_frames: usize,
+    kept: RefCell<Vec<(Way, Rc<PilotRun>)>>,
+}
+
+impl Runs {
+    /// Of so many frames, none of them played yet.
+    pub(in crate::plan) fn new(n_frames: usize) -> Self {
+        Self {
+            n_frames,
+            kept: RefCell::default(),
+        }
+    }
+
+    /// How long they are [frames].
+    pub(in crate::plan) fn n_frames(&self) -> usize {
+        self.n_frames
+    }
+
+    /// The same runs as far as so many frames.
+    pub(in crate::plan) fn only(self, n_frames: usize) -> Self {
+        let shorter = |(way, run): (Way, Rc<PilotRun>)| {
+            let n_out = run.sound.len() / self.n_frames.max(1);
+            let sound = run.sound[..n_frames * n_out].to_vec();
+            let squares = run.squares.clone();
+            let is_lost = run.is_lost;
+            (
+                way,
+                Rc::new(PilotRun {
+                    sound,
+                    squares,
+                    is_lost,
+                }),
+            )
+        };
+        let kept = self.kept.into_inner();
+        Self {
+            n_frames,
+            kept: RefCell::new(kept.into_iter().map(shorter).collect()),
+        }
+    }
+
+    fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
+        let mut kept = self.kept.borrow_mut();
+        let samples: usize = kept.iter().map(|(_, run)| run.sound.len()).sum();
+        if samples + run.sound.len() <= MOST {
+            kept.push((way(island_plan, contact_substeps), run.clone()));
+        }
+    }
+
+    /// The run of an island, played where it was not.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`play_while`].
+    pub(in crate::plan) fn play(
+        &self,
+        played: (&IslandPlan, usize),
+        allowance: &Allowance,
+    ) -> Result<Rc<PilotRun>, TrialError> {
+        let run = self.play_while(played, allowance, |_, _| true)?;
+        Ok(run.unwrap_or_else(|| unreachable!("nothing ends it")))
+    }
+
+    /// The same, as far as `goes_on` holds of so many frames and of the sound; `None` where it ended a run.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`play_while`].
+    pub(in crate::plan) fn play_while(
+        &self,
+        (island_plan, contact_substeps): (&IslandPlan, usize),
+        allowance: &Allowance,
+        goes_on: impl FnMut(usize, &[f64]) -> bool,
+    ) -> Result<Option<Rc<PilotRun>>, TrialError> {
+        let own = way(island_plan, contact_substeps);
+        let known = |kept: &(Way, Rc<PilotRun>)| (kept.0 == own).then(|| kept.1.clone());
+        if let Some(run) = self.kept.borrow().iter().find_map(known) {
+            return Ok(Some(run));
+        }
+        let played = (island_plan, contact_substeps);
+        let run = play_while(played, self.n_frames, allowance, goes_on)?.map(Rc::new);
+        if let Some(run) = &run {
+            self.keep(played, run);
+        }
+        Ok(run)
+    }
+}
+
+fn way(island_plan: &IslandPlan, contact_substeps: usize) -> Way {
+    let cost = work(island_plan).to_bits();
+    (cost, island_plan.oversampling, contact_substeps)
+}
