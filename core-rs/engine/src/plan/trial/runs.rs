@@ -3,6 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use crate::integrate::MeshMethod;
+use crate::island::inside::BodyPlan;
 use crate::plan::IslandPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{PilotRun, play_while, work};
@@ -10,9 +12,17 @@ use crate::plan::trial::pilot_run::{PilotRun, play_while, work};
 /// Samples of sound that are kept at most.
 const MOST: usize = 1 << 24;
 
-/// What tells one way to play an island from others: what a frame of it costs to the last bit, how often a frame it is
-/// stepped, and how often a step contacts are computed.
-type Way = (u64, u32, usize);
+/// What tells one way to play an island from others.
+#[derive(Clone, PartialEq)]
+struct Way {
+    /// What a frame costs, to the last bit: it differs where outputs or events are computed in another way.
+    cost: u64,
+    /// Steps a frame.
+    oversampling: u32,
+    contact_substeps: usize,
+    /// Of each body its method, where it is a mesh, and its ports.
+    bodies: Vec<(Option<(MeshMethod, u32)>, Vec<usize>)>,
+}
 
 /// Runs of one length.
 pub(in crate::plan) struct Runs {
@@ -105,6 +115,17 @@ impl Runs {
 }
 
 fn way(island_plan: &IslandPlan, contact_substeps: usize) -> Way {
-    let cost = work(island_plan).to_bits();
-    (cost, island_plan.oversampling, contact_substeps)
+    let body = |body: &BodyPlan| {
+        let method = match body {
+            BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
+            BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
+        };
+        (method, body.ports())
+    };
+    Way {
+        cost: work(island_plan).to_bits(),
+        oversampling: island_plan.oversampling,
+        contact_substeps,
+        bodies: island_plan.bodies.iter().map(body).collect(),
+    }
 }
