@@ -137,7 +137,7 @@ b: {{MAS: {{M: 2g}}}}
 l: {{LNL: {{between: [a, b], law: "k*d", follows: {{k: {{of: finger, {law}, span: 9mm}}}}}}}}"""
     made = ready(score(modules, "a: {SOX: a}"))
     if refused:
-        with pytest.raises(_core.EngineError, match=r"4\.200000 must stay below 4"):
+        with pytest.raises(_core.EngineError, match=r"4\.200000 and must be below 4"):
             _core.Simulation(made.network, made.timeline)
     else:
         simulation = _core.Simulation(made.network, made.timeline)
