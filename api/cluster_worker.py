@@ -1,5 +1,7 @@
 """What a worker of a cluster computes: stretches of islands.
 
+`rendering.remote` makes the requests, `api.cluster` the job that all requests share.
+
 Its functions are called by name with plain data (bytes, texts, numbers), and answer so. They need
 nothing of the machine that asks: the score comes with its files.
 """

@@ -1,4 +1,4 @@
-"""Layouts of loudspeakers: read from their files, or from the library by their names."""
+"""Layouts of loudspeakers by name, from files or the library; `scores.reading` checks them."""
 
 from __future__ import annotations
 

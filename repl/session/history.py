@@ -1,6 +1,6 @@
 """Numbers of versions in order of effect; `commits.past` holds the versions.
 
-`undo`, `redo`, `back` and `history` go by these numbers.
+`undo`, `redo`, `back` and `history` go by these numbers; `session_commands` decides what each does.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-//! Dry friction within a step: its level, and how a velocity turns.
+//! Dry friction within a step: its level, and changes of sign of a velocity. `kernel/exact/friction` solves what sticks.
 
 use crate::maths::exp;
 

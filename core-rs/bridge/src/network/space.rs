@@ -40,6 +40,9 @@ fn contact([exponent, k]: [f64; 2], clamp: bool, cohesion: Option<f64>, reach: f
     }
 }
 
+/// Corners [m], and the corners of each triangle.
+type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
 #[pymethods]
 impl Network {
     /// The distance of two points in space at the beginning [m]; each is the MATs that are its coordinates.
@@ -146,7 +149,7 @@ impl Network {
         clamp: bool,
         inside: bool,
         normal: Option<[f64; 3]>,
-        surface: Option<(Vec<[f64; 3]>, Vec<[u32; 3]>)>,
+        surface: Option<Triangles>,
         friction: f64,
         core: Option<f64>,
         cohesion: Option<f64>,

@@ -1,4 +1,6 @@
 //! How a plan is made: islands first, then for each of them the cheapest method that is exact enough.
+//!
+//! An island goes by its modes where `passes/body` makes them. All other islands are stepped, by what trials measured.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

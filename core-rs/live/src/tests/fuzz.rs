@@ -198,11 +198,15 @@ fn law_text(dice: &mut Dice) {
             )
         })
         .collect();
+    let open: Vec<String> = (0..dice.below(3))
+        .map(|_| ["k", "q", "f", "w"][dice.below(4)].to_owned())
+        .collect();
     let law = LawText {
         law: (dice.below(8) > 0).then_some(elastic.as_str()),
         damping: (dice.below(3) == 0).then_some(damping.as_str()),
         constants,
         points: (dice.below(8) == 0).then_some(points.as_slice()),
+        open: &open,
     };
     let longest = elastic
         .chars()

@@ -1,4 +1,4 @@
-//! Forces of dry friction, given all other forces.
+//! Forces of dry friction, given all other forces: what slides is braked, and what sticks is held.
 
 use super::super::{needed, predict};
 use crate::dry::Turned;

@@ -20,8 +20,15 @@ struct Way {
     /// Steps a frame.
     oversampling: u32,
     contact_substeps: usize,
-    /// Of each body its method, where it is a mesh, and its ports.
-    bodies: Vec<(Option<(MeshMethod, u32)>, Vec<usize>)>,
+    bodies: Vec<BodyWay>,
+}
+
+/// How one body of an island is computed.
+#[derive(Clone, PartialEq)]
+struct BodyWay {
+    /// Of a mesh: its method, and steps a frame.
+    method: Option<(MeshMethod, u32)>,
+    ports: Vec<usize>,
 }
 
 /// Runs of one length.
@@ -120,7 +127,10 @@ fn way(island_plan: &IslandPlan, contact_substeps: usize) -> Way {
             BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
             BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
         };
-        (method, body.ports())
+        BodyWay {
+            method,
+            ports: body.ports(),
+        }
     };
     Way {
         cost: work(island_plan).to_bits(),
