@@ -75,9 +75,9 @@ fn a_contact_too_stiff_for_its_steps_ends_a_render() {
     let fault = simulation.skip(4_410).unwrap_err();
     assert_eq!((&*fault.module, &*fault.part), ("stiff.c", "stiff"));
     let sentence = fault.to_string();
-    assert!(sentence.contains("stiff.c made energy"), "{sentence}");
+    assert!(sentence.contains("stiff.c created energy"), "{sentence}");
     assert!(
-        sentence.contains("it gave 5.5 J more than it took"),
+        sentence.contains("created energy: 5.5 J until"),
         "{sentence}"
     );
 }
@@ -137,5 +137,5 @@ fn a_mesh_is_held_against_the_energy_of_its_laws() {
     let plan = Plan::new(network, &timeline, &budget, None).unwrap();
     let mut simulation = Simulation::planned(Arc::new(plan), options(OnFault::Stop)).unwrap();
     let fault = simulation.skip(11_025).unwrap_err();
-    assert!(fault.to_string().contains("made energy"), "{fault}");
+    assert!(fault.to_string().contains("created energy"), "{fault}");
 }

@@ -392,7 +392,7 @@ fn made_energy_is_told_of() {
         )
         .unwrap();
     let error = start(network).skip(44_100).unwrap_err().to_string();
-    assert!(error.contains("drum.meet0.0 made energy"), "{error}");
+    assert!(error.contains("drum.meet0.0 created energy"), "{error}");
 }
 
 /// The crowd of [`motion`] alone, whose third coordinates may stand before the others.
