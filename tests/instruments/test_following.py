@@ -4,38 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import found
+from one_instrument import heard, score
 from planned_sound import off_db, played, ready
 from scipy.integrate import solve_ivp
 
 from ergon import _core
-from ergon.scores.staging.stage import stage
 
 PRESS = "finger: {MAS: {M: 1g, X0: 2mm, V0: 0.5m/s}}"  # from 2 mm on, past 12 mm at 20 ms
-
-
-def score(modules: str, out: str, accuracy: str = "method: ca", rate: int = 44_100) -> str:
-    lines = "\n".join(f"      {line}" for line in modules.strip().split("\n"))
-    return f"""ergon: 1
-rates: {{audio: {rate}Hz}}
-accuracy: {{{accuracy}}}
-instruments:
-  i:
-    modules:
-{lines}
-    out: {{{out}}}
-render: {{bits: float, tail: 40ms}}
-"""
-
-
-def heard(text: str) -> np.ndarray:
-    """Outputs of a score (n_frames, n_out)."""
-    made = stage(check(text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
-    return sound
-
-
 PAIR = f"""\
 {PRESS}
 a: {{MAS: {{M: 2g, X0: 1mm}}}}

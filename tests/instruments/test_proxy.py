@@ -4,43 +4,21 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import found
+from one_instrument import heard, score
 from planned_sound import off_db, played, ready
 from scipy.integrate import solve_ivp
 
 from ergon import _core
-from ergon.scores.staging.stage import stage
 
 STRING = "s: {STRING: {masses: 20, M: 6g, f: 110Hz, t60: 3s}}, wall: {SOL: {}}"
 HAMMER = "h: {MAS: {M: 2g, X0: -1mm, V0: 1m/s}}"
 FELT = "BUT: {between: [h, %s], K: 4kN/m, Z: 0.1Ns/m}"
 
 
-def score(modules: str, out: str, accuracy: str = "method: ca", rate: int = 44_100) -> str:
-    lines = "\n".join(f"      {line}" for line in modules.split("\n"))
-    return f"""ergon: 1
-rates: {{audio: {rate}Hz}}
-accuracy: {{{accuracy}}}
-instruments:
-  i:
-    modules:
-{lines}
-    out: {{{out}}}
-render: {{bits: float, tail: 40ms}}
-"""
-
-
 def block(modules: str) -> str:
     """Modules of a flow mapping, a line each."""
     return modules.replace("}}, ", "}}\n")
-
-
-def heard(text: str) -> np.ndarray:
-    """Outputs of a score (n_frames, n_out)."""
-    made = stage(check(text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
-    return sound
 
 
 @pytest.mark.parametrize("of", ["of: s, at: 6", "of: [wall, s, wall], at: 7", "of: s.6, shares: 1"])

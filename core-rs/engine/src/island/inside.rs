@@ -6,6 +6,7 @@ use super::modal::{self, Modal};
 use super::slow::{self, Slow};
 use crate::archive::{Archive, Damaged, State};
 use crate::guard::FinerFrames;
+use crate::integrate::MeshMethod;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::state::Body;
@@ -118,6 +119,14 @@ impl BodyPlan {
             _ => false,
         };
         is_same && names(self, &own) == names(other, &their)
+    }
+
+    /// Of a mesh: its method, and steps a frame.
+    pub(crate) fn mesh_method(&self) -> Option<(MeshMethod, u32)> {
+        match self {
+            Self::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
+            Self::Modal(_) | Self::Slow(_) => None,
+        }
     }
 
     /// MATs of the island that are its ports, in order.

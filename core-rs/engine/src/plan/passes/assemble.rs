@@ -181,11 +181,7 @@ impl Assembled {
     /// How its bodies go that are meshes, in order.
     pub(in crate::plan) fn mesh_methods(&self) -> Vec<Option<(MeshMethod, u32)>> {
         let bodies = self.island_plan.bodies.iter();
-        let way = |body: &BodyPlan| match body {
-            BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
-            BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
-        };
-        bodies.map(way).collect()
+        bodies.map(BodyPlan::mesh_method).collect()
     }
 
     /// With some of its bodies' modes only, and contacts computed so often.

@@ -122,15 +122,9 @@ impl Runs {
 }
 
 fn way(island_plan: &IslandPlan, contact_substeps: usize) -> Way {
-    let body = |body: &BodyPlan| {
-        let method = match body {
-            BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
-            BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
-        };
-        BodyWay {
-            method,
-            ports: body.ports(),
-        }
+    let body = |body: &BodyPlan| BodyWay {
+        method: body.mesh_method(),
+        ports: body.ports(),
     };
     Way {
         cost: work(island_plan).to_bits(),

@@ -1,0 +1,28 @@
+"""A score of one instrument, and what is heard of it: scenes of modules that are stepped."""
+
+import numpy as np
+from checked import check
+
+from ergon.scores.staging.stage import stage
+
+
+def score(modules: str, out: str, accuracy: str = "method: ca", rate: int = 44_100) -> str:
+    lines = "\n".join(f"      {line}" for line in modules.strip().split("\n"))
+    return f"""ergon: 1
+rates: {{audio: {rate}Hz}}
+accuracy: {{{accuracy}}}
+instruments:
+  i:
+    modules:
+{lines}
+    out: {{{out}}}
+render: {{bits: float, tail: 40ms}}
+"""
+
+
+def heard(text: str) -> np.ndarray:
+    """Outputs of a score (n_frames, n_out)."""
+    made = stage(check(text).piece, planned=True)
+    sound = np.empty((made.n_frames, made.simulation.n_out))
+    made.simulation.process(sound)
+    return sound
