@@ -14,6 +14,7 @@ from accuracy import audit, kept, random_scenes, reference, tables
 from accuracy.__main__ import ALL, NAMED, written
 from accuracy.equations import read
 from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag
 from sweep import few
 
 HONEST_DB = 1.5
@@ -49,6 +50,26 @@ def test_the_reference_is_the_matrix_exponential_where_a_scene_is_linear(name: s
     exact = reference.solve(scene, n_frames).sound
     stepped = reference.heard(scene, *reference.integrate(scene, n_frames, reference.TIGHT))
     assert audit.error_db(stepped, exact, scene.rate) < SURE_DB
+
+
+def test_modes_above_hearing_are_taken_from_the_reference():
+    """Of modes of 1 kHz and 30 kHz in other coordinates stay the slow one and the constant 1."""
+
+    def mode(hertz: float) -> np.ndarray:
+        omega = 2 * np.pi * hertz
+        return np.array([[0.0, omega], [-omega, -50.0]])
+
+    whole = block_diag(mode(1e3), mode(30e3), 0.0)
+    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((5, 5)))[0]
+    low = reference.without_high_modes(turn @ whole @ turn.T, 20e3)
+    expected = turn @ np.diag([1.0, 1.0, 0.0, 0.0, 1.0]) @ turn.T
+    assert np.abs(low - expected).max() < 1e-12
+
+
+def test_what_a_plan_by_ear_leaves_out_above_hearing_is_no_error():
+    found = audit.look("string-7", named("string-7"), (audit.BY_EAR,), plain=False)
+    honest(found)
+    assert found.plans[0].stated > -100.0
 
 
 FRICTION = {f"{kind}, {name}": scene for kind, scenes in

@@ -34,7 +34,8 @@ across a frame or an event. Nothing of the engine takes part in it.
 Errors are by the plan's own metric: ‖y − x‖/‖x − mean‖ of the worst output, over the time that the
 plan's pilot played, and over that less 0.1 s and 0.2 s, whichever is worst.
 
-By ear, where all goes by modes, what lies above 20 kHz is taken from both: a plan may leave it out.
+By ear, where all goes by modes, those above 20 kHz are taken from the exact motion: a plan leaves
+them out.
 
 * **met**: the real error is within the budget. By ear no error of the waveform is promised.
 * **says it cannot**: the plan warns (W403) that an error stays above the budget.

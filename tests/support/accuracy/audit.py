@@ -24,7 +24,6 @@ PLAIN = (
     ("modal", 1),
 )
 FLOOR_DB = -150.0  # errors below are rounding, of the reference too
-HEARING = 20e3  # [Hz]: by ear, modes above it are left out and count as no error
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
 
 
@@ -158,13 +157,6 @@ def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) ->
     return 10.0 * log10(max(worst, 1e-30))
 
 
-def audible(x: np.ndarray, rate: float) -> np.ndarray:
-    """Frames (n_frames, n_out) without what lies above hearing."""
-    lines = np.fft.rfft(x, axis=0)
-    lines[np.fft.rfftfreq(len(x), 1.0 / rate) > HEARING] = 0.0
-    return np.fft.irfft(lines, len(x), axis=0)
-
-
 def _made(piece: Piece, budget: float | None) -> planning.Planned | str:
     """The plan of a piece, or why there is none."""
     ready = prepare(piece)
@@ -198,8 +190,9 @@ def _plan(
     stated = [*errors, *left_out]
     pilot = _pilot(made)
     heard = exact.sound
-    if budget is BY_EAR and not errors:
-        sound, heard = audible(sound, piece.rate), audible(heard, piece.rate)
+    if budget is BY_EAR and not errors and exact.audible is not None:
+        # All goes by modes, and such a plan leaves out all that lie above hearing.
+        heard = exact.audible
     return Plan(
         budget,
         stated=max(10.0 * log10(sum(10.0 ** (db / 10.0) for db in [*stated, FLOOR_DB])), FLOOR_DB),
