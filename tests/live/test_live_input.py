@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from captured import compare
+from captured import Comparison, compare
 from numpy.typing import NDArray
 from patience import PATIENCE, until
 from servers import Jack, Pulse, jack_name
@@ -22,6 +22,7 @@ from ergon.api.render import RenderOptions, render
 from ergon.common.report import Report
 
 RATE = 48_000
+TRIES = 20  # on a busy machine PulseAudio itself drops and repeats frames, and tells nobody
 SCORE = """\
 ergon: 1
 rates: {audio: 48kHz}
@@ -181,16 +182,14 @@ def sounds_as(input_file: str) -> None:
     assert np.array_equal(again[: len(sound)], sound[: len(again)])
 
 
-def agrees(heard: _core.SoundInput) -> None:
-    """What was heard is what was played into it, and the render of it what sounded."""
+def recorded(heard: _core.SoundInput) -> Comparison:
+    """What was heard beside what was played into it; the render of it is what sounded."""
     assert heard.live
     assert heard.error is None
     took = samples("in.wav")
     assert heard.recorded == len(took)
     sounds_as("in.wav")
-    if not (heard.gaps or heard.discarded):
-        result = compare(took[:, None], noise(RATE, 5)[:, None])
-        assert result.exact, result
+    return compare(took[:, None], noise(RATE, 5)[:, None])
 
 
 def test_jack_excites_a_bell_and_its_recording_gives_the_same_samples(jack: Jack):
@@ -200,7 +199,8 @@ def test_jack_excites_a_bell_and_its_recording_gives_the_same_samples(jack: Jack
     assert f"1 channel in at {RATE} Hz, {jack.block} frames" in heard.sentence
     assert "to the instrument" in heard.sentence
     assert "to the loudspeaker" in heard.sentence
-    agrees(heard)
+    result = recorded(heard)
+    assert result.exact or heard.gaps or heard.discarded, result
 
 
 def test_auto_hears_the_server_that_it_plays_on(jack: Jack):
@@ -244,10 +244,24 @@ def test_a_jack_server_that_dies_is_heard_again(name: str):
 
 def test_pulse_excites_a_bell_from_the_monitor_of_a_sink(own_folder: Path):
     server = Pulse(own_folder, rate=RATE, channels=2)
-    with server.run(), source("pulse:dome", 2) as play:
-        heard = playing(play, audio="null", audio_in="pulse:dome.monitor", record_input="in.wav")
-        assert heard.sentence.startswith("pulse (Monitor of Null Output): 1 channel in at 48000 Hz")
-        agrees(heard)
+    options: dict[str, str | None] = {
+        "audio": "null",
+        "audio_in": "pulse:dome.monitor",
+        "record_input": "in.wav",
+    }
+    words = "pulse (Monitor of Null Output): 1 channel in at 48000 Hz"
+    with server.run():
+        for _ in range(TRIES):
+            with source("pulse:dome", 2) as play:
+                heard = playing(play, **options)
+            assert heard.sentence.startswith(words)
+            result = recorded(heard)
+            if result.exact:
+                break
+            Path("in.wav").unlink()
+            Path("sound.wav").unlink()
+        else:
+            pytest.fail(f"in none of {TRIES} tries every frame was heard; in the last: {result}")
         ready = prepare("s.yaml", PlayOptions(audio="null", audio_in="pulse:nowhere"), Report())
         with pytest.raises(_core.EngineError, match="no source nowhere"):
             _core.Performance(
