@@ -27,7 +27,8 @@ _SAME = 0.02
 def mi_physics(_: object) -> list[Row]:
     """The same masses, springs and contacts at the same steps; the places of both agree.
 
-    Java compiles what it runs often, beside it and for a second or more: the frames before are as many as that takes.
+    Java compiles what it runs often, beside it and for a second or more: the frames before are
+    as many as that takes.
     """
     rows = []
     for (name, network, lines, modules), warm, n_frames in (
