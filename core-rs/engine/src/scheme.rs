@@ -3,6 +3,7 @@
 //! The scheme is in delta form: with the state d = x[n] − x[n−1], d += F/M − κ(x − rest) − ζd, x += d. It equals
 //! x⁺ = 2x − x⁻ + F/M and is more accurate where positions are large and steps small.
 
+mod alike;
 mod certify;
 mod discretise;
 mod listen;
@@ -15,6 +16,7 @@ pub(crate) use spring::{Pull, Spring};
 
 use std::sync::Arc;
 
+use alike::Alike;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
@@ -245,6 +247,8 @@ pub struct Scheme {
     pub(crate) w: Vec<f64>,
     /// Where the ground is [m]              (n_mat)
     pub(crate) rest: Vec<f64>,
+    /// MATs with the same of all these; empty: too few are, or they change.
+    pub(crate) alike: Vec<Alike>,
     /// Force that always acts [N]            (at most n_mat; 0 on those behind)
     pub(crate) weight: Vec<f64>,
     /// Which part the MAT belongs to        (n_mat)

@@ -144,7 +144,7 @@ impl Island {
         ergons.sort_by_key(|(frame, _)| *frame);
         let changes = !glides.is_empty() || !led.is_empty() || network.follows();
         let gliding = changes.then(|| {
-            let mut gliding = Box::new(scheme.clone());
+            let mut gliding = scheme.changing();
             super::glide::weigh(&scheme, &mut gliding, &body.x);
             gliding
         });

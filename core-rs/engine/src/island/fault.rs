@@ -155,6 +155,7 @@ impl Island {
         // A part is muted once in a run: a copy of the scheme for it is allowed to cost.
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
+        scheme.alike = Vec::new();
         let ours: Vec<bool> = scheme
             .part
             .iter()
@@ -203,7 +204,7 @@ impl Island {
             gains.release(&ours);
         }
         if state.scheme.is_some() {
-            state.scheme = Some(Box::new(scheme.clone()));
+            state.scheme = Some(scheme.changing());
         }
         if let Some(fine) = &mut state.fine {
             let mut n_left = 0;

@@ -1,12 +1,13 @@
 //! The MAT phase: all kinds by one formula, d += F·w − κ(x − rest) − ζd, x += d.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::mesh_partition::MeshPartition;
 use super::thread_team::ThreadTeam;
 use crate::maths::wide::wide;
 use crate::scheme::Scheme;
-use crate::state::{Body, Target};
+use crate::state::{Body, PreviousState, Target};
 
 /// Positions beyond this are treated as non-finite [m].
 const RUNAWAY: f64 = 1e4;
@@ -54,13 +55,12 @@ pub(crate) fn advance(
 }
 
 fn free(scheme: &Scheme, body: &mut Body) -> bool {
-    let numbers = scheme.ties();
     let Body { x, d, force, .. } = body;
     if let Some(previous) = &mut body.previous {
         previous.swap(x, d);
-        return move_from(numbers, force, [&previous.x, &previous.d], x, d);
     }
-    move_all(numbers, force, x, d)
+    let previous = body.previous.as_deref();
+    move_range(scheme, 0..force.len(), force, previous, [x, d])
 }
 
 /// [`free`], with the ranges of a partition computed by a thread team.
@@ -70,35 +70,100 @@ fn free_in_ranges(
     scheme: &Scheme,
     body: &mut Body,
 ) -> bool {
-    let numbers = scheme.ties();
     let Body { x, d, force, .. } = body;
     if let Some(previous) = &mut body.previous {
         previous.swap(x, d);
     }
     let previous = body.previous.as_deref();
     let within = AtomicBool::new(true);
-    mesh_partition.ranges(team, [x, d], |mats, [x, d]| {
-        let (numbers, force) = (numbers.map(|all| &all[mats.clone()]), &force[mats.clone()]);
-        let is_within = match previous {
-            Some(previous) => move_from(
-                numbers,
-                force,
-                [&previous.x[mats.clone()], &previous.d[mats]],
-                x,
-                d,
-            ),
-            None => move_all(numbers, force, x, d),
-        };
-        if !is_within {
+    mesh_partition.ranges(team, [x, d], |mats, moved| {
+        if !move_range(scheme, mats, force, previous, moved) {
             within.store(false, Ordering::Relaxed);
         }
     });
     within.into_inner()
 }
 
+/// Move a range of MATs: in place, or from the positions and steps in `from`; `force` is that of all MATs, `moved` are
+/// positions and steps of the range. Returns whether all positions are sound.
+fn move_range(
+    scheme: &Scheme,
+    mats: Range<usize>,
+    force: &[f64],
+    from: Option<&PreviousState>,
+    moved: [&mut [f64]; 2],
+) -> bool {
+    let from = |of: &Range<usize>| from.map(|from| [&from.x, &from.d].map(|all| &all[of.clone()]));
+    let [x, d] = moved;
+    if scheme.alike.is_empty() {
+        let (numbers, force) = (
+            scheme.ties().map(|all| &all[mats.clone()]),
+            &force[mats.clone()],
+        );
+        return match from(&mats) {
+            Some(from) => move_from(numbers, force, from, x, d),
+            None => move_all(numbers, force, x, d),
+        };
+    }
+    debug_assert!(scheme.are_alike(), "numbers change");
+    let mut within = true;
+    for alike in &scheme.alike {
+        let of = alike.mats.start.max(mats.start)..alike.mats.end.min(mats.end);
+        if of.is_empty() {
+            continue;
+        }
+        let here = of.start - mats.start..of.end - mats.start;
+        let (x, d) = (&mut x[here.clone()], &mut d[here]);
+        within &= match from(&of) {
+            Some(from) => move_alike_from(alike.numbers, &force[of], from, x, d),
+            None => move_alike(alike.numbers, &force[of], x, d),
+        };
+    }
+    within
+}
+
+/// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` gives w, κ, ζ and rest of each. Returns whether
+/// all positions are sound.
+#[inline(always)]
+fn moved(numbers: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &mut [f64]) -> bool {
+    let n = force.len();
+    let (x, d) = (&mut x[..n], &mut d[..n]);
+    let mut bad = 0_u64;
+    for i in 0..n {
+        let [w, kappa, zeta, rest] = numbers(i);
+        let step = force[i] * w - kappa * (x[i] - rest) - zeta * d[i];
+        d[i] += step;
+        x[i] += d[i];
+        bad |= u64::from(!sound(x[i]));
+    }
+    bad == 0
+}
+
+/// [`moved`] from positions and steps in `from`, which are not changed.
+#[inline(always)]
+fn moved_from(
+    numbers: impl Fn(usize) -> [f64; 4],
+    force: &[f64],
+    from: [&[f64]; 2],
+    x: &mut [f64],
+    d: &mut [f64],
+) -> bool {
+    let n = force.len();
+    let [previous, by] = from.map(|from| &from[..n]);
+    let (x, d) = (&mut x[..n], &mut d[..n]);
+    let mut bad = 0_u64;
+    for i in 0..n {
+        let [w, kappa, zeta, rest] = numbers(i);
+        let step = force[i] * w - kappa * (previous[i] - rest) - zeta * by[i];
+        d[i] = by[i] + step;
+        x[i] = previous[i] + d[i];
+        bad |= u64::from(!sound(x[i]));
+    }
+    bad == 0
+}
+
 wide! {
-    /// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` are w, κ, ζ and rest, (n) each. Returns
-    /// whether all positions are sound.
+    /// Move MATs in place; `numbers` are w, κ, ζ and rest, (n) each. Returns whether all positions are sound.
     pub(super) fn move_all(
         numbers: [&[f64]; 4],
         force: &[f64],
@@ -107,15 +172,7 @@ wide! {
     ) -> bool {
         let n = force.len();
         let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
-        let (x, d) = (&mut x[..n], &mut d[..n]);
-        let mut bad = 0_u64;
-        for i in 0..n {
-            let step = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
-            d[i] += step;
-            x[i] += d[i];
-            bad |= u64::from(!sound(x[i]));
-        }
-        bad == 0
+        moved(|i| [w[i], kappa[i], zeta[i], rest[i]], force, x, d)
     }
 }
 
@@ -130,16 +187,32 @@ wide! {
     ) -> bool {
         let n = force.len();
         let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
-        let [previous, by] = from.map(|from| &from[..n]);
-        let (x, d) = (&mut x[..n], &mut d[..n]);
-        let mut bad = 0_u64;
-        for i in 0..n {
-            let step = force[i] * w[i] - kappa[i] * (previous[i] - rest[i]) - zeta[i] * by[i];
-            d[i] = by[i] + step;
-            x[i] = previous[i] + d[i];
-            bad |= u64::from(!sound(x[i]));
-        }
-        bad == 0
+        moved_from(|i| [w[i], kappa[i], zeta[i], rest[i]], force, from, x, d)
+    }
+}
+
+wide! {
+    /// [`move_all`] of MATs with the same numbers.
+    pub(super) fn move_alike(
+        numbers: [f64; 4],
+        force: &[f64],
+        x: &mut [f64],
+        d: &mut [f64],
+    ) -> bool {
+        moved(|_| numbers, force, x, d)
+    }
+}
+
+wide! {
+    /// [`move_from`] of MATs with the same numbers.
+    pub(super) fn move_alike_from(
+        numbers: [f64; 4],
+        force: &[f64],
+        from: [&[f64]; 2],
+        x: &mut [f64],
+        d: &mut [f64],
+    ) -> bool {
+        moved_from(|_| numbers, force, from, x, d)
     }
 }
 

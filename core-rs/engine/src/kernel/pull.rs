@@ -2,14 +2,44 @@
 
 use crate::maths::wide::wide;
 
+/// Add forces to MATs from `a` on, and subtract them from MATs from `b` on. A MAT at both adds first.
+#[inline(always)]
+pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
+    let (low, high) = (a.min(b), a.max(b));
+    // MATs at one end only, before and behind those at both.
+    let alone = high - low;
+    if alone >= f.len() {
+        let (before, behind) = force.split_at_mut(high);
+        let (low, high) = (&mut before[low..][..f.len()], &mut behind[..f.len()]);
+        let (fa, fb) = if a < b { (low, high) } else { (high, low) };
+        for ((fa, fb), f) in fa.iter_mut().zip(fb).zip(f) {
+            *fa += f;
+            *fb -= f;
+        }
+        return;
+    }
+    let n = f.len() - alone;
+    let (fa, fb) = (&f[high - a..][..n], &f[high - b..][..n]);
+    for ((force, fa), fb) in force[high..][..n].iter_mut().zip(fa).zip(fb) {
+        *force = (*force + fa) - fb;
+    }
+    let (before, behind) = ((low, &f[..alone]), (high + n, &f[n..]));
+    let (own_a, own_b) = if a < b {
+        (before, behind)
+    } else {
+        (behind, before)
+    };
+    for (force, f) in force[own_a.0..][..alone].iter_mut().zip(own_a.1) {
+        *force += f;
+    }
+    for (force, f) in force[own_b.0..][..alone].iter_mut().zip(own_b.1) {
+        *force -= f;
+    }
+}
+
 wide! {
-    /// Add forces to MATs from `a` on, and subtract them from MATs from `b` on.
+    /// [`add`] by itself.
     pub(super) fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
-        for (force, f) in force[a..a + f.len()].iter_mut().zip(f) {
-            *force += f;
-        }
-        for (force, f) in force[b..b + f.len()].iter_mut().zip(f) {
-            *force -= f;
-        }
+        add(f, force, a, b);
     }
 }

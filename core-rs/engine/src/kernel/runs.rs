@@ -23,16 +23,25 @@ pub(crate) fn links(
     body.outside.fill(0.0);
     body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
-    if let Some(mesh_partition) = &mut laws.mesh_partition {
-        mesh_partition.forces(team, force, |springs, room, force| {
-            springs::total(springs, x, d, room, force);
-        });
+    if scheme.fused.is_empty() {
+        let (heavy, light) = force.split_at_mut(scheme.weight.len());
+        for (force, weight) in heavy.iter_mut().zip(&scheme.weight) {
+            *force = 0.0 + weight;
+        }
+        light.fill(0.0);
     } else {
-        force.fill(0.0);
-        springs::total(&scheme.fused, x, d, &mut laws.room, force);
-    }
-    for (force, weight) in body.force.iter_mut().zip(&scheme.weight) {
-        *force += weight;
+        match &mut laws.mesh_partition {
+            Some(mesh_partition) => mesh_partition.forces(team, force, |springs, room, force| {
+                springs::total(springs, x, d, room, force);
+            }),
+            None => {
+                force.fill(0.0);
+                springs::total(&scheme.fused, x, d, &mut laws.room, force);
+            }
+        }
+        for (force, weight) in force.iter_mut().zip(&scheme.weight) {
+            *force += weight;
+        }
     }
     for run in &scheme.runs {
         if let Kind::Space(link) = &run.kind {

@@ -1,4 +1,5 @@
-//! Forces of links in space: distances and directions, the law, and its components, a pass each, so that each vectorises.
+//! Forces of links in space: of springs in one pass; of other laws distances and directions, the law, and its components,
+//! a pass each, so that each vectorises.
 
 use super::pull::pull;
 use crate::maths::wide::wide;
@@ -9,14 +10,12 @@ use crate::state::Body;
 /// Scratch memory for a run of links in space   (longest run each).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SpaceScratch {
-    /// Components of the unit vector from end to end.
+    /// Components of the unit vector from end to end, then of the force [N].
     along: [Vec<f64>; AXES_MAX],
     /// Distance − rest [m].
     e: Vec<f64>,
     /// What the distance grows by a frame [m].
     step: Vec<f64>,
-    /// One component of the forces [N].
-    part: Vec<f64>,
 }
 
 impl SpaceScratch {
@@ -27,8 +26,7 @@ impl SpaceScratch {
         Self {
             along: [room.clone(), room.clone(), room.clone()],
             e: room.clone(),
-            step: room.clone(),
-            part: room,
+            step: room,
         }
     }
 }
@@ -49,10 +47,8 @@ pub(super) fn forces(
         along: [along_x, along_y, along_z],
         e,
         step,
-        part,
     } = scratch;
     let [along_x, along_y, along_z] = [along_x, along_y, along_z].map(|room| &mut room[..n]);
-    let (e, step, part) = (&mut e[..n], &mut step[..n], &mut part[..n]);
     let Body {
         x,
         d,
@@ -64,40 +60,74 @@ pub(super) fn forces(
     let f = &mut f[run.first..run.first + n];
     let ends: [(usize, usize); AXES_MAX] =
         std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
-    apart(x, ends[0], along_x);
-    apart(x, ends[1], along_y);
-    match link.n_axes {
-        AXES_MAX => apart(x, ends[2], along_z),
-        _ => along_z.fill(0.0),
-    }
-    lines(run.rest, [&mut *along_x, &mut *along_y, &mut *along_z], e);
-    step.fill(0.0);
-    for ((a, b), along) in ends.into_iter().zip([&*along_x, &*along_y, &*along_z]) {
-        grow((&d[a..a + n], &d[b..b + n]), along, step);
-    }
-    if link.law.yields() {
-        let memory = &mut memory[run.first..run.first + n];
-        for (e, memory) in e.iter_mut().zip(memory) {
-            *e = settle(link, run.k, *e, memory);
-        }
-    }
-    match &link.law {
-        SpaceLaw::Spring => springs([run.k, run.z], e, step, f),
-        law => {
-            for ((f, &e), &step) in f.iter_mut().zip(&*e).zip(&*step) {
-                *f = law.force([run.k, run.z], e, step);
+    let motion = Ends::of(link.n_axes, &ends, [x, d], n);
+    let open = run.gate.map_or(1.0, |gate| gates[gate]);
+    if link.law == SpaceLaw::Spring {
+        let by = [run.k, run.z, run.rest, open];
+        springs(by, &motion, f, along_x, along_y, along_z);
+    } else {
+        let (e, step) = (&mut e[..n], &mut step[..n]);
+        lines(run.rest, &motion, e, step, along_x, along_y, along_z);
+        if link.law.yields() {
+            let memory = &mut memory[run.first..run.first + n];
+            for (e, memory) in e.iter_mut().zip(memory) {
+                *e = settle(link, run.k, *e, memory);
             }
         }
+        for ((f, &e), &step) in f.iter_mut().zip(&*e).zip(&*step) {
+            *f = link.law.force([run.k, run.z], e, step) * open;
+        }
+        for along in [&mut *along_x, &mut *along_y, &mut *along_z] {
+            scale(f, along);
+        }
     }
-    if let Some(gate) = run.gate {
-        let open = gates[gate];
-        f.iter_mut().for_each(|f| *f *= open);
-    }
-    let parts = ends.into_iter().zip([&*along_x, &*along_y, &*along_z]);
-    for ((a, b), along) in parts.take(link.n_axes) {
-        product(f, along, part);
+    let parts = ends.into_iter().zip([along_x, along_y, along_z]);
+    for ((a, b), part) in parts.take(link.n_axes) {
         pull(part, force, a, b);
     }
+}
+
+/// Positions and steps at the ends of a run of links, axis by axis, (n) each.
+struct Ends<'a> {
+    x: [[&'a [f64]; 2]; AXES_MAX],
+    d: [[&'a [f64]; 2]; AXES_MAX],
+}
+
+impl<'a> Ends<'a> {
+    /// Of `n` links whose first one joins these MATs. Along an axis that there is not their ends are at one place.
+    fn of(
+        n_axes: usize,
+        ends: &[(usize, usize); AXES_MAX],
+        [x, d]: [&'a [f64]; 2],
+        n: usize,
+    ) -> Self {
+        let at = |all: &'a [f64], axis: usize, is_one: bool| {
+            let (a, b) = ends[axis];
+            [a, if is_one { a } else { b }].map(|first| &all[first..][..n])
+        };
+        Self {
+            x: std::array::from_fn(|axis| at(x, axis, axis >= n_axes)),
+            d: std::array::from_fn(|axis| at(d, axis, false)),
+        }
+    }
+
+    /// The same values as slices of one length, so that the compiler drops bounds checks.
+    #[inline(always)]
+    fn cut(&self, n: usize) -> [[[&'a [f64]; 2]; AXES_MAX]; 2] {
+        [self.x, self.d].map(|all| all.map(|ends| ends.map(|all| &all[..n])))
+    }
+}
+
+/// Unit vector, distance − rest, and what the distance grows by a frame, of the i-th link.
+#[inline(always)]
+fn line([x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2], rest: f64, i: usize) -> ([f64; AXES_MAX], f64, f64) {
+    let apart = |[a, b]: [&[f64]; 2]| b[i] - a[i];
+    let [x, y, z] = [apart(x[0]), apart(x[1]), apart(x[2])];
+    let length = distance(x, y, z);
+    let inverse = inverse(length);
+    let along = [x * inverse, y * inverse, z * inverse];
+    let step = 0.0 + along[0] * apart(d[0]) + along[1] * apart(d[1]) + along[2] * apart(d[2]);
+    (along, length - rest, step)
 }
 
 /// Distance − rest [m] of a link whose rest length has grown by `memory` [m], which follows where it yields.
@@ -128,61 +158,57 @@ fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
 }
 
 wide! {
-    /// What the ends of links are apart along an axis.
-    fn apart(x: &[f64], ends: (usize, usize), apart: &mut [f64]) {
-        let n = apart.len();
-        let (xa, xb) = (&x[ends.0..][..n], &x[ends.1..][..n]);
-        for i in 0..n {
-            apart[i] = xb[i] - xa[i];
-        }
-    }
-}
-
-wide! {
-    /// Distances − rest from what ends are apart, which become unit vectors.
-    pub(super) fn lines(rest: f64, apart: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
-        let n = e.len();
-        let [x, y, z] = apart;
-        let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
-        for i in 0..n {
-            let length = distance(x[i], y[i], z[i]);
-            let inverse = inverse(length);
-            e[i] = length - rest;
-            x[i] *= inverse;
-            y[i] *= inverse;
-            z[i] *= inverse;
-        }
-    }
-}
-
-wide! {
-    /// Add what distances grow a frame by the motion along one axis.
-    fn grow(steps: (&[f64], &[f64]), along: &[f64], step: &mut [f64]) {
-        let n = step.len();
-        let (da, db, along) = (&steps.0[..n], &steps.1[..n], &along[..n]);
-        for i in 0..n {
-            step[i] += along[i] * (db[i] - da[i]);
-        }
-    }
-}
-
-wide! {
-    fn springs(by: [f64; 2], e: &[f64], step: &[f64], f: &mut [f64]) {
+    /// Forces of springs and their components; `by`: K, Z, rest, and how far open they are.
+    fn springs(
+        by: [f64; 4],
+        ends: &Ends<'_>,
+        f: &mut [f64],
+        x: &mut [f64],
+        y: &mut [f64],
+        z: &mut [f64],
+    ) {
         let n = f.len();
-        let [k, z] = by;
-        let (e, step) = (&e[..n], &step[..n]);
+        let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
+        let ends = ends.cut(n);
+        let [stiff, viscous, rest, open] = by;
         for i in 0..n {
-            f[i] = k * e[i] + z * step[i];
+            let (along, e, step) = line(&ends, rest, i);
+            let force = (stiff * e + viscous * step) * open;
+            f[i] = force;
+            x[i] = force * along[0];
+            y[i] = force * along[1];
+            z[i] = force * along[2];
         }
     }
 }
 
 wide! {
-    fn product(f: &[f64], along: &[f64], part: &mut [f64]) {
-        let n = part.len();
-        let (f, along) = (&f[..n], &along[..n]);
+    /// Distances − rest, what they grow by a frame, and unit vectors.
+    fn lines(
+        rest: f64,
+        ends: &Ends<'_>,
+        e: &mut [f64],
+        step: &mut [f64],
+        x: &mut [f64],
+        y: &mut [f64],
+        z: &mut [f64],
+    ) {
+        let n = e.len();
+        let (x, y, z, step) = (&mut x[..n], &mut y[..n], &mut z[..n], &mut step[..n]);
+        let ends = ends.cut(n);
         for i in 0..n {
-            part[i] = f[i] * along[i];
+            let along;
+            (along, e[i], step[i]) = line(&ends, rest, i);
+            [x[i], y[i], z[i]] = along;
+        }
+    }
+}
+
+wide! {
+    /// Components of forces from those of unit vectors.
+    fn scale(f: &[f64], along: &mut [f64]) {
+        for (along, f) in along.iter_mut().zip(f) {
+            *along *= f;
         }
     }
 }

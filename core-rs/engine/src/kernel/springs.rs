@@ -2,6 +2,7 @@
 //!
 //! The vector width is chosen once a pass, not once a run, since the runs of a mesh are short.
 
+use super::pull::add;
 use crate::maths::wide::wide;
 use crate::scheme::{Pull, Spring};
 
@@ -40,12 +41,7 @@ pub(crate) fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl 
         for (i, room) in room.iter_mut().enumerate() {
             *room = f(i);
         }
-        for (force, f) in force[a..][..len].iter_mut().zip(&*room) {
-            *force += f;
-        }
-        for (force, f) in force[b..][..len].iter_mut().zip(&*room) {
-            *force -= f;
-        }
+        add(room, force, a, b);
     }
 }
 

@@ -4,7 +4,8 @@ use std::hint::black_box;
 
 use proptest::prelude::*;
 
-use super::mats::move_all;
+use super::mats::{move_alike, move_alike_from, move_all, move_from};
+use super::pull::pull;
 use super::runs::{Ends, hardening, springs};
 use super::taps::sums;
 use crate::law::Law;
@@ -34,6 +35,48 @@ proptest! {
             prop_assert_eq!(steps[i].to_bits(), step.to_bits());
             prop_assert_eq!(moved[i].to_bits(), (x[i] + black_box(step)).to_bits());
         }
+    }
+
+    #[test]
+    fn masses_of_one_kind(
+        (force, x, d) in (0usize..70).prop_flat_map(|n| (numbers(n), numbers(n), numbers(n))),
+        one in prop::array::uniform4(-3.0f64..3.0),
+    ) {
+        let each = one.map(|one| vec![one; x.len()]);
+        let each: [&[f64]; 4] = std::array::from_fn(|i| &each[i][..]);
+        let (mut moved, mut steps) = (x.clone(), d.clone());
+        move_all(each, &force, &mut moved, &mut steps);
+        let truth = (bits(&moved), bits(&steps));
+        let from = [&x[..], &d[..]];
+        let ways: [&dyn Fn(&mut [f64], &mut [f64]) -> bool; 3] = [
+            &|moved, steps| move_alike(one, &force, moved, steps),
+            &|moved, steps| move_from(each, &force, from, moved, steps),
+            &|moved, steps| move_alike_from(one, &force, from, moved, steps),
+        ];
+        for way in ways {
+            let (mut moved, mut steps) = (x.clone(), d.clone());
+            prop_assert!(way(&mut moved, &mut steps));
+            prop_assert_eq!(&(bits(&moved), bits(&steps)), &truth);
+        }
+    }
+
+    /// At a MAT at both ends the end a is added first, however far the ends are apart.
+    #[test]
+    fn pulls(
+        f in (0usize..70).prop_flat_map(numbers),
+        start in numbers(160),
+        (a, b) in (0usize..90, 0usize..90),
+    ) {
+        let mut plain = start.clone();
+        for (i, f) in f.iter().enumerate() {
+            plain[a + i] = black_box(plain[a + i] + f);
+        }
+        for (i, f) in f.iter().enumerate() {
+            plain[b + i] = black_box(plain[b + i] - f);
+        }
+        let mut force = start;
+        pull(&f, &mut force, a, b);
+        prop_assert_eq!(bits(&force), bits(&plain));
     }
 
     #[test]

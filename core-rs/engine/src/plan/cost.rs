@@ -4,7 +4,7 @@ use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
 use crate::island::slow::Slow;
-use crate::network::{Contact, LinkKind, Network, Pairwise, Run, SpaceLaw, SpaceLink};
+use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::mesh::LADDER;
@@ -53,7 +53,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
                 Costs::of("pairwise") * friction_factor(pairs)
             }
             LinkKind::Pairwise(pairs) => {
-                pairs.n_first as f64 * Costs::of("pairwise_wall") * friction_factor(pairs)
+                pairs.n_first as f64 * wall_cost(pairs) * friction_factor(pairs)
             }
             LinkKind::Ref if run.len > 1 => Costs::of("link"),
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
@@ -72,6 +72,16 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
         return ns;
     }
     ns + Costs::of("hand") * timeline.keys.len() as f64
+}
+
+/// What a wall costs for each point [ns]; a surface as if all points lay on it.
+fn wall_cost(pairs: &Pairwise) -> f64 {
+    match &pairs.link.measure {
+        Measure::Surface(facets) => {
+            Costs::of("surface") + facets.crowding() * Costs::of("surface_triangle")
+        }
+        _ => Costs::of("pairwise_wall"),
+    }
 }
 
 /// How many times as much contacts with friction cost: 1.9 in a heap of 1,000 grains.
@@ -201,6 +211,7 @@ mod tests {
 
     use super::*;
     use crate::law::Law;
+    use crate::network::Facets;
 
     #[test]
     fn every_line_is_a_cost() {
@@ -224,5 +235,65 @@ mod tests {
         let one = lone_laws_cost(&network);
         network.lnl("b", 2, 3, law, 0.0).unwrap();
         assert!(one > 10.0 && lone_laws_cost(&network) == 2.0 * one);
+    }
+
+    /// What stepping costs with 50 points before a wall [ns].
+    fn walled(measure: Measure) -> f64 {
+        use crate::network::{PairLaw, PointGroup, SpacePoint, SpacePoints};
+        let mut network = Network::new();
+        let mut points = |name: &str, n: usize| {
+            let points = SpacePoints {
+                n_axes: 3,
+                masses: &vec![1e-3; n],
+                x0: &vec![0.0; 3 * n],
+                v0: &vec![0.0; 3 * n],
+                z: 0.0,
+            };
+            let first = network.points(name, n > 1, points).unwrap();
+            PointGroup {
+                first: SpacePoint::strided(first, n),
+                n,
+            }
+        };
+        let groups = [points("wall", 1), points("m", 50)];
+        let (exponent, clamp) = (1.0, false);
+        let law = PairLaw::smooth(measure, SpaceLaw::Contact { exponent, clamp });
+        let numbers = [500.0, 0.0, 0.01];
+        network.pairwise("walls", groups, 3, law, numbers).unwrap();
+        stepped_cost(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
+    }
+
+    #[test]
+    fn a_surface_costs_more_the_finer_it_is() {
+        // A square of 1 m² as so many squares each way.
+        let square = |n: u32| {
+            let place = |i: u32| f64::from(i) / f64::from(n);
+            let corners = (0..=n).flat_map(|y| (0..=n).map(move |x| [place(x), place(y), 0.0]));
+            let corner = |x: u32, y: u32| y * (n + 1) + x;
+            let halves = (0..n)
+                .flat_map(|y| (0..n).map(move |x| (x, y)))
+                .flat_map(|(x, y)| {
+                    let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
+                        .map(|(right, up)| corner(x + right, y + up));
+                    [[a, b, c], [b, c, d]]
+                });
+            let (corners, triangles): (Vec<_>, Vec<_>) = (corners.collect(), halves.collect());
+            let facets = Facets::new(&corners, &triangles, 0.01).unwrap();
+            (
+                facets.crowding(),
+                walled(Measure::Surface(Arc::new(facets))),
+            )
+        };
+        let plane = walled(Measure::Plane([0.0, 0.0, 1.0]));
+        let (few, coarse) = square(1);
+        let (many, fine) = square(60);
+        assert!(
+            (1.0..1.2).contains(&few) && (7.0..40.0).contains(&many),
+            "{few} {many}"
+        );
+        let each = Costs::of("surface") - Costs::of("pairwise_wall");
+        let own = |crowding: f64| 50.0 * (each + crowding * Costs::of("surface_triangle"));
+        assert!((coarse - plane - own(few)).abs() < 1e-6);
+        assert!((fine - plane - own(many)).abs() < 1e-6);
     }
 }

@@ -28,6 +28,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         w: vec![0.0; n],
         ground: mats.k.clone(),
         rest: mats.rest.clone(),
+        alike: Vec::new(),
         weight: mats.weight.clone(),
         part: mats.part.clone(),
         proxies: network.proxies().to_vec(),
@@ -197,6 +198,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     scheme.exact_coupled = ends
         .windows(2)
         .any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0);
+    scheme.alike = scheme.stretches();
     Ok(scheme)
 }
 

@@ -293,3 +293,60 @@ fn a_row_at_rest_makes_no_energy() {
     let simulation = run(network, RATE, 100_000);
     assert!(simulation.gains().is_empty(), "{:?}", simulation.gains());
 }
+
+/// Springs in one pass, springs that never yield, which go in a pass for each operation, and springs one by one.
+#[test]
+fn runs_of_springs_have_the_bits_of_single_ones() {
+    const N: usize = 131;
+    let endless = SpaceLaw::Yielding {
+        yields: f64::INFINITY,
+        breaks: f64::INFINITY,
+    };
+    for n_axes in [2, 3] {
+        // Ends that overlap, that do not, and that go backwards; no point is pulled by more than two springs.
+        for (a, b, n) in [
+            (0, 1, 100),
+            (0, 40, 40),
+            (50, 0, 50),
+            (60, 10, 70),
+            (3, 90, 9),
+        ] {
+            let paths = [
+                (SpaceLaw::Spring, n),
+                (endless.clone(), n),
+                (SpaceLaw::Spring, 1),
+            ]
+            .map(|(law, len)| {
+                let mut network = Network::new();
+                network.part("p", None);
+                let at = |axis: usize, i: usize| match axis {
+                    0 => 1e-2 * i as f64,
+                    _ => 1e-3 * sin((axis * N + i) as f64),
+                };
+                let x0 = (0..n_axes * N).map(|mat| at(mat / N, mat % N));
+                let x0: Vec<f64> = x0.collect();
+                let points = SpacePoints {
+                    n_axes,
+                    masses: &[1e-3; N],
+                    x0: &x0,
+                    v0: &x0.iter().map(|x| 0.3 * x).collect::<Vec<f64>>(),
+                    z: 0.0,
+                };
+                let first = network.points("m", true, points).unwrap();
+                let numbers = [300.0, 0.02, 8e-3];
+                for i in (0..n).step_by(len) {
+                    let ends = [a, b].map(|end| SpacePoint::strided(first + end + i, N));
+                    let name = format!("l{i}");
+                    network
+                        .space_links(&name, ends.into(), len, n_axes, law.clone(), numbers)
+                        .unwrap();
+                }
+                run(network, RATE, 200).positions()
+            });
+            let [fused, passes, single] =
+                paths.map(|path| path.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+            assert!(fused == passes, "{n_axes} axes, {a} {b} {n}: passes");
+            assert!(fused == single, "{n_axes} axes, {a} {b} {n}: one by one");
+        }
+    }
+}

@@ -1,11 +1,10 @@
 //! Pairs of points that touch, a batch at a time: found without branches, their directions and forces computed in
 //! vectors, and added to their points one after the other.
 
-use super::super::space::lines;
 use super::contact::Contact;
 use super::{Pair, Quad};
 use crate::maths::wide::wide;
-use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference};
+use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, distance, inverse};
 use crate::state::ContactHistory;
 
 /// Pairs of a batch: its numbers stay in the nearest cache.
@@ -138,6 +137,23 @@ impl Batch {
             kept += 1;
         }
         kept
+    }
+}
+
+wide! {
+    /// Distances − rest from what ends are apart, which become unit vectors.
+    fn lines(rest: f64, apart: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
+        let n = e.len();
+        let [x, y, z] = apart;
+        let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
+        for i in 0..n {
+            let length = distance(x[i], y[i], z[i]);
+            let inverse = inverse(length);
+            e[i] = length - rest;
+            x[i] *= inverse;
+            y[i] *= inverse;
+            z[i] *= inverse;
+        }
     }
 }
 

@@ -91,10 +91,12 @@ fn look(run: &PairRun, first: usize, x: &[f64], seen: &mut [bool]) {
         Measure::Plane([nx, ny, nz]) => {
             below([*nx, *ny, nz * is_deep], run.rest, wall, points, seen);
         }
-        Measure::Distance => within(square * (1.0 + HAIR), is_deep, wall, points, seen),
+        Measure::Distance => {
+            beside(1.0, square * (1.0 + HAIR), is_deep, wall, points, seen);
+        }
         // Below 0 a distance is: a rest above 0 closes it everywhere.
         Measure::Within if run.rest < 0.0 => {
-            beyond(square * (1.0 - HAIR), is_deep, wall, points, seen);
+            beside(-1.0, square * (1.0 - HAIR), is_deep, wall, points, seen);
         }
         Measure::Within => seen.fill(true),
         Measure::Surface(facets) => inside(facets.bounds(), wall, points, seen),
@@ -122,8 +124,9 @@ wide! {
 }
 
 wide! {
-    /// Which points are nearer than √`square`, or are not a number.
-    fn within(
+    /// Which points are nearer than √`square`, or, where `side` is −1 instead of 1, farther; or are not a number.
+    fn beside(
+        side: f64,
         square: f64,
         is_deep: f64,
         wall: [f64; AXES_MAX],
@@ -132,29 +135,11 @@ wide! {
     ) {
         let n = seen.len();
         let [x, y, z] = points.map(|one| &one[..n]);
+        let limit = side * square;
         for i in 0..n {
             let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], is_deep * (z[i] - wall[2])];
-            let is_far = x * x + y * y + z * z >= square;
-            seen[i] = !is_far;
-        }
-    }
-}
-
-wide! {
-    /// Which points are farther than √`square`, or are not a number.
-    fn beyond(
-        square: f64,
-        is_deep: f64,
-        wall: [f64; AXES_MAX],
-        points: [&[f64]; AXES_MAX],
-        seen: &mut [bool],
-    ) {
-        let n = seen.len();
-        let [x, y, z] = points.map(|one| &one[..n]);
-        for i in 0..n {
-            let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], is_deep * (z[i] - wall[2])];
-            let is_near = x * x + y * y + z * z < square;
-            seen[i] = !is_near;
+            let is_off = side * (x * x + y * y + z * z) >= limit;
+            seen[i] = !is_off;
         }
     }
 }

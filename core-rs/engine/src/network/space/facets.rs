@@ -90,6 +90,16 @@ impl Facets {
         self.bounds
     }
 
+    /// How many triangles a place that may touch the surface is near, on average.
+    pub(crate) fn crowding(&self) -> f64 {
+        let n_cells = self
+            .begins
+            .windows(2)
+            .filter(|pair| pair[0] < pair[1])
+            .count();
+        self.members.len() as f64 / n_cells.max(1) as f64
+    }
+
     /// How far a place is from the surface, and the direction away from it: endless where it is not seen.
     pub(crate) fn nearest(&self, place: Vector) -> (f64, Vector) {
         let mut least = f64::INFINITY;
