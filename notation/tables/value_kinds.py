@@ -65,6 +65,17 @@ def integer(low: int, high: int, example: str) -> Text:
     return Text(parse, words, f"^{_NUMBER}$", is_value=True)
 
 
+def integer_or(word: str, low: int, high: int, example: str) -> Text:
+    """A whole number, or a word."""
+    number = integer(low, high, example)
+    return Text(
+        lambda text: word if text.strip() == word else number.parse(text),
+        f"{number.what}, or {word}",
+        f"^({(number.pattern or '')[1:-1]}|{word})$",
+        is_value=True,
+    )
+
+
 def count_or_size(low: int, high: int, words: str) -> Text:
     """A whole number of masses as an int, or a length with its unit as metres."""
 
