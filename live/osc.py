@@ -87,7 +87,7 @@ class Osc:
             return performance.tell(input_number(name), value) is not None
 
         told = ToldInputs(tell)
-        asked = table(performance, stage, gain, stop, told, self._command)
+        asked = table(performance, stage, gain, stop, told.of, self._command)
         self.serve(asked, lambda send: OscTeller(performance, stage, start, send), told)
 
     def serve(self, asked: Table, teller: Callable[[Send], OscTeller], told: ToldInputs) -> None:

@@ -11,7 +11,6 @@ from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module
-    from ergon.live.osc_values import ToldInputs
     from ergon.scores.reading.piece import Piece, TakeFile
     from ergon.scores.staging.stage import Stage
 
@@ -47,10 +46,11 @@ def table(
     stage: Stage,
     gain: float,
     stop: Callable[[], None],
-    told: ToldInputs,
+    told: Callable[[str], Handler],
     command: Command = no_session,
 ) -> dict[str, Handler]:
-    """Address → function of its arguments. `gain` is the ratio that 0 dB stands for."""
+    """Address → function of its arguments. `gain` is the ratio that 0 dB stands for; `told` are
+    the functions of inputs, by their names."""
     parts = stage.listening.parts()
     groups = {name: group for group, name in enumerate(parts)}
 
@@ -71,7 +71,7 @@ def table(
             f"/ergon/player/{player}/gain": level_of(of(mine)) if mine else _shared(player)
             for player, mine in owned.items()
         },
-        **{f"/ergon/input/{name}": told.of(name) for name in inputs},
+        **{f"/ergon/input/{name}": told(name) for name in inputs},
     }
 
 

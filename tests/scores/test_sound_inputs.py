@@ -100,7 +100,7 @@ def test_values_by_osc_glide_and_have_no_filter(own_folder: Path):
         ("input: osc, gain: 2N, highpass: 9Hz", "E111", "an input by OSC has no highpass"),
         ("input: osc, gain: 2N, glide: 61s", "E202", "the longest glide is 60 s"),
         ("input: osc", "E103", "no 'gain'"),
-        ("input: osk, gain: 1N", "E201", "or osc"),
+        ("input: osk, gain: 1N", "E201", "neither a whole number nor osc"),
     ],
 )
 def test_what_an_input_cannot_be_is_told(own_folder: Path, fields: str, code: str, words: str):

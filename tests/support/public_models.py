@@ -47,8 +47,8 @@ def signals(text: str, names: tuple[str, ...], n_frames: int) -> Signals:
     }
     found = {}
     for name in names:
-        word = re.search(rf"@{name}\s+(posInput|frcInput)", text)
-        found[name] = np.float64(np.float32(of[word[1] if word else ""]))
+        word = re.search(rf"@{name}\s+(posInput|frcInput)|port\(\),\s*{name}\b", text)
+        found[name] = np.float64(np.float32(of[word[1] or "posInput" if word else ""]))
     return found
 
 
@@ -66,8 +66,6 @@ def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, f
     text = text_of(path)
     made = _read(path, options, fallback)
     n_frames = round(seconds * RATE)
-    if made.dialect == "sam":
-        return "sam", sam_off(text, seconds)
     if made.dialect == "miphysics":
         return "miphysics", miphysics_off(text, n_frames)
     if made.dialect == "pmpd" or made.dialect == "pmpd~":
@@ -75,6 +73,8 @@ def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, f
     fed = signals(text, made.unfed, n_frames)
     for name, samples in fed.items():
         soundfile.write(f"{name}.wav", samples, RATE, subtype="FLOAT")
+    if made.dialect == "sam":
+        return "sam", sam_off(text, seconds, fed)
     inputs = {name: f"{name}.wav" for name in fed}
     made = _read(path, replace(options, inputs=inputs), fallback)
     exact = mims.played(text, made.dialect, seconds, fallback.laws, inputs=fed)
