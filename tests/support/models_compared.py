@@ -72,13 +72,20 @@ def pmpd_score(text: str, kind: Object | None = None) -> str:
     return pmpd_written(network(found, messages), {}, "a list")
 
 
-def pmpd_off(text: str, kind: Object, n_frames: int) -> float:
-    """The largest error of all that a list lets be heard."""
+def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats] = {}) -> float:
+    """The largest error of all that a list lets be heard.
+
+    What goes into `inlets` (in0 …) of pmpd~ stands in files of their names too.
+    """
     if kind == "pmpd~":
-        exact = pmpd.audio(text, n_frames)
+        found, messages = pmpd_messages(text, kind)
+        inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in inlets.items()}
+        score = pmpd_written(network(found, messages), inputs, "a list")
+        fed = {int(name[2:]): x for name, x in inlets.items()}
+        exact = pmpd.audio(text, n_frames, fed)
         assert np.ptp(exact, axis=0).min() > 1e-3, "nothing moves"
         # The score begins with what the object begins with.
-        return off(rendered(pmpd_score(text, kind), (n_frames + 1) / RATE)[1:], exact)
+        return off(rendered(score, (n_frames + 1) / RATE)[1:], exact)
     made = network(*pmpd_messages(text, kind))
     heard = [at for one in made.asked for at in one.masses]
     exact = pmpd.bangs(text, n_frames)[:, heard]

@@ -43,12 +43,13 @@ def signals(text: str, names: tuple[str, ...], n_frames: int) -> Signals:
     of = {
         "posInput": 0.01 * np.sin(2 * np.pi * 9.0 * t) ** 2,
         "frcInput": 1e-4 * np.sin(2 * np.pi * 300.0 * t),
-        "": 0.5 - 0.4 * np.cos(2 * np.pi * 3.0 * t),
+        "audioParam": 0.5 - 0.4 * np.cos(2 * np.pi * 3.0 * t),
     }
     found = {}
     for name in names:
-        word = re.search(rf"@{name}\s+(posInput|frcInput)|port\(\),\s*{name}\b", text)
-        found[name] = np.float64(np.float32(of[word[1] or "posInput" if word else ""]))
+        said = re.search(rf"(audioParam)\s+@?{name}\b|@{name}\s+(\w+)", text)
+        word = said[1] or said[2] if said else "posInput"  # of ports and inlets
+        found[name] = np.float64(np.float32(of[word]))
     return found
 
 
@@ -68,11 +69,11 @@ def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, f
     n_frames = round(seconds * RATE)
     if made.dialect == "miphysics":
         return "miphysics", miphysics_off(text, n_frames)
-    if made.dialect == "pmpd" or made.dialect == "pmpd~":
-        return made.dialect, pmpd_off(text, made.dialect, n_frames)
     fed = signals(text, made.unfed, n_frames)
     for name, samples in fed.items():
         soundfile.write(f"{name}.wav", samples, RATE, subtype="FLOAT")
+    if made.dialect == "pmpd" or made.dialect == "pmpd~":
+        return made.dialect, pmpd_off(text, made.dialect, n_frames, fed)
     if made.dialect == "sam":
         return "sam", sam_off(text, seconds, fed)
     inputs = {name: f"{name}.wav" for name in fed}
