@@ -59,7 +59,7 @@ def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> floa
     for at, name in enumerate(links, len(masses)):
         # A force is heard a sample early; strikes of the first sample are no force of a link.
         errors.append(off(sound[1:-1, at], exact[name][2:]))
-    assert max(np.ptp(exact[name]) for name in masses) > 1e-5, "nothing moves"
+    assert max(np.ptp(exact[name]) for name in (*masses, *links)) > 1e-5, "nothing moves"
     return max(errors)
 
 

@@ -29,11 +29,12 @@ from ergon.api.model import ImportedModel, ModelOptions, import_model
 from ergon.common.errors import ErgonError
 from ergon.models.errors import DialectError, ModelError
 from ergon.models.mims.reading import text_of
+from ergon.models.pmpd.reading import is_list
 from ergon.scores.staging.stage import StageError
 
 RATE = mims.RATE
 AGREES = 1e-5  # -100 dB
-ENDS = (".mdl", ".dsp", ".xml", ".txt")
+ENDS = (".mdl", ".dsp", ".xml")
 Signals = Mapping[str, NDArray[np.float64]]
 
 
@@ -99,7 +100,10 @@ def _said(do: Callable[[], tuple[str, float]]) -> tuple[str, str]:
 
 def _models(folders: list[str]) -> Iterator[Path]:
     for folder in folders:
-        yield from sorted(one for one in Path(folder).resolve().rglob("*") if one.suffix in ENDS)
+        for path in sorted(Path(folder).resolve().rglob("*")):
+            is_text = path.suffix == ".txt" and is_list(path.read_text(errors="replace"))
+            if path.suffix in ENDS or is_text:
+                yield path
 
 
 def main(arguments: list[str]) -> None:
