@@ -69,7 +69,8 @@ def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, f
     made = _read(path, options, fallback)
     n_frames = round(seconds * RATE)
     if made.dialect == "miphysics":
-        return "miphysics", miphysics_off(text, n_frames)
+        # Where links turn, dampers of a score feel the step along the line.
+        return "miphysics", miphysics_off(text, n_frames, along=True)
     fed = signals(text, made.unfed, n_frames)
     for name, samples in fed.items():
         soundfile.write(f"{name}.wav", samples, RATE, subtype="FLOAT")
