@@ -18,7 +18,7 @@ from ergon.models.miphysics.reading import is_model as is_miphysics
 from ergon.models.miphysics.reading import parse as miphysics_network
 from ergon.models.miphysics.score import RATES
 from ergon.models.miphysics.score import written as miphysics_written
-from ergon.models.page import RATE, Input
+from ergon.models.page import OSC, RATE, Input
 from ergon.models.pmpd.interpreter import network
 from ergon.models.pmpd.reading import is_list
 from ergon.models.pmpd.reading import parse as pmpd_messages
@@ -43,7 +43,7 @@ class ModelOptions:
     `dialect`: "v1" (MIMS), "v2" (mi-gen), "pmpd" or "pmpd~" (messages to an object of Pure Data),
     "sam" (Synth-A-Modeler), "miphysics" (its XML); without it the one that reads the model. `laws`:
     "head", as mi-gen has them today, or "2019". `values` of parameters, `inputs` as WAV files of
-    44,100 Hz, both by name; miPhysics has the value `rate` [Hz].
+    44,100 Hz or "osc", both by name; miPhysics has the value `rate` [Hz].
     """
 
     dialect: Language | None = None
@@ -205,7 +205,9 @@ def _sense(model: Model, laws: Laws) -> str:
 
 
 def _input(name: str, file: str | Path, beside: str | Path) -> Input:
-    """A file of one channel at the rate of models, named from a folder. Raises OptionError."""
+    """A file of one channel at the rate of models, or OSC. Raises OptionError."""
+    if file == "osc":
+        return OSC
     from ergon.exchange.sound import read_blocks, read_info
     from ergon.exchange.wave_header import NotWaveError
 

@@ -319,12 +319,13 @@ def _hearing(loaded: Loaded, options: RenderOptions) -> Loaded:
         return loaded
     piece = scores.piece_of(loaded)
     path = Path(options.input)
-    if not any(take.input for take in piece.takes.values()):
+    heard = {name for name, take in piece.takes.items() if take.input and take.input.channel}
+    if not heard:
         raise OptionError("input", "this score has no inputs; leave the option out")
     if path.suffix.lower() != ".wav" or not path.is_file():
         raise OptionError("input", "this is not a .wav file that exists", value=str(path))
     takes = {
-        name: take if take.input is None else replace(take, path=path, channel=None)
+        name: replace(take, path=path, channel=None) if name in heard else take
         for name, take in piece.takes.items()
     }
     return replace(loaded, piece=replace(piece, takes=takes))

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     "inputs",
     metavar="in1=FILE.wav",
     multiple=True,
-    help="What feeds an input: one channel at 44,100 Hz. Without it the input is 0.",
+    help="What feeds an input: one channel at 44,100 Hz, or osc. Without it the input is 0.",
 )
 @options.force
 @options.speaking
@@ -65,7 +65,7 @@ def import_command(
     target = output or f"{Path(model).stem}.yaml"
     check_stdout(target, is_json=console.json)
     files = _pairs("--input", inputs)
-    read = [Path(model), *(Path(file) for file in files.values())]
+    read = [Path(model), *(Path(file) for file in files.values() if file != "osc")]
     check_target(Path(target), force=force, inputs=read)
     asked = ModelOptions(dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files)
     beside = Path() if target == "-" else Path(target).parent

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.common.errors import ErgonError
+from ergon.scores.staging.stage import input_number
 
 from .datagrams import MOST, MalformedDatagramError, messages, require_python_osc, written
 from .osc_in import OscRequestError, no_session, table
 from .osc_out import OscTeller
+from .osc_values import ToldInputs
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
@@ -68,6 +70,7 @@ class Osc:
         self._asking: tuple[object, ...] = ()
         self._table: Table = {}
         self._teller: OscTeller | None = None
+        self._told: ToldInputs | None = None
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -80,12 +83,17 @@ class Osc:
             self.stopped = True
             performance.stop()
 
-        asked = table(performance, stage, gain, stop, self._command)
-        self.serve(asked, lambda send: OscTeller(performance, stage, start, send))
+        def tell(name: str, value: float) -> bool:
+            return performance.tell(input_number(name), value) is not None
 
-    def serve(self, asked: Table, teller: Callable[[Send], OscTeller]) -> None:
-        """Do what a table of addresses says, and send what a teller tells."""
-        self._table = asked
+        told = ToldInputs(tell)
+        asked = table(performance, stage, gain, stop, told.of, self._command)
+        self.serve(asked, lambda send: OscTeller(performance, stage, start, send), told)
+
+    def serve(self, asked: Table, teller: Callable[[Send], OscTeller], told: ToldInputs) -> None:
+        """Do what a table of addresses says, tell inputs their values, and send what a teller
+        tells."""
+        self._table, self._told = asked, told
         self._teller = teller(self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
@@ -126,6 +134,9 @@ class Osc:
             if time.monotonic() >= due:
                 due = max(due + _TURN, time.monotonic())
                 self._tell()
+                if self._told is not None:
+                    with contextlib.suppress(_core.EngineError):
+                        self._told.turn()
 
     def _tell(self) -> None:
         if self._teller is not None:

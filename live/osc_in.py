@@ -11,7 +11,7 @@ from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module
-    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.piece import Piece, TakeFile
     from ergon.scores.staging.stage import Stage
 
     Handler = Callable[[Sequence[object]], None]
@@ -46,9 +46,11 @@ def table(
     stage: Stage,
     gain: float,
     stop: Callable[[], None],
+    told: Callable[[str], Handler],
     command: Command = no_session,
 ) -> dict[str, Handler]:
-    """Address → function of its arguments. `gain` is the ratio that 0 dB stands for."""
+    """Address → function of its arguments. `gain` is the ratio that 0 dB stands for; `told` are
+    the functions of inputs, by their names."""
     parts = stage.listening.parts()
     groups = {name: group for group, name in enumerate(parts)}
 
@@ -57,6 +59,7 @@ def table(
         return lambda ratio: _heeded([performance.part_gain(group, ratio) for group in mine])
 
     owned = alone(stage.piece, parts)
+    inputs = (name for name, take in stage.piece.takes.items() if is_told(take))
     return {
         "/ergon/cmd": text_of(command),
         "/ergon/panic": pressed(performance.panic),
@@ -68,7 +71,13 @@ def table(
             f"/ergon/player/{player}/gain": level_of(of(mine)) if mine else _shared(player)
             for player, mine in owned.items()
         },
+        **{f"/ergon/input/{name}": told(name) for name in inputs},
     }
+
+
+def is_told(take: TakeFile) -> bool:
+    """Whether the values of a take come by OSC."""
+    return take.input is not None and take.input.channel is None
 
 
 def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
@@ -141,6 +150,22 @@ def decibels(act: Callable[[float], object]) -> Handler:
         if level > _LOUDEST:
             raise OscRequestError(f"{level:.4g} dB is above the highest level, {_LOUDEST:g} dB")
         act(float(level))
+
+    return ask
+
+
+def number_of(act: Callable[[float], object]) -> Handler:
+    """A number; acts on it."""
+
+    def ask(arguments: Sequence[object]) -> None:
+        value = arguments[0] if len(arguments) == 1 else None
+        try:
+            number = float(value) if isinstance(value, int | float) else math.nan
+        except OverflowError:
+            number = math.nan
+        if isinstance(value, bool) or not math.isfinite(number):
+            raise OscRequestError("the argument has to be one finite number; 1 is full scale")
+        act(number)
 
     return ask
 

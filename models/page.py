@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ergon.common.terminal import printable
@@ -33,12 +33,12 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A file that feeds an input: its first samples, and the least and the most of all.
+    """What feeds an input, a file or OSC: its first samples, and the least and the most of all.
 
-    `trim` is the part of it that is used, as a take says it.
+    `trim` is the part of the file that is used, as a take says it. OSC has no `file`.
     """
 
-    file: str
+    file: str | None
     first: float
     second: float = 0.0
     least: float = 0.0
@@ -46,8 +46,16 @@ class Input:
     n_frames: int = 0
     trim: str = ""
 
-    def take(self, name: str) -> Line:
-        """The file as a take."""
+    @property
+    def start(self) -> str:
+        """When an ENX or ENF begins that it drives, as a further field."""
+        return "" if self.file is None else ", at: 0s"
+
+    def take(self, name: str, unit: str) -> Line:
+        """The input as a take; 1 by OSC is 1 of a unit."""
+        if self.file is None:
+            comment = f"/ergon/input/{name} VALUE, from -1 to 1"
+            return Line(name, f"{{input: osc, gain: 1{unit}}}", comment)
         trim = f", trim: {self.trim}" if self.trim else ""
         return Line(name, f"{{file: {json.dumps(self.file, ensure_ascii=False)}{trim}}}")
 
@@ -76,6 +84,7 @@ class Page:
     n_channels: int = 0  # at least, where one of them is silent
     parameters: Iterable[Line] = ()
     inputs: Mapping[str, Input] = field(default_factory=dict)  # by their names
+    pushes: Collection[str] = ()  # the inputs that are forces
     tail: Iterable[str] = ()  # comments behind the modules
     before_strikes: Iterable[str] = ()  # comments
     strikes: Sequence[Line] = ()
@@ -89,7 +98,10 @@ class Page:
         yield "ergon: 1"
         yield f"rates: {{audio: {RATE}Hz}}"
         yield from _block("let:", self.parameters)
-        yield from _block("takes:", (one.take(name) for name, one in self.inputs.items()))
+        takes = (
+            (name, one, "N" if name in self.pushes else "m") for name, one in self.inputs.items()
+        )
+        yield from _block("takes:", (one.take(name, unit) for name, one, unit in takes))
         yield "instruments:"
         yield "  model:"
         yield "    units: ca"
@@ -110,6 +122,10 @@ class Page:
             yield f"    - {row}{behind(out.comment)}"
         yield "accuracy: {method: ca, guard: off}"
         yield "render: {bits: float, tail: 10s}"
+
+
+# What OSC feeds: at rest until the first value, and within full scale.
+OSC = Input(None, 0.0, least=-1.0, most=1.0)
 
 
 def gain(factor: float) -> str:

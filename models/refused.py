@@ -7,6 +7,7 @@ REFUSED = {
         "M is {value:g} in the first sample or later, and a mass is above 0; "
         "M follows a signal, which --input NAME=FILE.wav feeds"
     ),
+    "many signals": "{count} values follow signals, and of a law of a score at most {most} do",
     "two signals": "{what}: {text} follows two signals; a value of a score follows one",
     "curved": "{what}: {text} is not a straight line of its signal, as a value of a score must be",
     "macro force": "the force at a point of a macro is 0 at all times; remove this output",

@@ -28,7 +28,7 @@ def kick(law: Link, values: Mapping[str, float], a: Begin, b: Begin) -> float:
 
     `values` are those of the statement.
     """
-    d = b.x - a.x - values.get("thresh", 0.0)
+    d = b.x - a.x - (0.0 if "thresh" in law.fields else values.get("thresh", 0.0))
     step, jump = b.step - a.step, b.jump - a.jump
     if law.kind == "LNL":
         constants = {letter: values.get(name, 0.0) for letter, name in law.fields.items()}

@@ -6,8 +6,9 @@ the law and holds an expression of the model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 Laws = Literal["2019", "head"]
@@ -102,9 +103,34 @@ _FOLLOWABLE = {
 }
 
 
-def followable(law: Link) -> Link:
-    """The same as a law whose constants may follow a signal."""
-    return _FOLLOWABLE.get(law.kind, law)
+# Words of which K, Q and lim say which law holds: all of their laws in one, for the time being.
+_CHANGING = {
+    "nlSpringDamper": _lnl(
+        "where(q*d*d <= where(q > 0, lim - k, 0), d*(k + q*d*d), lim*d)",
+        "where(q*d*d <= lim - k, z*v, where(lim > k, (z + 0.3*lim)*v, z*v))",
+        "K Q lim Z",
+    ),
+    "nlContact": _lnl(
+        "where(d < 0, where(q*d*d <= max(lim - k, 0), d*(k + q*d*d), max(k, lim)*d), 0)",
+        "where(d < 0, z*v, 0)",
+        "K Q lim Z",
+        "thresh",
+        False,
+    ),
+}
+_D = re.compile(r"\bd\b")
+
+
+def followable(keyword: str, law: Link, led: Collection[str]) -> Link:
+    """The same as a law of which these values may follow a signal."""
+    law = _FOLLOWABLE.get(law.kind, law)
+    if keyword in _CHANGING and not {"K", "Q", "lim"}.isdisjoint(led):
+        law = _CHANGING[keyword]
+    if law.rest in led:
+        fields = {**law.fields, law.rest: law.rest}
+        law_text, damping = (_D.sub(f"(d - {law.rest})", text) for text in (law.law, law.damping))
+        law = replace(law, fields=fields, law=law_text, damping=damping, rest="")
+    return law
 
 
 def which(keyword: str, values: Mapping[str, float]) -> str:

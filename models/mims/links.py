@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import combinations
 
+from ergon.instruments.following import MOST
 from ergon.models.errors import ModelError
 from ergon.models.mims.kicks import Begin, kick
 from ergon.models.mims.laws import LINKS, Link, followable, which
@@ -25,8 +26,8 @@ def link(own: Writing, one: Statement, heard: Mapping[int, str]) -> None:
     values = {name: value_of(own, one, name) for name in one.values}
     law = _law(own, one, values)
     ends_of = [points(own, one, point) for point in one.points]
-    signed = ["K", "Z"] if law.kind != "LNL" else ["Q"] if "sqrt" in law.law else []
-    signed += [name for name in ("K", "Z") if name in values and values[name].along]
+    signed = ["K", "Z"] if law.kind != "LNL" else ["Q"] if "q*d*d" in law.law else []
+    signed += [name for name in ("K", "Z", "lim") if name in values and values[name].along]
     for name in signed:
         not_negative(values.get(name, _NONE), name, one.line)
     if "scale" in values and values["scale"].least <= 0.0:
@@ -77,13 +78,13 @@ def _law(own: Writing, one: Statement, values: Mapping[str, Value]) -> Link:
         return LINKS[own.laws][which(one.keyword, firsts)]
     # A value is above 0 somewhere, or it would follow nothing.
     most = {name: value.most for name, value in values.items()}
-    law = followable(LINKS[own.laws][which(one.keyword, most)])
-    for name in led:
-        is_clipped = "sqrt" in law.law and name != "Z"  # which law holds would change too
-        if name in (law.rest, "smooth") or is_clipped:
-            message = REFUSED["signal"].format(name=quote(one.values[name]), value=name)
-            raise ModelError(message, one.line)
-    return law
+    if "smooth" in led:  # which law holds would change too
+        message = REFUSED["signal"].format(name=quote(one.values["smooth"]), value="smooth")
+        raise ModelError(message, one.line)
+    if len(led) > MOST:
+        message = REFUSED["many signals"].format(count=len(led), most=MOST)
+        raise ModelError(message, one.line)
+    return followable(one.keyword, LINKS[own.laws][which(one.keyword, most)], led)
 
 
 def _fields(own: Writing, law: Link, values: Mapping[str, Value], share: str) -> list[str]:

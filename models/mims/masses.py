@@ -26,7 +26,8 @@ def push(own: Writing, one: Statement) -> None:
         if one.name in own.inputs:
             name = own.names.new(f"{one.name}_push")
             scale = "" if share == 1.0 else f", scale: {share!r}"
-            own.add(name, f"ENF: {{to: {target}, from: {one.name}, at: 0s{scale}}}")
+            start = own.inputs[one.name].start
+            own.add(name, f"ENF: {{to: {target}, from: {one.name}{start}{scale}}}")
 
 
 def not_negative(value: Value, name: str, line: int) -> None:

@@ -69,6 +69,7 @@ def _page(own: Writing, title: str) -> Page:
         ],
         parameters=[Line(own.params.of[name], number(value)) for name, value in params.items()],
         inputs={name: own.inputs[name] for name in fed} | own.takes,
+        pushes=[one.name for one in model.of("input") if one.keyword == "frcInput"],
         modules=own.modules,
         outs=own.outs,
         before_strikes=["An input jumps to its first value, which the model's dampers feel."],

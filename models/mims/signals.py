@@ -61,10 +61,12 @@ def following(own: Writing, value: Value, *, is_ahead: bool = False) -> str:
 
 def guide(own: Writing, signal: str, *, is_ahead: bool = False) -> str:
     """The point that has the values of a signal, or those of the next sample; its name."""
+    source = own.model.signals[signal]
+    # What comes by OSC has no next sample yet.
+    is_ahead &= source in own.inputs and own.inputs[source].file is not None
     known = f"{signal} ahead" if is_ahead else signal
     if known not in own.guides:
-        source = own.model.signals[signal]
-        if is_ahead and source in own.inputs:
+        if is_ahead:
             own.ahead[source] = _next(own, source)
             own.guides[known] = fed(own, f"{signal}_ahead", own.ahead[source])
         else:
@@ -93,5 +95,5 @@ def fed(own: Writing, wanted: str, source: str) -> str:
     x0 = "" if found.first == 0.0 else f", X0: {found.first!r}m"
     own.add(name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed")
     path = own.names.new(f"{name}_path")
-    own.add(path, f"ENX: {{to: {name}, from: {source}, at: 0s}}")
+    own.add(path, f"ENX: {{to: {name}, from: {source}{found.start}}}")
     return name

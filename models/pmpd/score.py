@@ -132,7 +132,7 @@ def _moved(own: _Writing, port: Port, one: Mass, word: str) -> str:
     x0 = f", X0: {first!r}m" if first else ""
     name = own.add(word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed")
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-    own.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}, at: 0s{scale}}}")
+    own.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{fed.start}{scale}}}")
     return name
 
 
@@ -237,14 +237,22 @@ def _law(link: Link, D: float) -> str:
 
 def _feeds(own: _Writing) -> None:
     for port in own.of.ports:
-        if port.what != "inForce" or f"in{port.number}" not in own.inputs:
+        fed = own.inputs.get(f"in{port.number}")
+        if port.what != "inForce" or fed is None:
             continue
         if not own.of.masses[port.mass].is_mobile:
             continue  # what is fixed feels nothing
+        if fed.file is None and any(_moves(other, port.number) for other in own.of.ports):
+            message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
+            raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
         to = own.masses[port.mass]
-        text = f"ENF: {{to: {to}, from: in{port.number}, at: 0s{scale}}}"
+        text = f"ENF: {{to: {to}, from: in{port.number}{fed.start}{scale}}}"
         own.add(f"{_NO_LETTER.sub('_', to)}_push", text)
+
+
+def _moves(port: Port, number: int) -> bool:
+    return port.what == "inPos" and port.number == number
 
 
 def _heard(own: _Writing) -> None:
@@ -300,10 +308,12 @@ def _ranges(names: Sequence[str]) -> Iterator[str]:
 
 
 def _page(own: _Writing, title: str) -> Page:
+    pushes = {f"in{port.number}" for port in own.of.ports if port.what == "inForce"}
     ports = {f"in{port.number}" for port in own.of.ports if port.what.startswith("in")}
     return Page(
         head=_head(own, title),
         inputs={name: own.inputs[name] for name in sorted(ports) if name in own.inputs},
+        pushes=pushes,
         modules=own.modules,
         outs=own.outs,
         strikes=list(_kicks(own)),

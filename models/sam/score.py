@@ -155,7 +155,7 @@ def _port(own: Writing, one: Statement, _: Start) -> None:
     x0 = f", X0: {fed.first!r}m" if fed.first else ""
     own.add(f"MAS: {{M: {_HELD}{x0}}}", one, "a port; its mass says nothing: its path is imposed")
     path = own.names.new(f"{name}_path")
-    own.modules.append(Line(path, f"{{ENX: {{to: {name}, from: {one.name}, at: 0s}}}}"))
+    own.modules.append(Line(path, f"{{ENX: {{to: {name}, from: {one.name}{fed.start}}}}}"))
 
 
 def _resonators(own: Writing, one: Statement, begin: Start) -> None:

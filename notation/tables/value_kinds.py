@@ -65,6 +65,25 @@ def integer(low: int, high: int, example: str) -> Text:
     return Text(parse, words, f"^{_NUMBER}$", is_value=True)
 
 
+def integer_or(word: str, low: int, high: int, example: str) -> Text:
+    """A whole number, or a word."""
+    number = integer(low, high, example)
+
+    def parse(text: str) -> int | str:
+        said = text.strip()
+        if said[:1].isalpha() and said != word:
+            message = f"{quote(said)} is neither a whole number nor {word}"
+            raise TextError(message, length=len(said), suggestion=word, code="E201")
+        return word if said == word else int(number.parse(text))
+
+    return Text(
+        _cached(parse),
+        f"{number.what}, or {word}",
+        f"^({(number.pattern or '')[1:-1]}|{word})$",
+        is_value=True,
+    )
+
+
 def count_or_size(low: int, high: int, words: str) -> Text:
     """A whole number of masses as an int, or a length with its unit as metres."""
 

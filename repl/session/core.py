@@ -16,6 +16,7 @@ from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import NOW, Command, DefineBlock, Guide, When
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import computing, inspection, version_edits
+from ergon.repl.session.acts import Acts
 from ergon.repl.session.block_runs import BlockRuns
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
@@ -111,7 +112,8 @@ class SessionCore:
         self.stops = Stops(self)
         self.fast_values = FastValues(self)
         self.block_runs = BlockRuns(self)
-        self.midi = MidiInput(self, self._tell)
+        self.acts = Acts(self._tell)
+        self.midi = MidiInput(self)
         self.taps: list[float] = []
         self.traced: str | None = None  # whose key is drawn while it moves
         self.drawing: tuple[str, ...] = ()
@@ -401,8 +403,8 @@ class SessionCore:
         is computed too: a kill loses none of it. Any thread may call it."""
         with self._taking:
             for event in self.commits.engine.events():
-                if event.strike is not None:
-                    self.midi.struck(event)
+                if event.act is not None:
+                    self.acts.ended(event)
                     continue
                 lines: Sequence[Waiting] = ()
                 if event.ticket is not None and not event.is_late:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -85,8 +85,8 @@ class EngineStatus:
 
 @dataclass(frozen=True, slots=True)
 class EngineEvent:
-    """A change or a strike that was made or came too late (by its ticket), or a sentence for the
-    player.
+    """A change, a strike or a value that was made or came too late (by its ticket), or a sentence
+    for the player.
 
     `real`, by player: whether a person moves the player's key from this frame on.
     """
@@ -94,7 +94,7 @@ class EngineEvent:
     frame: int
     ticket: int | None = None
     is_late: bool = False
-    strike: int | None = None  # the ticket of a strike, which was done unless it `is_late`
+    act: int | None = None  # the ticket of a strike or a value, which acted unless it `is_late`
     sentence: str = ""
     real: Mapping[str, bool] = field(default_factory=dict)
 
@@ -146,6 +146,9 @@ class Engine(Protocol):
 
         Its ticket, which an event reports; None where too many strikes wait.
         """
+
+    def tell(self, number: int, value: float) -> int | None:
+        """Let an input that is told go to a value, full scale 1, as `strike`."""
 
     def record_sound(self, path: Path) -> None:
         """Write what is heard to a new file, from the next tick on.
@@ -234,10 +237,17 @@ class SteppedEngine:
 
     def strike(self, point: int, impulse: float) -> int:
         """Strike a point of what plays by an impulse [N·s], at the next frame."""
+        return self._acted(lambda playing: playing.strike(point, impulse))
+
+    def tell(self, number: int, value: float) -> int:
+        """Let an input that is told go to a value, full scale 1, from the next frame on."""
+        return self._acted(lambda playing: playing.tell(number, value))
+
+    def _acted(self, act: Callable[[_core.Simulation], bool]) -> int:
         self._due()  # a change of this frame comes before it
         self._tickets += 1
-        is_missed = not self._simulation.strike(point, impulse)
-        self._events.append(EngineEvent(self.frame, strike=self._tickets, is_late=is_missed))
+        is_missed = not act(self._simulation)
+        self._events.append(EngineEvent(self.frame, act=self._tickets, is_late=is_missed))
         return self._tickets
 
     def record_sound(self, path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,6 +38,7 @@ _RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
 _HASH = 64  # digits
 _GLIDE_MAX = 86_400.0  # [s]
+_VALUE_MAX = sys.float_info.max  # of an input
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +109,16 @@ def effect_fields(version: Version) -> dict[str, object]:
     return found
 
 
+class JournalAct(NamedTuple):
+    """A strike of a place by an impulse [N·s], or a value of an input, by its name; `line` is that
+    of the journal."""
+
+    frame: int
+    of: Place | str
+    amount: float
+    line: int
+
+
 class ReadVersion(NamedTuple):
     """What a line read from files, and how that takes over, as in a `Version`."""
 
@@ -139,8 +151,8 @@ class JournalContent:
     silences: list[Silence] = field(default_factory=list)
     base: Texts | None = None  # what the files held when they were last read or saved
     events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
-    # Strikes by MIDI notes, in the order done: frame, what, impulse [N·s], event.
-    strikes: list[tuple[int, Place, float, Event]] = field(default_factory=list)
+    # Strikes by MIDI notes and values of inputs by OSC, in the order done.
+    acts: list[JournalAct] = field(default_factory=list)
 
     def order(self) -> dict[int, float]:
         """The place of every line in the order in which they take effect, by number."""
@@ -231,7 +243,7 @@ def read_journal(
     for event in events:
         _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
-    replay.strikes.sort(key=lambda strike: strike[0])
+    replay.acts.sort(key=lambda act: act.frame)
     return replay
 
 
@@ -334,8 +346,8 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
             replay.starts[number] = event.number_of("start", int, 0, _FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
-    elif event.name == "strike":
-        replay.strikes.append(_strike(event))
+    elif event.name in _ACTS:
+        replay.acts.append(_ACTS[event.name](event))
     elif event.name == "silence":
         _add_silence(replay, event)
     elif event.name == "end":
@@ -350,14 +362,23 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
         replay.n_frames = max(replay.n_frames, frame)
 
 
-def _strike(event: Event) -> tuple[int, Place, float, Event]:
+def _strike(event: Event) -> JournalAct:
     place = (
         event.get("part", str),
         event.get("module", str),
         event.number_of("member", int, -1, _NUMBER_MAX),
     )
     impulse = event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
-    return event.number_of("frame", int, 0, _FRAME_MAX), place, impulse, event
+    return JournalAct(event.number_of("frame", int, 0, _FRAME_MAX), place, impulse, event.number)
+
+
+def _value(event: Event) -> JournalAct:
+    frame, name = event.number_of("frame", int, 0, _FRAME_MAX), event.get("input", str)
+    value = event.number_of("value", float, -_VALUE_MAX, _VALUE_MAX)
+    return JournalAct(frame, name, value, event.number)
+
+
+_ACTS = {"strike": _strike, "value": _value}
 
 
 def _add_silence(replay: JournalContent, event: Event) -> None:

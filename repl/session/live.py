@@ -119,6 +119,10 @@ class LiveEngine:
         """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread."""
         return None if self._last else self._performance.strike(point, impulse)
 
+    def tell(self, number: int, value: float) -> int | None:
+        """Let an input that is told go to a value, full scale 1, at the next tick."""
+        return None if self._last else self._performance.tell(number, value)
+
     def record_sound(self, path: Path) -> None:
         """Write what is heard to a new file, from the next tick on. Raises EngineError."""
         self._performance.record_audio(path)
@@ -159,8 +163,8 @@ class LiveEngine:
             frame, what, number = event
             if what in ("changed", "late"):
                 found.append(EngineEvent(frame, int(number), is_late=what == "late"))
-            elif what in ("struck", "missed"):
-                found.append(EngineEvent(frame, strike=int(number), is_late=what == "missed"))
+            elif what in ("acted", "missed"):
+                found.append(EngineEvent(frame, act=int(number), is_late=what == "missed"))
             elif sentence := said(event, self._players, self._boards):
                 found.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
         self._left = []

@@ -8,13 +8,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ergon.live.osc_in import SILENT, OscRequestError, decibels, pressed, text_of
+from ergon.live.osc_in import SILENT, OscRequestError, decibels, is_told, pressed, text_of
 from ergon.live.osc_out import OscTeller, beats, frame_of
+from ergon.live.osc_values import ToldInputs
 from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.line_queue import LineQueue
 from ergon.repl.session.played_versions import PlayedVersions
+from ergon.scores.staging.stage import input_number
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     Answer = Callable[[str, str], None]
 
 _GAIN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
+_INPUT = "/ergon/input/"
 _WAITING = 64  # lines that may wait to be done
 # OSC knows no passwords: what reads or writes files, runs Python or ends the session is typed.
 _TYPED = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
@@ -42,6 +45,7 @@ class SessionOsc:
         self._session, self._osc = session, osc
         self._lines: LineQueue[Answer | None] = LineQueue(session)
         self._waiting = 0
+        self._told = ToldInputs(self._tell)
         self._ask: dict[str, Handler] = {
             "/ergon/cmd": text_of(lambda line: self._enter(line, osc.answerer())),
             "/ergon/panic": pressed(self._lines.panic),
@@ -52,13 +56,17 @@ class SessionOsc:
         self._worker.start()
         stage = session.commits.running.stage
         events = SessionEvents(session.commits, session.journal)
-        osc.serve(self, lambda send: OscTeller(performance, stage, 0, send, events))
+        osc.serve(self, lambda send: OscTeller(performance, stage, 0, send, events), self._told)
 
     def get(self, address: str, /) -> Handler | None:
         """What an address asks for; None where nobody knows it."""
         known = self._ask.get(address)
         if known is not None:
             return known
+        if address.startswith(_INPUT):
+            name = address.removeprefix(_INPUT)
+            take = self._session.commits.head.piece.takes.get(name)
+            return None if take is None or not is_told(take) else self._told.of(name)
         match = _GAIN.fullmatch(address)
         if match is None:
             return None
@@ -66,6 +74,11 @@ class SessionOsc:
         if kind is not None and name not in self._names(kind):
             return None
         return decibels(lambda level: self._move(address, name, level))
+
+    def _tell(self, name: str, value: float) -> bool:
+        session = self._session
+        tell = partial(session.commits.engine.tell, input_number(name), value)
+        return session.acts.begin(tell, "value", input=name, value=value)
 
     def _names(self, kind: str) -> Mapping[str, str]:
         scope = self._session.scope

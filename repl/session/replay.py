@@ -28,12 +28,12 @@ from ergon.repl.session.frozen_parts import HeldPart
 from ergon.repl.session.frozen_parts import held as frozen_held
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event, JournalError
-from ergon.repl.session.journal_content import JournalContent, ReadVersion
+from ergon.repl.session.journal_content import JournalAct, JournalContent, ReadVersion
 from ergon.repl.session.journal_hands import HeldHands, held
 from ergon.repl.session.midi_maps import number_of
 from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
-from ergon.scores.staging.stage import MAX_SECONDS
+from ergon.scores.staging.stage import MAX_SECONDS, input_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -88,9 +88,10 @@ class ReplayedSession:
         self._commits = Commits(self._engine, running, real, 0, version)
         self._versions = _earlier(replay, version)
         self._coming = list(replay.commits)
-        self._strikes = deque(replay.strikes)
+        self._acts = deque(replay.acts)
         self._read = replay.read
         self._done = replay.first
+        self._file = replay.first.file
         self.rate = running.stage.rate
         # A session that was killed may have recorded hands after its last line.
         self.n_frames = replay.n_frames
@@ -136,8 +137,8 @@ class ReplayedSession:
         """Frames to the next line that comes into effect."""
         for frame, *_ in self._coming[:1]:
             yield max(1, frame - self._engine.frame)
-        for frame, *_ in self._strikes and (self._strikes[0],):
-            yield max(1, frame - self._engine.frame)
+        for act in self._acts and (self._acts[0],):
+            yield max(1, act.frame - self._engine.frame)
         yield most
 
     def _due(self) -> None:
@@ -161,14 +162,20 @@ class ReplayedSession:
         with _errors_placed(self._done):
             # An extension in the frame of the next line would leave that line no frame of its own.
             self._commits.tick(self._coming[0][0] if self._coming else math.inf)
-        while self._strikes and self._strikes[0][0] <= self._engine.frame:
-            _, place, impulse, event = self._strikes.popleft()
-            self._engine.strike(number_of(place), impulse)
-            if any(one.strike is not None and one.is_late for one in self._engine.events()):
-                event.wrong(
-                    "the piece that plays at this strike has no such mass; the journal does not "
-                    "match its score"
-                )
+        while self._acts and self._acts[0].frame <= self._engine.frame:
+            self._act(self._acts.popleft())
+
+    def _act(self, act: JournalAct) -> None:
+        if isinstance(act.of, str):
+            self._engine.tell(input_number(act.of), act.amount)
+            lacks = "at this value has no such input"
+        else:
+            self._engine.strike(number_of(act.of), act.amount)
+            lacks = "at this strike has no such mass"
+        if any(one.act is not None and one.is_late for one in self._engine.events()):
+            Event(self._file, act.line, "", {}).wrong(
+                f"the piece that plays {lacks}; the journal does not match its score"
+            )
 
 
 def _frozen(

@@ -42,7 +42,7 @@ from ergon.scores.reading.piece import (
     TempoEntry,
 )
 from ergon.scores.reading.playing_options import playing_options
-from ergon.scores.reading.sections import LAYOUT
+from ergon.scores.reading.sections import LAYOUT, OSC
 from ergon.scores.reading.sweep_fields import passing
 from ergon.space import directions
 
@@ -129,7 +129,9 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
 
 
 _HIGHPASS = 20.0  # of an input [Hz]
-_OF_INPUTS = ("gain", "highpass", "clamp")
+_GLIDE = 0.02  # from one value by OSC to the next [s]
+_GLIDE_MAX = 60.0  # [s]
+_OF_INPUTS = ("gain", "highpass", "clamp", "glide")
 _NOT_OF_INPUTS = ("velocity", "depth", "trim", "smooth", "rate", "unit")
 
 
@@ -172,9 +174,10 @@ def take(values: Values, files: Files) -> TakeFile | None:
 
 
 def _input(v: Values, files: Files, who: str) -> TakeFile | None:
-    """An input of a sound card; what it lacks, or has too much, is reported."""
+    """An input; what it lacks, or has too much, is reported."""
     for name in v.written(*_NOT_OF_INPUTS):
         v.error("E111", f"{v.context.of(name)}: an input has no {name}; remove it", name)
+    told = v["input"] == OSC
     if v["gain"] is None or v["input"] is None:
         if not v.written("gain"):
             message = f"{v.context.of('')} has no 'gain': what full scale is, such as 2mN or 0.1mm"
@@ -203,6 +206,13 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         message = f"{v.context.of('channel')}: is of a file, and the input has none; remove it"
         v.error("E111", message, "channel")
     highpass = _HIGHPASS if v["highpass"] is None else v["highpass"]
+    glide = _GLIDE if v["glide"] is None else v["glide"]
+    for name in v.written("highpass" if told else "glide"):
+        which = "an input by OSC" if told else "an input of the sound card"
+        v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
+    if glide > _GLIDE_MAX:
+        message = f"{v.context.of('glide')}: the longest glide is {_GLIDE_MAX:g} s"
+        v.error("E202", message, "glide")
     return TakeFile(
         name=v.context.name,
         path=path,
@@ -213,7 +223,14 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         unit=None,
         place=v.place,
         places={name: node.place for name, node in v.nodes.items()},
-        input=SoundInput(v["input"], gain, is_force, highpass, clamp),
+        input=SoundInput(
+            None if told else v["input"],
+            gain,
+            is_force,
+            None if told else highpass,
+            clamp,
+            glide if told else None,
+        ),
     )
 
 

@@ -124,17 +124,19 @@ class Gesture:
 
 @dataclass(frozen=True, slots=True)
 class SoundInput:
-    """An input of a sound card, its channel from 1.
+    """An input of a sound card, its channel from 1, or one whose values come by OSC.
 
-    Full scale is `gain` [N] of a force, [m] of a length, after a high-pass at `highpass` [Hz]; no
-    more than `clamp` [N or m] acts.
+    Full scale is `gain` [N] of a force, [m] of a length; no more than `clamp` [N or m] acts. A card
+    passes a high-pass at `highpass` [Hz] before, values by OSC have none: each is reached within
+    `glide` [s].
     """
 
-    channel: int
+    channel: int | None
     gain: float
     is_force: bool
-    highpass: float
+    highpass: float | None
     clamp: float
+    glide: float | None = field(default=None, metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)

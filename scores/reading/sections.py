@@ -128,6 +128,7 @@ KEY = Record(
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
     ),
 )
+OSC = "osc"  # an input whose values come by OSC
 TAKE = Record(
     "take",
     "a captured movement",
@@ -139,11 +140,14 @@ TAKE = Record(
             "a WAV file, heard where no card is",
         ),
         Field(
-            "input", k.integer(1, 64, "1"), "an input of the sound card, which drives ENX or ENF"
+            "input",
+            k.integer_or(OSC, 1, 64, "1"),
+            "an input of the sound card, or values that come by OSC, which drives ENX or ENF",
         ),
         Field("gain", k.FULL_SCALE, "what full scale of an input is"),
         Field("highpass", k.HERTZ, "cutoff of an input's high-pass filter", shown="20Hz"),
         Field("clamp", k.FULL_SCALE, "the most that an input gives, either way", shown="`gain`"),
+        Field("glide", k.PAUSE, "time from one value by OSC to the next", shown="20ms"),
         Field(
             "channel",
             k.TITLE,

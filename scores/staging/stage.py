@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Container, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from hashlib import sha256
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ergon import _core
@@ -472,20 +473,30 @@ def _within(piece: Piece, window: Window) -> tuple[float, float]:
 
 
 def _sounds(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
-    """The inputs of a sound card: the number and the length [s] of the file of each, by name."""
+    """The inputs: the number and the length [s] of the file of each, by name."""
     found: dict[str, tuple[int, float]] = {}
     for name, take in piece.takes.items():
         if (own := take.input) is None:
             continue
-        if own.highpass >= 0.5 * piece.rate:
+        if own.highpass is not None and own.highpass >= 0.5 * piece.rate:
             message = f"take {quote(name)}: its highpass is not below half of the rate"
             place = take.places.get("highpass", take.place)
             takes.collector.error("E308", message, place)
         elif (samples := takes.sound(name)) is not None:
-            how = {"gain": own.gain, "clamp": own.clamp, "highpass": own.highpass}
-            index = timeline.sound_in(own.channel - 1, samples, **how)
+            how = {"gain": own.gain, "clamp": own.clamp}
+            if own.channel is None:
+                number, glide = input_number(name), own.glide or 0.0
+                index = timeline.told_in(number, samples, **how, glide=glide)
+            else:
+                highpass = own.highpass
+                index = timeline.sound_in(own.channel - 1, samples, **how, highpass=highpass)
             found[name] = index, len(samples) / piece.rate
     return found
+
+
+def input_number(name: str) -> int:
+    """The engine's number of an input whose values come by OSC: the same in every version."""
+    return int.from_bytes(sha256(name.encode()).digest()[:8])
 
 
 def _drives(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, int]) -> None:

@@ -99,7 +99,7 @@ class Takes:
 
 def _channel(take: TakeFile, path: Path) -> Samples:
     """The channel of a file that an input hears: of its own number where there are several."""
-    if take.channel is not None or take.input is None:
+    if take.channel is not None or take.input is None or take.input.channel is None:
         return read(path, take.channel)
     try:
         return read(path, str(take.input.channel))

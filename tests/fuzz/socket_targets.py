@@ -15,7 +15,7 @@ from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged, soup
 
 from ergon.live.datagrams import MalformedDatagramError, messages, written
-from ergon.live.osc_in import OscRequestError, level_of, pressed, text_of
+from ergon.live.osc_in import OscRequestError, level_of, number_of, pressed, text_of
 from ergon.repl.wire.protocol import (
     ProtocolError,
     decode,
@@ -95,7 +95,12 @@ def _osc(chance: random.Random) -> bytes:
 
 def _read_osc(datagram: bytes, _: Path) -> list[str]:
     said = []
-    asks = (level_of(lambda ratio: None), pressed(lambda: None), text_of(lambda line: None))
+    asks = (
+        level_of(lambda ratio: None),
+        number_of(lambda value: None),
+        pressed(lambda: None),
+        text_of(lambda line: None),
+    )
     for _address, arguments in messages(datagram):
         for ask in asks:
             try:

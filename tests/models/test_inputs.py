@@ -106,6 +106,35 @@ def test_a_force_between_masses_is_shared():
     assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
 
 
+def way(frame: int, value: float) -> np.ndarray:
+    """From 0 to a value in 20 ms, from a frame on."""
+    return value * np.clip((np.arange(FRAMES) + 1 - frame) / 882, 0.0, 1.0)
+
+
+def later(signal: np.ndarray, by: int = 1) -> np.ndarray:
+    return np.concatenate([np.zeros(by), signal[:-by]])
+
+
+def test_inputs_by_osc_glide_to_what_they_are_told():
+    """A position is reached at the end of its frame, so that it is heard a sample later."""
+    said = HAND.replace("@m mass 1", "@p audioParam @in3\n@m mass [2+p]")
+    Path("m.mdl").write_text(said)
+    asked = ModelOptions(dialect="v2", inputs={"in1": "osc", "in2": "osc", "in3": "osc"})
+    text = import_model("m.mdl", asked).text
+    assert "in1: {input: osc, gain: 1m}  # /ergon/input/in1 VALUE, from -1 to 1" in text
+    assert "in2: {input: osc, gain: 1N}" in text
+    told = [(100, "in1", 0.01), (300, "in2", 1e-4), (2000, "in3", -0.5)]
+    inputs = {
+        "in1": later(way(100, 0.01)),
+        "in2": way(300, 1e-4),
+        "in3": later(way(2000, -0.5), 2),
+    }
+    heard = mims.played(said, "v2", FRAMES / mims.RATE, inputs=inputs)
+    sound = rendered(text, FRAMES / mims.RATE, told)
+    assert np.abs(heard).max() > 0.01
+    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+
+
 def test_files_that_feed_nothing():
     path, _ = path_and_push()
     wave("slow.wav", path, 48_000)

@@ -4,12 +4,9 @@ import random
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
-from oracle import miphysics
-from planned_sound import ready
+from models_compared import miphysics_off
 
-from ergon import _core
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 from ergon.models.errors import ModelError
@@ -122,64 +119,26 @@ AXIS = {
 }  # fmt: skip
 
 
-def motion(text: str, rate: int = RATE) -> dict[str, np.ndarray]:
-    """Places of all masses of a score, (n, 3) in space and (n, 1) on one axis."""
-    network = parse(text)
-    score = written(network, "a model", rate)
-    names = {one.name: one.kind for one in network.masses if not one.kind.startswith("Ground")}
-    outs: dict[str, list[str]] = {"space": [], "axis": []}
-    for name, kind in names.items():
-        is_space = kind.endswith("3D")
-        axes = ("x", "y", "z") if is_space else ("",)
-        heard = [f"{name}.{axis}".rstrip(".") for axis in axes]
-        outs["space" if is_space else "axis"] += heard
-    head, *parts = re.split(r"^    out: .*\n", score.split("mix:")[0], flags=re.MULTILINE)
-    for where, rest in zip([key for key in outs if outs[key]], parts, strict=True):
-        listed = "".join(f"      {where}{i}: {{SOX: {p}}}\n" for i, p in enumerate(outs[where]))
-        head += f"    out:\n{listed}{rest}"
-    stage = ready(head + "accuracy: {method: ca}\n")
-    plan = _core.Plan(stage.network, stage.timeline, method="ca")
-    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
-    sound = np.empty((FRAMES, simulation.n_out))
-    simulation.process(sound)
-    found, at = {}, 0
-    for name, kind in sorted(names.items(), key=lambda one: one[1].endswith("1D")):
-        n = 3 if kind.endswith("3D") else 1
-        found[name] = sound[:, at : at + n] * (1e3 if n == 3 else 1.0)
-        at += n
-    return found
-
-
-def off(text: str, rate: int = RATE, *, along: bool = False) -> float:
-    """The largest error over the largest way that anything goes."""
-    found, exact = motion(text, rate), miphysics.played(text, FRAMES, rate, along=along)
-    exact = {name: exact[name] if one.shape[1] == 3 else exact[name][:, 2:]
-             for name, one in found.items()}  # fmt: skip
-    way = max(float(np.ptp(one, axis=0).max()) for one in exact.values())
-    assert way > 1e-4
-    return max(float(np.abs(found[name] - exact[name]).max()) for name in found) / way
-
-
 @pytest.mark.parametrize("name", IN_LINE)
 def test_a_model_whose_links_keep_their_direction(name: str) -> None:
-    assert off(IN_LINE[name]) < 1e-9
+    assert miphysics_off(IN_LINE[name], FRAMES) < 1e-9
 
 
 @pytest.mark.parametrize("name", ACROSS)
 def test_a_model_whose_links_turn(name: str) -> None:
     # The same equations, but for dampers, which feel the step along the line.
-    assert off(ACROSS[name], along=True) < 1e-9
-    assert 1e-9 < off(ACROSS[name]) < 0.02
+    assert miphysics_off(ACROSS[name], FRAMES, along=True) < 1e-9
+    assert 1e-9 < miphysics_off(ACROSS[name], FRAMES) < 0.02
 
 
 @pytest.mark.parametrize("name", AXIS)
 def test_a_model_of_one_axis(name: str) -> None:
-    assert off(AXIS[name]) < 1e-12
+    assert miphysics_off(AXIS[name], FRAMES) < 1e-12
 
 
 @pytest.mark.parametrize("name", ["friction and a spring", "cells"])
 def test_a_model_at_another_rate(name: str) -> None:
-    assert off({**IN_LINE, **AXIS}[name], 8_000) < 1e-9
+    assert miphysics_off({**IN_LINE, **AXIS}[name], FRAMES, 8_000) < 1e-9
 
 
 def test_every_kind_is_played() -> None:

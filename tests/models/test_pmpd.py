@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 import soundfile
 from imported import rendered
+from models_compared import off, pmpd_off, pmpd_score
 from oracle import pmpd
 
 from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 from ergon.models.errors import DialectError, ModelError
-from ergon.models.pmpd.interpreter import network
-from ergon.models.pmpd.reading import parse
-from ergon.models.pmpd.score import written
 from ergon.models.pmpd.words import FORMS, Object
 from ergon.scores.reading.load import load
 
@@ -97,50 +95,24 @@ TOUCHING_CONTROL = {
 }
 
 
-def imported(text: str, kind: Object | None = None) -> str:
-    found, messages = parse(text, kind)
-    return written(network(found, messages), {}, "a list")
-
-
-def off(sound: np.ndarray, exact: np.ndarray) -> float:
-    """The largest error over the largest value of its channel, or of what stands still."""
-    sizes = np.abs(exact).max(axis=0)
-    return float((np.abs(sound - exact).max(axis=0) / np.where(sizes > 0.0, sizes, 1.0)).max())
-
-
-def audio_off(text: str) -> float:
-    exact = pmpd.audio(text, FRAMES)
-    assert np.ptp(exact, axis=0).min() > 1e-3
-    # The score begins with what the object begins with.
-    return off(rendered(imported(text, "pmpd~"), SECONDS + 1 / RATE)[1:], exact)
-
-
-def control_off(text: str) -> float:
-    kind, messages = parse(text, "pmpd")
-    made = network(kind, messages)
-    heard = [at for one in made.asked for at in one.masses]
-    exact = pmpd.bangs(text, FRAMES)[:, heard]
-    return off(rendered(imported(text, "pmpd"), SECONDS), exact)
-
-
 @pytest.mark.parametrize("name", AUDIO)
 def test_pmpd_of_signals_without_touching(name: str) -> None:
-    assert audio_off(AUDIO[name]) < LINEAR
+    assert pmpd_off(AUDIO[name], "pmpd~", FRAMES) < LINEAR
 
 
 @pytest.mark.parametrize("name", TOUCHING_AUDIO)
 def test_pmpd_of_signals_with_laws(name: str) -> None:
-    assert audio_off(TOUCHING_AUDIO[name]) < TOUCHING
+    assert pmpd_off(TOUCHING_AUDIO[name], "pmpd~", FRAMES) < TOUCHING
 
 
 @pytest.mark.parametrize("name", CONTROL)
 def test_pmpd_of_bangs_without_touching(name: str) -> None:
-    assert control_off(CONTROL[name]) < LINEAR
+    assert pmpd_off(CONTROL[name], "pmpd", FRAMES) < LINEAR
 
 
 @pytest.mark.parametrize("name", TOUCHING_CONTROL)
 def test_pmpd_of_bangs_with_laws(name: str) -> None:
-    assert control_off(TOUCHING_CONTROL[name]) < TOUCHING
+    assert pmpd_off(TOUCHING_CONTROL[name], "pmpd", FRAMES) < TOUCHING
 
 
 def test_every_word_of_both_objects_is_played() -> None:
@@ -210,20 +182,20 @@ def test_a_row_of_equal_masses_is_a_string() -> None:
         + ["link 3 4 0.02", "setK 8 0.2", "force 2 0.1", "force 10 0.2", "link 2 5 0.01"]
         + [f"outPos 0 {at} 0.5" for at in (2, 6, 7, 10)]
     )
-    score = imported(text)
+    score = pmpd_score(text)
     assert "string: {STRING: {masses: 6, ends: free, M: 120, K: 0.1, Z: 0.003, X0: 0.3m}}" in score
     assert "string_2: {STRING: {masses: 4, ends: free, M: 80, K: 0.1, Z: 0.003}}" in score
     assert "m7: {MAS" in score
     assert "link13: {RES: {between: [string.3, string.2], K: 0.02}}" in score
     assert "string_1_kick: {to: model.string.1," in score
     assert score.count("{REF:") == 5  # at the ends, between the two, and one that is stiffer
-    assert audio_off(text) < LINEAR
+    assert pmpd_off(text, "pmpd~", FRAMES) < LINEAR
 
 
 def test_a_mean_over_a_string_is_a_range() -> None:
     text = "mass f 0\n" + "mass s 1 9 0\n" * 5 + "mass t 1 8 0.1\n"
     text += "\n".join(f"link l {at} {at + 1} 0.2 0.01" for at in range(6))
-    score = imported(text + "\nsetPos t 0.2")
+    score = pmpd_score(text + "\nsetPos t 0.2")
     assert "SOX: [s.0..4, t]" in score
     exact = pmpd.bangs(text + "\nsetPos t 0.2", FRAMES)[:, 1:].mean(axis=1, keepdims=True)
     assert off(rendered(score, SECONDS), exact) < LINEAR
@@ -233,13 +205,13 @@ def test_a_mean_is_heard_where_nothing_is_asked_for() -> None:
     text = "mass f 0 1 0; mass m 1 8 1; mass m 1 6 2; link l f m 0.1 0.01; setPos 2 1.7"
     exact = pmpd.bangs(text, FRAMES)[:, 1:].mean(axis=1, keepdims=True)
     for asked in ("", "; massPosMean m"):
-        assert off(rendered(imported(text + asked), SECONDS), exact) < LINEAR
+        assert off(rendered(pmpd_score(text + asked), SECONDS), exact) < LINEAR
 
 
 def test_speeds_that_are_asked_for_are_those_in_the_middle_of_a_step() -> None:
     text = "mass f 0 1 0; mass m 1 800 1; link l f m 0.1 0.01; setPos m 1.7; massSpeed m"
     steps = np.diff(pmpd.bangs(text, FRAMES)[:, [1]], axis=0)
-    sound = rendered(imported(text), SECONDS)
+    sound = rendered(pmpd_score(text), SECONDS)
     assert off(sound[100:], steps[100 - 8 : -7]) < 1e-4
 
 
@@ -251,7 +223,7 @@ def test_messages_are_read_as_pure_data_writes_them() -> None:
         text.replace("; ", ";\r\n").replace(" 10 ", "\n10 "),
         "# a spring\npmpd 100 100\n" + text.replace(";", "\n"),
     ):
-        assert imported(other) == imported(text)
+        assert pmpd_score(other) == pmpd_score(text)
 
 
 # --- what is refused ----------------------------------------------------------------------------
@@ -321,7 +293,7 @@ REFUSED_AUDIO = {
 def test_what_no_score_says_is_refused_with_its_line(kind: Object, name: str) -> None:
     line, text, says = (REFUSED if kind == "pmpd" else REFUSED_AUDIO)[name]
     with pytest.raises(ModelError, match=says) as refused:
-        imported(text, kind)
+        pmpd_score(text, kind)
     assert refused.value.line == line
 
 
@@ -350,8 +322,8 @@ def test_what_is_asked_otherwise_is_refused(
 def test_both_objects_read_a_list_of_masses_and_links() -> None:
     text = "mass\nmass 1\nlink 0 1 1"
     with pytest.raises(DialectError):
-        imported(text)
-    assert "REF" not in imported(text, "pmpd~")
+        pmpd_score(text)
+    assert "REF" not in pmpd_score(text, "pmpd~")
 
 
 def test_spoiled_lists_are_refused_or_read() -> None:
@@ -367,7 +339,7 @@ def test_spoiled_lists_are_refused_or_read() -> None:
             spoiled[at : at + draw.randint(0, 2)] = draw.choices(words, k=draw.randint(0, 2))
             spoiled = spoiled or ["mass"]
         try:
-            score = imported(" ".join(spoiled))
+            score = pmpd_score(" ".join(spoiled))
         except ModelError:
             continue
         found = load("s.yaml", text=score)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import soundfile
 from imported import rendered
+from models_compared import off, sam_off, sam_score
 from oracle import sam
 from sweep import few
 
@@ -15,8 +16,7 @@ from ergon.api.model import ModelOptions, import_model
 from ergon.cli import app
 from ergon.models.errors import ModelError
 from ergon.models.sam.expressions import definitions
-from ergon.models.sam.reading import Code, parse
-from ergon.models.sam.score import written
+from ergon.models.sam.reading import Code
 from ergon.models.sam.values import LIBRARY, Values
 from ergon.models.sam.words import LINKS, MASSES, REFUSED, is_model
 from ergon.scores.reading.load import load
@@ -105,50 +105,20 @@ TOUCHES = {
 }  # fmt: skip
 
 
-def imported(text: str, **given: float) -> str:
-    return written(parse(text), {}, given, "a model")
-
-
-def names(text: str) -> tuple[list[str], list[str]]:
-    """Those of masses and of links."""
-    said = parse(text).statements
-    masses = [one.name for one in said if one.word in ("mass", "resonators")]
-    return masses, [one.name for one in said if one.word in LINKS]
-
-
-def off(sound: np.ndarray, exact: np.ndarray) -> float:
-    size = float(np.abs(exact).max())
-    return float(np.abs(sound - exact).max()) / (size if size > 0.0 else 1.0)
-
-
-def compare(text: str, seconds: float) -> float:
-    """The largest error of all positions and forces of a model."""
-    masses, links = names(text)
-    heard = "".join(f"\naudioout,z{at},{name};" for at, name in enumerate([*masses, *links]))
-    sound = rendered(imported(text + heard), seconds)
-    exact = sam.played(text, len(sound))
-    errors = [off(sound[:, at], exact[name]) for at, name in enumerate(masses)]
-    for at, name in enumerate(links, len(masses)):
-        # A force is heard a sample early; strikes of the first sample are no force of a link.
-        errors.append(off(sound[1:-1, at], exact[name][2:]))
-    assert max(np.ptp(exact[name]) for name in masses) > 1e-5
-    return max(errors)
-
-
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_without_contacts(name: str) -> None:
-    assert compare(MODELS[name], 0.1) < LINEAR
+    assert sam_off(MODELS[name], 0.1) < LINEAR
 
 
 @pytest.mark.parametrize("name", TOUCHES)
 def test_a_model_with_contacts(name: str) -> None:
-    assert compare(TOUCHES[name], 0.1) < TOUCHING
+    assert sam_off(TOUCHES[name], 0.1) < TOUCHING
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*MODELS, *TOUCHES])
 def test_a_model_over_a_second(name: str) -> None:
-    assert compare((MODELS | TOUCHES)[name], 1.0) < (LINEAR if name in MODELS else 1e-5)
+    assert sam_off((MODELS | TOUCHES)[name], 1.0) < (LINEAR if name in MODELS else 1e-5)
 
 
 def test_every_word_is_played() -> None:
@@ -180,7 +150,7 @@ audioout,right,0.0; # nothing
 
 
 def test_a_score_is_as_a_person_writes_it() -> None:
-    score = imported(WRITTEN)
+    score = sam_score(WRITTEN)
     for line in (
         "# A drum of a friend.",
         "# It may be copied.",
@@ -201,7 +171,7 @@ def test_a_score_is_as_a_person_writes_it() -> None:
 
 
 def test_a_port_may_be_a_key_in_its_place() -> None:
-    score = imported(WRITTEN)
+    score = sam_score(WRITTEN)
     key = re.search(r"^# (keys: .+)$", score, flags=re.MULTILINE)
     assert key is not None
     played = re.sub(r"      dev1: .+\n", "", score) + key[1] + "\n"
@@ -211,9 +181,9 @@ def test_a_port_may_be_a_key_in_its_place() -> None:
 
 
 def test_a_parameter_may_have_another_value() -> None:
-    assert "  k: 300  # hslider" in imported(WRITTEN, k=300.0)
+    assert "  k: 300  # hslider" in sam_score(WRITTEN, k=300.0)
     with pytest.raises(ModelError, match="no parameter 'kk'; did you mean 'k'"):
-        imported(WRITTEN, kk=1.0)
+        sam_score(WRITTEN, kk=1.0)
 
 
 def test_channels_are_sums_of_positions_and_forces() -> None:
@@ -222,7 +192,7 @@ def test_channels_are_sums_of_positions_and_forces() -> None:
     heard += "audioout,a,(m*2.0 + p:*(3.0))*vol;\naudioout,b,(p - m)/(0.5+0.5);\n"
     heard += "audioout,c,-(1.0)*(l*pan(2.0))-j;\naudioout,e,d:_:/(2.0);\n"
     heard = heard.replace("-(1.0)*", "-1.0*")
-    sound = rendered(imported(text + heard), 0.05)
+    sound = rendered(sam_score(text + heard), 0.05)
     x = sam.played(text, len(sound))
     vol = 10.0 ** (-6.0 / 20.0)
     # `:` binds more loosely than + and *.
@@ -305,7 +275,7 @@ def test_definitions_that_stand_deep_in_one_another_are_refused(first: str, more
     code = "".join(f"faustcode: {line};\n" for line in lines)
     used = {"k0=1.0": "k2999", "k0(x)=x": "k2999(1.0)", "k0=*(2.0)": "1.0:k2999"}[first]
     with pytest.raises(ModelError, match="nested too deeply"):
-        imported(code + f"mass({used},0.0,0.0),m;")
+        sam_score(code + f"mass({used},0.0,0.0),m;")
 
 
 def test_names_that_a_score_makes_itself_are_free() -> None:
@@ -313,7 +283,7 @@ def test_names_that_a_score_makes_itself_are_free() -> None:
     text = names + model("resonators(sixty*a*A*e*bar*m,1.0,1.0),still", "ground(0.0),stillear",
                          "mass(1.0,0.1,0.0),model", "link(9.0,0.1,0.0),heard,still,model",
                          "audioout,x,-still", "audioout,y,model", "audioout,no,heard")  # fmt: skip
-    found = load("s.yaml", text=imported(text))
+    found = load("s.yaml", text=sam_score(text))
     assert found.piece is not None, found.diagnostics
 
 
@@ -379,7 +349,7 @@ WRONG = {
 def test_what_no_score_says_is_refused_with_its_line(name: str) -> None:
     line, text, says = WRONG[name]
     with pytest.raises(ModelError, match=says) as refused:
-        imported(text)
+        sam_score(text)
     assert refused.value.line == line
 
 
@@ -453,7 +423,7 @@ def test_spoiled_models_are_refused_or_read(first: int) -> None:
     for seed in range(first, first + 300):
         text = spoiled(seed)
         try:
-            score = imported(text)
+            score = sam_score(text)
         except ModelError:
             continue
         found = load("s.yaml", text=score)

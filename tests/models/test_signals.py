@@ -38,6 +38,15 @@ LINKS = {
     "nlSpring3": "nlSpring3 @m @h 0.01 [100*x] 0.001",
     "Z of nlContact": "nlContact @m @h 0.01 5 0.2 y",
     "Z of nlSpringDamper": "nlSpringDamper @m @h 0.01 20 0.2 y",
+    "K of nlContact": "nlContact @m @h x 20 0.04 y",
+    "Q and lim of nlContact": "nlContact @m @h 0.03 [100*w] x 0.001 0.005",
+    "thresh of a contact": "contact @m @h 0.05 0.002 [4*y]",
+    "thresh of nlContact": "nlContact @h @m 0.01 50 0.2 0.002 [4*y]",
+    "four of nlContact": "nlContact @m @h x [100*w] [2*x] 0.003 [4*y]",
+    "K of nlSpringDamper": "nlSpringDamper @m @h x 20 0.05 0.002",
+    "Q of nlSpringDamper that goes": "nlSpringDamper @m @h 0.01 [100*w - 75] 0.03 y",
+    "lim of nlSpringDamper": "nlSpringDamper @h @m 0.05 20 x 0.001",
+    "lim of nlSpringDamper without Q": "nlSpringDamper @h @m 0.05 0 x 0.001",
     "bow": "nlBow @m @h x [0.002 + 0.004*x]",
     "scale of a bow": "nlBow @m @h 0.05 [0.01*w]",
     "smooth bow": "nlBow @m @h x y 1",
@@ -123,7 +132,9 @@ def test_a_signal_without_a_file_is_0_and_one_that_stays_is_a_number():
 
 REFUSED = {
     "a mass": (5, f"{HEAD}@m mass x 0 0", "M is 0 in the first sample"),
-    "thresh": (8, f"{HAND}@l contact @m @h 1 0 x{OUT}", "which thresh of this word cannot do"),
+    "smooth": (8, f"{HAND}@l nlBow @m @h 1 0.1 x{OUT}", "which smooth of this word cannot do"),
+    "five": (8, f"{HAND}@l nlContact @m @h x w w y x{OUT}", "5 values follow signals"),
+    "a lim below 0": (8, f"{HAND}@l nlContact @m @h 0 1 [x - 1] 0{OUT}", "lim is -0.9"),
     "a gain of two": (8, f"{HAND}@l spring @m @h [x*y]{OUT}", "follows two signals"),
     "a curve": (8, f"{HAND}@l spring @m @h [x*x]{OUT}", "not a straight line"),
 }

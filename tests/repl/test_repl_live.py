@@ -34,11 +34,16 @@ from ergon.scores.edits.texts import Texts
 
 
 def session_on(
-    folder: Path, audio: str, *, watches: bool = False, pages: Pages | None = None
+    folder: Path,
+    audio: str,
+    *,
+    watches: bool = False,
+    pages: Pages | None = None,
+    text: str = SCORE,
 ) -> Session:
     """A session on a performance whose journal stands beside its score."""
     path = folder / "score.yaml"
-    path.write_text(SCORE, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     texts = Texts.read(path)
     version = Version(0, "", texts, piece_of(texts))
     journal = Journal(folder / "session.jsonl")

@@ -64,6 +64,20 @@ def test_what_is_not_written_has_its_default():
     assert take.input == SoundInput(1, 1e-4, False, 5.0, 1e-2)
 
 
+def test_values_by_osc_glide_and_have_no_filter(own_folder: Path):
+    take = read(text("input: osc, gain: 2mN")).takes["mic"]
+    assert take.input == SoundInput(None, 2e-3, True, None, 2e-3, 0.02)
+    take = read(text("input: osc, gain: 1mm, clamp: 2mm, glide: 0s", "ENX")).takes["mic"]
+    assert take.input == SoundInput(None, 1e-3, False, None, 2e-3, 0.0)
+    x = noise(99)
+    wave("x.wav", x)
+    written = text("input: osc, gain: 1mm, clamp: 0.5mm, file: x.wav", "ENX")
+    got = heard(stage(read(written)))
+    assert np.array_equal(got[1:100], np.clip(1e-3 * x, -0.5e-3, 0.5e-3))
+    assert not got[100:].any()
+    assert not heard(stage(read(text("input: osc, gain: 1mm", "ENX")))).any()
+
+
 @pytest.mark.parametrize(
     ("fields", "code", "words"),
     [
@@ -82,6 +96,11 @@ def test_what_is_not_written_has_its_default():
         ("input: 1, gain: 2N, channel: 1", "E111", "the input has none"),
         ("input: 1, gain: 2N, file: x.csv", "E206", ".wav"),
         ("input: 1, gain: 2N, file: x.wav", "E107", "x.wav"),
+        ("input: 1, gain: 2N, glide: 1ms", "E111", "an input of the sound card has no glide"),
+        ("input: osc, gain: 2N, highpass: 9Hz", "E111", "an input by OSC has no highpass"),
+        ("input: osc, gain: 2N, glide: 61s", "E202", "the longest glide is 60 s"),
+        ("input: osc", "E103", "no 'gain'"),
+        ("input: osk, gain: 1N", "E201", "neither a whole number nor osc"),
     ],
 )
 def test_what_an_input_cannot_be_is_told(own_folder: Path, fields: str, code: str, words: str):

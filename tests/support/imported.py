@@ -1,21 +1,28 @@
 """Scores that `ergon import` wrote, played."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 from oracle import mims
 from planned_sound import ready
 
 from ergon import _core
+from ergon.scores.staging.stage import input_number
 
 
-def rendered(text: str, seconds: float) -> np.ndarray:
-    """Every channel of a score (n_frames, n_channels)."""
+def rendered(text: str, seconds: float, told: Sequence[tuple[int, str, float]] = ()) -> np.ndarray:
+    """Every channel of a score (n_frames, n_channels); inputs are `told` (frame, name, value)."""
     stage = ready(text)
     plan = _core.Plan(stage.network, stage.timeline, method="ca")
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((round(seconds * mims.RATE), simulation.n_out))
-    simulation.process(sound)
+    at = 0
+    for frame, name, value in told:
+        simulation.process(sound[at:frame])
+        assert simulation.tell(input_number(name), value)
+        at = frame
+    simulation.process(sound[at:])
     names = re.findall(r"^      (\w+): {SO", text.split("    out:\n")[1], flags=re.MULTILINE)
     routes = re.findall(r"- {from: model\.(\w+), to: (\d+)(?:, gain: x([^,}]+))?", text)
     assert [name for name, *_ in routes] == names

@@ -23,7 +23,7 @@ use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
 use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent, SoundInput};
-use crate::simulation::{Simulation, damping, strike_impulse};
+use crate::simulation::{Simulation, damping, strike_impulse, told_value};
 use crate::status::{HandLimit, Status, named_event};
 
 /// Time between two checks for Ctrl-C during a wait.
@@ -283,11 +283,17 @@ impl Performance {
         }))
     }
 
-    /// Strike a point of the simulation that plays, at the next tick; a ticket, that an event "struck" or "missed"
+    /// Strike a point of the simulation that plays, at the next tick; a ticket, that an event "acted" or "missed"
     /// tells; None where too many commands wait.
     fn strike(&self, point: u32, impulse: f64) -> PyResult<Option<u64>> {
         let impulse = strike_impulse(impulse)?;
         self.with(|own| own.strike(point, impulse))
+    }
+
+    /// Let an input that is told go to a value, at the next tick; a ticket, as of a strike.
+    fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
+        let value = told_value(value)?;
+        self.with(|own| own.tell(number, value))
     }
 
     /// Let the gain of a group of the mixer's routes glide to another.

@@ -147,6 +147,11 @@ impl Simulation {
         Ok(self.0.strike(point, strike_impulse(impulse)?))
     }
 
+    /// Let an input that is told go to a value from the next frame on; False where there is no such input.
+    fn tell(&mut self, number: u64, value: f64) -> PyResult<bool> {
+        Ok(self.0.tell(number, told_value(value)?))
+    }
+
     /// What a sound card hears in the next frames (n_frames, n_channels), 4096 at most.
     fn sound_in(&mut self, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
         let n_channels = frames.shape()[1];
@@ -392,6 +397,15 @@ pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
         Ok(impulse)
     } else {
         Err(refused("strike", "an impulse is a finite number"))
+    }
+}
+
+/// A value of an input that is a finite number.
+pub(crate) fn told_value(value: f64) -> PyResult<f64> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(refused("tell", "a value is a finite number"))
     }
 }
 

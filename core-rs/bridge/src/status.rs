@@ -27,7 +27,7 @@ pub(crate) fn named_event(event: perform::Event) -> PerformanceEvent {
         EventKind::Finer => ("finer", 0.0),
         EventKind::Changed(ticket) => ("changed", ticket as f64),
         EventKind::Late(ticket) => ("late", ticket as f64),
-        EventKind::Struck(ticket) => ("struck", ticket as f64),
+        EventKind::Acted(ticket) => ("acted", ticket as f64),
         EventKind::Missed(ticket) => ("missed", ticket as f64),
         EventKind::Ended => ("ended", 0.0),
     };

@@ -6,7 +6,7 @@ use ergon_engine::chance::Chance;
 use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network;
-use ergon_engine::timeline::{self, Rain, SoundInSettings, Source};
+use ergon_engine::timeline::{self, InputSource, Rain, SoundInSettings, Source};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -270,14 +270,32 @@ impl Timeline {
         highpass: Option<f64>,
     ) -> PyResult<usize> {
         let settings = SoundInSettings {
-            channel,
+            source: InputSource::Channel(channel),
             gain,
             highpass,
             clamp,
         };
-        let samples = samples.as_slice()?;
-        computing(py, || self.inner.sound_in(settings, samples))?
-            .map_err(|error| refused("sound_in", error))
+        self.input(py, settings, samples)
+    }
+
+    /// An input that is told values by its number, each reached after `glide` [s]; `samples` (n_frames,) until the first.
+    #[pyo3(signature = (number, samples, *, gain, clamp, glide))]
+    fn told_in(
+        &mut self,
+        py: Python<'_>,
+        number: u64,
+        samples: PyReadonlyArray1<'_, f64>,
+        gain: f64,
+        clamp: f64,
+        glide: f64,
+    ) -> PyResult<usize> {
+        let settings = SoundInSettings {
+            source: InputSource::Told { number, glide },
+            gain,
+            highpass: None,
+            clamp,
+        };
+        self.input(py, settings, samples)
     }
 
     /// ENX / ENF: a constant, a take from `at`, or an input.
@@ -375,6 +393,17 @@ impl Timeline {
                 self.network.n_mat()
             ),
         ))
+    }
+
+    fn input(
+        &mut self,
+        py: Python<'_>,
+        settings: SoundInSettings,
+        samples: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<usize> {
+        let samples = samples.as_slice()?;
+        computing(py, || self.inner.sound_in(settings, samples))?
+            .map_err(|error| refused("sound_in", error))
     }
 }
 

@@ -26,7 +26,7 @@ pub use hand::{Hand, HandWay};
 pub use lead::Factors;
 pub(crate) use lead::{Lead, first, greatest, next_change};
 pub(crate) use push::{Push, pushes};
-pub use sound_in::{Conditioner, SoundIn, SoundInSettings};
+pub use sound_in::{Conditioner, InputSource, SoundIn, SoundInSettings};
 
 /// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.
 const STRIKES_MAX: u64 = 5_000_000;

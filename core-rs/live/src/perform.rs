@@ -111,14 +111,23 @@ pub(crate) enum Command {
     Part(usize, f64),
     /// What is heard goes into a file too, or no longer.
     Tap(Option<audio::Tap>),
-    /// A strike: its ticket, the point, the impulse [N·s].
-    Strike(u64, u32, f64),
+    /// What acts at the first frame of the next tick, and its ticket.
+    Act(u64, Act),
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
     /// A window, as soon as the simulation plays that it is of.
     Window(Box<Window>),
     /// Another version.
     Change(Box<ScheduledChange>),
+}
+
+/// What acts on what plays at the first frame of a tick.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Act {
+    /// A strike: the point, the impulse [N·s].
+    Strike(u32, f64),
+    /// A value of an input: its number, the value, full scale 1.
+    Tell(u64, f64),
 }
 
 /// What the physics thread needs no more, to be freed elsewhere.

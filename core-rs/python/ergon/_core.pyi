@@ -1064,6 +1064,14 @@ class Timeline:
         2 [Hz]; no value is larger than `clamp` [m or N]. `samples` (n_frames,), full scale 1, at the rate of the
         timeline: what is heard from frame 0 on where nobody plays. Raises EngineError.
         """
+    def told_in(
+        self, number: int, samples: _Floats, *, gain: float, clamp: float, glide: float
+    ) -> int:
+        """Declare an input that Simulation.tell tells values by its `number`; returns its index.
+
+        Each value is reached evenly within `glide` [s], 60 at most, and held until the next; the
+        rest is as of `sound_in`. Raises EngineError.
+        """
     def drive(
         self,
         mat: int,
@@ -1078,7 +1086,7 @@ class Timeline:
     ) -> None:
         """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, a take, or an input.
 
-        `sound` is an index that `sound_in` returned: frame n is computed with value n times `scale`.
+        `sound` is an index that `sound_in` or `told_in` returned: frame n is computed with value n times `scale`.
         The take begins at `at` [s]; before it its first value holds, after it its last. With `own`
         the module belongs to the MAT's part, so that the free copy of a key feels it too.
         """
@@ -1418,6 +1426,12 @@ class Simulation:
 
         Impulses of one frame add up. False where the simulation has no such point. Raises
         EngineError where the impulse is not finite.
+        """
+    def tell(self, number: int, value: float) -> bool:
+        """Let an input of Timeline.told_in go to a value, full scale 1, from the next frame on.
+
+        False where the simulation has no such input. Raises EngineError where the value is not
+        finite.
         """
     def sound_in(self, frames: NDArray[np.float32]) -> None:
         """Give what a sound card hears in the next frames, full scale 1, (n_frames, n_channels).
@@ -1830,7 +1844,7 @@ class PerformanceEvent(NamedTuple):
     """An event of a performance.
 
     The number is a board ("gone", "back"), a hand ("took over", "tripped: …"), a ticket ("changed",
-    "late", "struck", "missed") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
+    "late", "acted", "missed") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
     """
 
     frame: int
@@ -1961,9 +1975,14 @@ class Performance:
     def strike(self, point: int, impulse: float) -> int | None:
         """Strike a point of the simulation that plays by an impulse [N·s], at the next tick.
 
-        Returns a ticket, or None where too many commands wait. An event "struck" with the ticket
+        Returns a ticket, or None where too many commands wait. An event "acted" with the ticket
         tells the frame; an event "missed" says that nothing was struck, because the simulation
         lacks the point or too many strikes came at once. Raises EngineError.
+        """
+    def tell(self, number: int, value: float) -> int | None:
+        """Let an input of Timeline.told_in go to a value, full scale 1, at the next tick.
+
+        Returns a ticket, as `strike`. Raises EngineError.
         """
     def part_gain(self, group: int, gain: float) -> bool:
         """Let the gain of a group of the mixer's routes glide in 20 ms; False as for `gain`."""

@@ -1,8 +1,8 @@
 """Models of MIMS (v1) and mi-gen (v2) played step by step, from the laws of their libraries alone.
 
-Plain Python, one list a mass: [position, last step, force]. The libraries keep two positions
-instead; the sum is the same but for rounding, which the last step keeps small. It reads correct
-models only.
+Plain Python, one list a mass: [position, last step, force]; of a macro rows of an array. The
+libraries keep two positions instead; the sum is the same but for rounding, which the last step
+keeps small. It reads correct models only.
 """
 
 import math
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 RATE = 44100
-Mass = list[float]
+Mass = list[float] | np.ndarray
 STRINGS = ("string", "stiffString", "chain")
 
 
@@ -188,8 +188,9 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
     numbers = own.values([*texts, "0"][:4])
     x0 = own.value(_height(words[-tail]))
     step = 0.0 if own.is_v1 else own.value(_height(words[-1])) / RATE
-    data = [[x0, step, 0.0] for _ in range(length * width)]
-    own.macros[name] = word, length, width, data
+    data = np.tile([x0, step, 0.0], (length * width, 1))
+    own.macros[name] = word, length, width, list(data)
+    x, v, f = data.T
     pairs = []
     stiff: list[tuple[int, int]] = []
     if n == 1:
@@ -212,23 +213,25 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
         ends = [i in (0, length - 1), j in (0, width - 1)]
         return {"closedMesh": any(ends), "cornerMesh": all(ends)}.get(word, False)
 
-    fixed = [is_fixed(i) for i in range(length * width)]
+    fixed = np.array([is_fixed(i) for i in range(length * width)])
+    free = ~fixed
+    first, second = np.array(pairs).reshape(-1, 2).T
+    near, far = np.array(stiff, int).reshape(-1, 2).T
+
+    def pull(a: np.ndarray, b: np.ndarray, force: np.ndarray) -> None:
+        """Link by link, in their order."""
+        np.add.at(f, np.stack([a, b], 1).ravel(), np.stack([-force, force], 1).ravel())
 
     def move() -> None:
         m, k, z, zo = numbers()
-        for i, one in enumerate(data):
-            if fixed[i]:
-                one[2] = 0.0
-                if n == 2:
-                    one[1] = 0.0
-            else:
-                own.inertia(one, m, 0.0, zo, 0.0)
-        for a, b in pairs:
-            p, q = data[a], data[b]
-            own.force(p, q, k * (p[0] - q[0]) + z * (p[1] - q[1]))
-        for a, b in stiff:
-            p, q = data[a], data[b]
-            own.force(p, q, k2 * (p[0] - q[0]))
+        v[free] += (f[free] - zo * v[free]) / m
+        x[free] += v[free]
+        f[:] = 0.0
+        if n == 2:
+            v[fixed] = 0.0
+        pull(first, second, k * (x[first] - x[second]) + z * (v[first] - v[second]))
+        if stiff:
+            pull(near, far, k2 * (x[near] - x[far]))
 
     own.moves.append(move)
 

@@ -1,7 +1,7 @@
-//! Inputs of a sound card in an island: samples in, tick by tick; where none came, those of a file.
+//! Inputs in an island: samples of a sound card tick by tick, or values that are told; where none came, those of a file.
 
 use crate::state::{Body, Target};
-use crate::timeline::{Drive, DriveKind, SoundIn, Source};
+use crate::timeline::{Drive, DriveKind, InputSource, SoundIn, Source};
 
 /// Most frames that are handed over at once.
 pub(crate) const FRAMES_MAX: usize = 4_096;
@@ -17,9 +17,50 @@ pub(super) struct SoundDrive {
     steps: u64,
 }
 
-/// Values that were played.
+/// What was played into an input.
 #[derive(Clone, Debug)]
-pub(super) struct Played {
+pub(super) enum Played {
+    /// Samples of a sound card.
+    Samples(Samples),
+    /// The way to the last value that was told; `None`: none was.
+    Told(Option<Way>),
+}
+
+impl Played {
+    /// The value at a frame of the score [m or N].
+    fn at(&self, frame: u64, sound: &SoundIn) -> f64 {
+        match self {
+            Self::Samples(samples) => samples.at(frame, sound),
+            Self::Told(Some(way)) if frame + 1 >= way.start => sound.settings.scaled(way.at(frame)),
+            Self::Told(_) => sound.at(frame),
+        }
+    }
+}
+
+/// The even way of an input from one value to another that was told, full scale 1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Way {
+    from: f64,
+    to: f64,
+    /// The first frame on the way, and the number of frames to its end.
+    start: u64,
+    length: u64,
+}
+
+impl Way {
+    /// The value at a frame that is no more than one before the first.
+    fn at(&self, frame: u64) -> f64 {
+        let done = frame + 1 - self.start;
+        if done >= self.length {
+            return self.to;
+        }
+        self.from + (self.to - self.from) * (done as f64 / self.length as f64)
+    }
+}
+
+/// Samples of a sound card.
+#[derive(Clone, Debug)]
+pub(super) struct Samples {
     /// Frame of the score of the first; `None`: nobody plays.
     from: Option<u64>,
     /// The value of the frame before.
@@ -29,7 +70,7 @@ pub(super) struct Played {
     values: Box<[f64]>,
 }
 
-impl Played {
+impl Samples {
     fn at(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self.from {
             Some(from) if frame >= from => {
@@ -59,13 +100,16 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
         _ => None,
     };
     let all: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
-    let played = || Played {
-        from: None,
-        before: 0.0,
-        n: 0,
-        values: vec![0.0; FRAMES_MAX].into(),
+    let played = |drive: &SoundDrive| match drive.sound.settings.source {
+        InputSource::Channel(_) => Played::Samples(Samples {
+            from: None,
+            before: 0.0,
+            n: 0,
+            values: vec![0.0; FRAMES_MAX].into(),
+        }),
+        InputSource::Told { .. } => Played::Told(None),
     };
-    let played = all.iter().map(|_| played()).collect();
+    let played = all.iter().map(played).collect();
     (all, played)
 }
 
@@ -108,9 +152,62 @@ impl super::Island {
     pub(crate) fn hear(&mut self, index: usize, from: u64, before: f64, values: &[f64]) {
         let pairs = self.script.sound_drives.iter().zip(&mut self.state.played);
         for (_, played) in pairs.filter(|(drive, _)| drive.sound.index == index) {
+            let Played::Samples(samples) = played else {
+                continue;
+            };
             let n = values.len().min(FRAMES_MAX);
-            played.values[..n].copy_from_slice(&values[..n]);
-            (played.from, played.before, played.n) = (Some(from), before, n);
+            samples.values[..n].copy_from_slice(&values[..n]);
+            (samples.from, samples.before, samples.n) = (Some(from), before, n);
         }
+    }
+
+    /// Let the input of a number go to a value from frame `start` of the score on, full scale 1; false where none is here.
+    pub(crate) fn tell(&mut self, number: u64, start: u64, value: f64) -> bool {
+        let mut is_here = false;
+        for (sound, way) in self.told_inputs(number) {
+            let most = sound.settings.most();
+            let before = |frame| match way {
+                Some(way) => way.at(frame),
+                None => sound.at(frame) / sound.settings.gain,
+            };
+            *way = Some(Way {
+                from: start.checked_sub(1).map_or(0.0, before),
+                to: value.clamp(-most, most),
+                start,
+                length: sound.glide,
+            });
+            is_here = true;
+        }
+        is_here
+    }
+
+    /// The inputs of a number and their ways.
+    fn told_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Way>)> {
+        let pairs = self.script.sound_drives.iter().zip(&mut self.state.played);
+        pairs.filter_map(
+            move |(drive, played)| match (drive.sound.settings.source, played) {
+                (InputSource::Told { number: own, .. }, Played::Told(way)) if own == number => {
+                    Some((&drive.sound, way))
+                }
+                _ => None,
+            },
+        )
+    }
+
+    /// The ways of inputs that were told a value, by their numbers.
+    pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Way)> {
+        let pairs = self.script.sound_drives.iter().zip(&self.state.played);
+        pairs.filter_map(
+            |(drive, played)| match (drive.sound.settings.source, played) {
+                (InputSource::Told { number, .. }, Played::Told(Some(way))) => Some((number, *way)),
+                _ => None,
+            },
+        )
+    }
+
+    /// Let the input of a number go on by a way that it was on in another island.
+    pub(crate) fn go_on_as_told(&mut self, number: u64, way: Way) {
+        self.told_inputs(number)
+            .for_each(|(_, own)| *own = Some(way));
     }
 }

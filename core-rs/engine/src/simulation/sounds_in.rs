@@ -1,9 +1,9 @@
-//! Inputs of a sound card: their samples pass high-pass, gain and clamp here, and go to all islands.
+//! Inputs: samples of a sound card pass high-pass, gain and clamp here, and go to all islands, as values do that are told.
 
 use super::{RunningUnit, Simulation};
-use crate::island::FRAMES_MAX;
+use crate::island::{FRAMES_MAX, Island};
 use crate::plan::Plan;
-use crate::timeline::Conditioner;
+use crate::timeline::{Conditioner, InputSource};
 
 /// The stages of all inputs, and room for the values of one.
 #[derive(Clone, Debug)]
@@ -39,11 +39,46 @@ impl SoundsIn {
 impl Simulation {
     /// Number of channels of a sound card that its inputs need: 0 where it has none.
     pub fn n_channels_in(&self) -> usize {
-        let channels = self.plan.sounds_in.iter();
-        channels
-            .map(|own| own.channel + 1)
-            .max()
-            .unwrap_or_default()
+        let sources = self.plan.sounds_in.iter().map(|own| own.source);
+        let channels = sources.filter_map(|source| match source {
+            InputSource::Channel(channel) => Some(channel + 1),
+            InputSource::Told { .. } => None,
+        });
+        channels.max().unwrap_or_default()
+    }
+
+    /// Let the input of a number ([`InputSource::Told`]) go to a value from the next frame on, full scale 1; false where
+    /// none that plays has this number, or the value is no finite number. Until the first value it is heard from the
+    /// timeline's samples.
+    pub fn tell(&mut self, number: u64, value: f64) -> bool {
+        if !value.is_finite() {
+            return false;
+        }
+        let start = self.frame;
+        let mut is_here = false;
+        for island in self.playing_islands() {
+            is_here |= island.tell(number, start, value);
+        }
+        is_here
+    }
+
+    /// Inputs that were told a value go on by the ways that they were on in another simulation.
+    pub(super) fn go_on_as_told(&mut self, old: &Self) {
+        for (island, _) in old.islands() {
+            for (number, way) in island.ways() {
+                self.playing_islands()
+                    .for_each(|own| own.go_on_as_told(number, way));
+            }
+        }
+    }
+
+    /// All islands, to be told something.
+    fn playing_islands(&mut self) -> impl Iterator<Item = &mut Island> {
+        let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
+        units.filter_map(|running| match running {
+            RunningUnit::Island(island) => Some(&mut **island),
+            RunningUnit::Bank(_) => None,
+        })
     }
 
     /// What a sound card hears in the frames that are computed next, full scale 1, at the rate of the score,
@@ -58,8 +93,10 @@ impl Simulation {
             values,
         } = &mut self.sounds_in;
         for (index, conditioner) in conditioners.iter_mut().enumerate() {
+            let Some(channel) = conditioner.channel() else {
+                continue;
+            };
             let before = conditioner.last();
-            let channel = conditioner.channel();
             for (value, frame) in values.iter_mut().zip(frames.chunks_exact(n_channels)) {
                 let sample = frame.get(channel).copied().unwrap_or(0.0);
                 *value = conditioner.next(f64::from(sample));

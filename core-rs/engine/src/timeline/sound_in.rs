@@ -1,4 +1,4 @@
-//! Inputs of a sound card that move or push MATs: what is done to their samples, and the same from a file.
+//! Inputs that move or push MATs, by a sound card or by values that are told: what is done to them, and the same from a file.
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,18 +10,46 @@ use crate::section::{BUTTERWORTH_2, Section};
 
 /// Most inputs of a piece.
 const INPUTS_MAX: usize = 64;
+/// Longest way from one value that is told to the next [s].
+const GLIDE_MAX: f64 = 60.0;
+
+/// Where the samples of an input come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InputSource {
+    /// A channel of the sound card, from 0.
+    Channel(usize),
+    /// Values of [`Simulation::tell`](crate::simulation::Simulation::tell): each is reached after `glide` [s], and held.
+    Told {
+        /// The number by which the input is told.
+        number: u64,
+        /// Time from one value to the next [s].
+        glide: f64,
+    },
+}
 
 /// What is done to the samples of an input before they act.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoundInSettings {
-    /// Channel of the sound card, from 0.
-    pub channel: usize,
+    /// Where they come from.
+    pub source: InputSource,
     /// What full scale (1.0) is [m or N].
     pub gain: f64,
     /// Cutoff of a Butterworth high-pass of order 2 [Hz]; `None`: without.
     pub highpass: Option<f64>,
     /// Largest magnitude that acts [m or N].
     pub clamp: f64,
+}
+
+impl SoundInSettings {
+    /// Gain and clamp: what a value is, full scale 1 [m or N].
+    pub(crate) fn scaled(&self, value: f64) -> f64 {
+        (value * self.gain).clamp(-self.clamp, self.clamp)
+    }
+
+    /// The value above which the clamp acts, full scale 1.
+    pub(crate) fn most(&self) -> f64 {
+        (self.clamp / self.gain).abs()
+    }
 }
 
 /// The stages that every sample of an input passes: high-pass, gain, clamp.
@@ -51,14 +79,16 @@ impl Conditioner {
             Some(section) => section.next(heard).high,
             None => heard,
         };
-        let clamp = self.settings.clamp;
-        self.last = (passed * self.settings.gain).clamp(-clamp, clamp);
+        self.last = self.settings.scaled(passed);
         self.last
     }
 
-    /// The channel that it hears.
-    pub(crate) fn channel(&self) -> usize {
-        self.settings.channel
+    /// The channel that it hears, if it hears a sound card.
+    pub(crate) fn channel(&self) -> Option<usize> {
+        match self.settings.source {
+            InputSource::Channel(channel) => Some(channel),
+            InputSource::Told { .. } => None,
+        }
     }
 
     /// The last value that came out [m or N].
@@ -68,7 +98,7 @@ impl Conditioner {
 
     /// Go on where another one stands, if it hears the same channel.
     pub(crate) fn take_over(&mut self, other: &Self) {
-        if self.settings.channel != other.settings.channel {
+        if self.settings.source != other.settings.source {
             return;
         }
         if let (Some(own), Some(other)) = (&mut self.section, &other.section) {
@@ -84,6 +114,8 @@ pub struct SoundIn {
     /// Index among the inputs of the timeline.
     pub(crate) index: usize,
     pub(crate) settings: SoundInSettings,
+    /// Frames from one value that is told to the next.
+    pub(crate) glide: u64,
     /// Values at the frames of the score from frame 0 on [m or N], (n_frames,); 0 after them.
     values: Arc<[f64]>,
     /// SHA-256 of the values.
@@ -134,6 +166,16 @@ impl Timeline {
         if !(settings.clamp > 0.0 && settings.clamp.is_finite()) {
             return wrong("the clamp of an input", " above 0", settings.clamp);
         }
+        let mut frames = 1;
+        if let InputSource::Told { glide, .. } = settings.source {
+            if !(0.0..=GLIDE_MAX).contains(&glide) {
+                return wrong("the glide of an input", " of seconds from 0 to 60", glide);
+            }
+            if !settings.most().is_finite() {
+                return wrong("the gain of an input", " that is not 0", settings.gain);
+            }
+            frames = ((glide * rate + 0.5) as u64).max(1);
+        }
         if let Some(cutoff) = settings.highpass
             && !(cutoff > 0.0 && cutoff < 0.5 * rate)
         {
@@ -149,6 +191,7 @@ impl Timeline {
         self.sounds_in.push(SoundIn {
             index,
             settings,
+            glide: frames,
             values,
             digest: sha.finalize().into(),
         });

@@ -1,4 +1,5 @@
-//! Inputs of a sound card: what is played is what a file of it makes of the piece, and both are the formulas'.
+//! Inputs of a sound card, and those that are told: what is played is what a file of it makes of the piece, and both are the
+//! formulas'.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -6,7 +7,7 @@ use std::sync::Arc;
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
-use ergon_engine::timeline::{DriveKind, SoundInSettings, Timeline};
+use ergon_engine::timeline::{DriveKind, InputSource, SoundInSettings, Timeline};
 use ergon_engine::units::Rate;
 
 use super::scene::options;
@@ -15,13 +16,13 @@ const RATE: f64 = 44_100.0;
 const N: usize = 3_000;
 
 const PUSH: SoundInSettings = SoundInSettings {
-    channel: 1,
+    source: InputSource::Channel(1),
     gain: 2e-3,
     highpass: Some(200.0),
     clamp: 0.8e-3,
 };
 const PLACE: SoundInSettings = SoundInSettings {
-    channel: 0,
+    source: InputSource::Channel(0),
     gain: 1e-4,
     highpass: None,
     clamp: 1.0,
@@ -78,14 +79,12 @@ fn timeline(recorded: Option<&[f32]>) -> (Arc<Network>, Timeline) {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     let samples = |at| recorded.map_or(Vec::new(), |frames| channel(frames, at));
-    for (settings, mat, kind) in [
-        (PUSH, 0, DriveKind::Force),
-        (PLACE, 1, DriveKind::Position),
-        (PUSH, 3, DriveKind::Force),
+    for (settings, at, mat, kind) in [
+        (PUSH, 1, 0, DriveKind::Force),
+        (PLACE, 0, 1, DriveKind::Position),
+        (PUSH, 1, 3, DriveKind::Force),
     ] {
-        let index = timeline
-            .sound_in(settings, &samples(settings.channel))
-            .unwrap();
+        let index = timeline.sound_in(settings, &samples(at)).unwrap();
         timeline.drive_by_sound(mat, kind, index, 1.0).unwrap();
     }
     (network, timeline)
@@ -248,6 +247,13 @@ fn what_no_input_can_have_is_refused() {
             highpass: Some(0.5 * RATE),
             ..PUSH
         },
+        SoundInSettings {
+            gain: 0.0,
+            ..told(1, 0.1)
+        },
+        told(1, -1.0),
+        told(1, f64::NAN),
+        told(1, 61.0),
     ] {
         assert!(timeline.sound_in(wrong, &[]).is_err(), "{wrong:?}");
     }
@@ -267,4 +273,144 @@ fn what_no_input_can_have_is_refused() {
             .drive_by_sound(1, DriveKind::Position, index, 1.0)
             .is_err()
     );
+}
+
+/// An input that is told by its number.
+fn told(number: u64, glide: f64) -> SoundInSettings {
+    SoundInSettings {
+        source: InputSource::Told { number, glide },
+        gain: -2e-3,
+        highpass: None,
+        clamp: 3e-3,
+    }
+}
+
+/// What is told when: frame, number, value.
+const TOLD: [(usize, u64, f64); 6] = [
+    (500, 8, 0.5),
+    (700, 8, -0.75),
+    (710, 9, 1.0),
+    (711, 9, 0.25),
+    (1_500, 8, 40.0),
+    (2_500, 8, 0.0),
+];
+const GLIDE: f64 = 0.01;
+const BEFORE: [f64; 520] = [0.125; 520];
+
+/// A mass that one input pushes and a point that another moves, each with its output.
+fn told_timeline() -> (Arc<Network>, Timeline) {
+    let network = Arc::new(network());
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    for (settings, mat, kind) in [
+        (told(8, GLIDE), 0, DriveKind::Force),
+        (told(9, 0.0), 1, DriveKind::Position),
+    ] {
+        let index = timeline.sound_in(settings, &BEFORE).unwrap();
+        timeline.drive_by_sound(mat, kind, index, 1.0).unwrap();
+    }
+    (network, timeline)
+}
+
+/// Frames from that of the simulation to `stop`, in blocks of at most so many   (n_frames, 3)
+fn as_told(simulation: &mut Simulation, stop: usize, block: usize) -> Vec<f64> {
+    let mut sound = Vec::new();
+    while (simulation.frame() as usize) < stop {
+        let now = simulation.frame() as usize;
+        for &(_, number, value) in TOLD.iter().filter(|(at, ..)| *at == now) {
+            assert!(simulation.tell(number, value));
+        }
+        let next = TOLD.iter().map(|(at, ..)| *at).find(|&at| at > now);
+        let until = (now + block).min(stop).min(next.unwrap_or(stop));
+        let mut out = vec![0.0; 3 * (until - now)];
+        simulation.process(&mut out).unwrap();
+        sound.extend(out);
+    }
+    sound
+}
+
+/// The value of an input at each frame [m or N], by walking from value to value.
+fn walked(number: u64, glide: f64) -> Vec<f64> {
+    let (mut now, mut goal, mut left) = (BEFORE[0], None, 0.0);
+    let values = (0..N).map(|n| {
+        if goal.is_none() {
+            now = BEFORE.get(n).copied().unwrap_or(0.0);
+        }
+        let told = TOLD.iter().filter(|one| (one.0, one.1) == (n, number));
+        for &(_, _, value) in told {
+            (goal, left) = (
+                Some(value.clamp(-1.5, 1.5)),
+                (glide * RATE).round().max(1.0),
+            );
+        }
+        if let Some(goal) = goal
+            && left > 0.0
+        {
+            now += (goal - now) / left;
+            left -= 1.0;
+        }
+        (-2e-3 * now).clamp(-3e-3, 3e-3)
+    });
+    values.collect()
+}
+
+/// A file until the first value; then each value is reached evenly, and held. No more than the clamp acts.
+#[test]
+fn what_is_told_is_reached_and_held() {
+    let simulation = || {
+        let (network, timeline) = told_timeline();
+        Simulation::new(network, &timeline, plain()).unwrap()
+    };
+    let whole = as_told(&mut simulation(), N, 1000);
+    assert!(whole == as_told(&mut simulation(), N, 7));
+    let (mut now, mut before) = (0.0, 0.0);
+    for (n, force) in walked(8, GLIDE).into_iter().enumerate() {
+        let got: f64 = whole[3 * n];
+        assert!(
+            (got - now).abs() < 1e-9 * now.abs().max(1e-6),
+            "{n}: {got} {now}"
+        );
+        let next = 2.0 * now - before + force / (5e-3 * RATE * RATE);
+        (now, before) = (next, now);
+    }
+    let places = heard(&whole, 1);
+    for (n, (x, got)) in walked(9, 0.0).iter().zip(&places[1..]).enumerate() {
+        assert!((got - x).abs() < 1e-17, "{n}: {got} {x}");
+    }
+    let mut own = simulation();
+    assert!(!own.tell(7, 1.0), "no input has this number");
+    assert!(!own.tell(8, f64::NAN) && !own.tell(8, f64::INFINITY));
+    assert!(own.n_channels_in() == 0);
+}
+
+/// Another version goes on by the ways of the one before, at any frame of them, with a plan and without one.
+#[test]
+fn a_version_goes_on_by_what_was_told() {
+    let plan = |planned: bool| {
+        let (network, timeline) = told_timeline();
+        let plan = if planned {
+            Plan::new(network, &timeline, &Budget::default(), None)
+        } else {
+            Plan::plain(network, &timeline, false)
+        };
+        Arc::new(plan.unwrap())
+    };
+    let whole = as_told(
+        &mut Simulation::planned(plan(false), plain()).unwrap(),
+        N,
+        64,
+    );
+    for (at, is_planned) in [(400, false), (640, false), (760, false), (2_000, true)] {
+        let mut old = Simulation::planned(plan(is_planned), plain()).unwrap();
+        let mut sound = as_told(&mut old, at, 64);
+        let mut new = Simulation::planned_from(plan(is_planned), plain(), at as u64).unwrap();
+        let mut takeover = Takeover::new(&old, &new);
+        assert!(new.take_over(&mut old, &mut takeover));
+        sound.extend(as_told(&mut new, N, 64));
+        if is_planned {
+            let off = sound.iter().zip(&whole).map(|(x, y)| (x - y).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-9);
+        } else {
+            assert!(sound == whole, "{at}");
+        }
+    }
 }

@@ -12,7 +12,7 @@ use super::control::{Control, MarkDone, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    ChangeError, Command, Ear, Event, Garbage, HandKey, HandLimit, Heard, Keyboard, PlayError,
+    Act, ChangeError, Command, Ear, Event, Garbage, HandKey, HandLimit, Heard, Keyboard, PlayError,
     PlaybackConfig, Stage, Status, Window, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
@@ -204,13 +204,21 @@ impl Performance {
     }
 
     /// Strike a point of the simulation that plays, at the first frame of the next tick; a ticket, which
-    /// [`EventKind::Struck`](super::EventKind::Struck) or [`EventKind::Missed`](super::EventKind::Missed) tells. `None`
+    /// [`EventKind::Acted`](super::EventKind::Acted) or [`EventKind::Missed`](super::EventKind::Missed) tells. `None`
     /// where too much is asked at once.
     pub fn strike(&mut self, point: u32, impulse: f64) -> Option<u64> {
+        self.act(Act::Strike(point, impulse))
+    }
+
+    /// Let an input that is told go to a value, full scale 1, as [`Performance::strike`].
+    pub fn tell(&mut self, number: u64, value: f64) -> Option<u64> {
+        self.act(Act::Tell(number, value))
+    }
+
+    fn act(&mut self, act: Act) -> Option<u64> {
         self.tickets += 1;
         let ticket = self.tickets;
-        self.command(Command::Strike(ticket, point, impulse))
-            .then_some(ticket)
+        self.command(Command::Act(ticket, act)).then_some(ticket)
     }
 
     /// Change something at a frame that begins a tick; returns a ticket, which [`EventKind::Changed`] or [`EventKind::Late`] tells.

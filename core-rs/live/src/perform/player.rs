@@ -24,7 +24,7 @@ use super::hearing::Hearing;
 use super::scale::Scale;
 use super::status::{Event, EventKind, Status};
 use super::window::Strikes;
-use super::{Command, Garbage, Hand, HandLimit, Slot, Stage, Window};
+use super::{Act, Command, Garbage, Hand, HandLimit, Slot, Stage, Window};
 use crate::audio::{Feed, Shared, Tap};
 use crate::recording::{self, RowSink};
 use crate::safety;
@@ -32,8 +32,8 @@ use change::{SCHEDULED_MAX, ScheduledChange};
 
 /// A tick is late when it begins so much of its length after it was due.
 const LATE: f64 = 0.5;
-/// Strikes in one tick.
-const STRIKES_MAX: usize = 256;
+/// Strikes and values of inputs in one tick.
+const ACTS_MAX: usize = 256;
 /// Without keys on a clock, ticks wait at most so long for room in the ring: the card may be gone for good.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -68,8 +68,8 @@ pub(super) struct Player {
     next_window: Option<Box<Window>>,
     /// What a window is to tell of strikes.
     struck: Strikes,
-    /// Strikes of this tick: ticket, point, impulse [N·s].
-    strikes: Vec<(u64, u32, f64)>,
+    /// What acts in this tick, with its ticket.
+    acts: Vec<(u64, Act)>,
     clock: Clock,
     pub(super) movers: Vec<Mover>,
     pub(super) guidance: Vec<GuidanceState>,
@@ -158,7 +158,7 @@ impl Player {
             paced,
             has_positions: false,
             waiting: Vec::with_capacity(SCHEDULED_MAX),
-            strikes: Vec::with_capacity(STRIKES_MAX),
+            acts: Vec::with_capacity(ACTS_MAX),
             struck: Strikes::new(),
             tap: None,
             window: None,
@@ -204,7 +204,7 @@ impl Player {
         safety::look_for_signals();
         self.commands();
         self.changes();
-        self.strike();
+        self.act();
         self.scale();
         self.guidance
             .iter_mut()
@@ -279,12 +279,10 @@ impl Player {
                         self.throw_away(Garbage::Window(old));
                     }
                 }
-                Command::Strike(ticket, ..) if self.strikes.len() == STRIKES_MAX => {
+                Command::Act(ticket, _) if self.acts.len() == ACTS_MAX => {
                     self.tell(EventKind::Missed(ticket));
                 }
-                Command::Strike(ticket, point, impulse) => {
-                    self.strikes.push((ticket, point, impulse));
-                }
+                Command::Act(ticket, act) => self.acts.push((ticket, act)),
                 Command::Keys(slot, guarded) => {
                     self.slots[slot].comes_back(guarded);
                     self.slots[slot].stop(self.panicked);
@@ -319,20 +317,28 @@ impl Player {
         }
     }
 
-    /// Strike what plays from this frame on: the simulation that took over at it, if one did.
-    fn strike(&mut self) {
-        for at in 0..self.strikes.len() {
-            let (ticket, point, impulse) = self.strikes[at];
-            let is_struck = self.stage.simulation.strike(point, impulse);
-            if is_struck && self.stage.is_seen {
-                (self.struck).add(self.stage.simulation.frame(), point, impulse);
-            }
-            self.tell(if is_struck {
-                EventKind::Struck(ticket)
+    /// Strike what plays from this frame on, the simulation that took over at it if one did, and tell its inputs values.
+    fn act(&mut self) {
+        for at in 0..self.acts.len() {
+            let (ticket, act) = self.acts[at];
+            let has_acted = match act {
+                Act::Strike(point, impulse) => self.strike(point, impulse),
+                Act::Tell(number, value) => self.stage.simulation.tell(number, value),
+            };
+            self.tell(if has_acted {
+                EventKind::Acted(ticket)
             } else {
                 EventKind::Missed(ticket)
             });
         }
-        self.strikes.clear();
+        self.acts.clear();
+    }
+
+    fn strike(&mut self, point: u32, impulse: f64) -> bool {
+        let is_struck = self.stage.simulation.strike(point, impulse);
+        if is_struck && self.stage.is_seen {
+            (self.struck).add(self.stage.simulation.frame(), point, impulse);
+        }
+        is_struck
     }
 }

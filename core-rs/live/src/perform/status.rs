@@ -119,9 +119,9 @@ pub enum EventKind {
     Changed(u64),
     /// A change was not made, because its frame had passed or another simulation than its `old` was playing; its ticket.
     Late(u64),
-    /// A point was struck at this frame; the ticket.
-    Struck(u64),
-    /// A point was not struck, because what plays lacks it, or too many were struck in one tick; the ticket.
+    /// A strike, or a value of an input, acted at this frame; the ticket.
+    Acted(u64),
+    /// It did not, because what plays lacks the point or the input, or too many came in one tick; the ticket.
     Missed(u64),
     /// The last frame was computed.
     Ended,

@@ -60,6 +60,7 @@ impl Simulation {
                 island.place();
             }
         }
+        self.go_on_as_told(old);
         true
     }
 

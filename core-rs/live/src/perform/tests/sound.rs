@@ -1,7 +1,7 @@
 //! What is heard: a fold, an input, a file beside.
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
-use ergon_engine::timeline::{DriveKind, SoundInSettings};
+use ergon_engine::timeline::{DriveKind, InputSource, SoundInSettings};
 
 use super::*;
 
@@ -64,7 +64,7 @@ fn pushed_by_sound() -> Simulation {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     let settings = SoundInSettings {
-        channel: 0,
+        source: InputSource::Channel(0),
         gain: 2e-3,
         highpass: Some(20.0),
         clamp: 1e-3,
@@ -185,7 +185,7 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     assert_eq!(
         events,
         [
-            (100 * every, EventKind::Struck(struck)),
+            (100 * every, EventKind::Acted(struck)),
             (100 * every, EventKind::Missed(missed)),
         ]
     );

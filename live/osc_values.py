@@ -1,0 +1,49 @@
+"""Values of inputs that come by OSC, at a bounded rate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from .osc_in import number_of
+
+if TYPE_CHECKING:
+    from .osc_in import Handler
+
+_RATE = 200.0  # values a second, of all inputs together: a journal holds hours of them
+_AT_ONCE = 20.0  # values of different inputs that act in one tick, after a pause
+
+
+class ToldInputs:
+    """What inputs are told: of values that come too fast the latest of each input."""
+
+    def __init__(
+        self, tell: Callable[[str, float], bool], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Take what tells an input a value; it returns False where that has to be tried again."""
+        self._tell, self._clock = tell, clock
+        self._waiting: dict[str, float] = {}
+        self._free = _AT_ONCE
+        self._seen = clock()
+
+    def of(self, name: str) -> Handler:
+        """What a request for an input does."""
+        return number_of(partial(self._take, name))
+
+    def _take(self, name: str, value: float) -> None:
+        self._waiting[name] = value
+        self.turn()
+
+    def turn(self) -> None:
+        """Tell what may be told by now, the input first that has waited longest."""
+        now = self._clock()
+        self._free = min(_AT_ONCE, self._free + (now - self._seen) * _RATE)
+        self._seen = now
+        while self._waiting and self._free >= 1.0:
+            name = next(iter(self._waiting))
+            if not self._tell(name, self._waiting[name]):
+                return
+            del self._waiting[name]
+            self._free -= 1.0

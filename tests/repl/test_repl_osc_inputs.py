@@ -1,0 +1,302 @@
+"""Inputs that are told values by OSC, through UDP: what acts, and what a journal renders."""
+
+import json
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import soundfile
+from captured import check_heard
+from commands import ERGON
+from numpy.typing import NDArray
+from patience import until
+from sessions import EVERY, Stepped
+from tests.live.test_live_osc import Listener, listener, piece, played  # noqa: F401  # a fixture
+from tests.repl.test_repl_live import session_on
+
+from ergon import _core
+from ergon.live.osc import Osc
+from ergon.live.osc_in import OscRequestError
+from ergon.live.osc_values import ToldInputs
+from ergon.live.perform import PlaybackConfig
+from ergon.live.trouble import troubles
+from ergon.repl.session.engine import SteppedEngine
+from ergon.repl.session.journal import JournalError
+from ergon.repl.session.osc import SessionOsc
+from ergon.scores.staging.stage import input_number, stage
+
+RATE = 44_100
+SCORE = """\
+ergon: 1
+takes:
+  breath: {input: osc, gain: 2mN, glide: 10ms, clamp: 3mN}
+  place: {input: osc, gain: 1mm, glide: 0s, file: rehearsal.wav}
+instruments:
+  free: {modules: {m: {MAS: {M: 2g}}, push: {ENF: {to: m, from: breath}}}, out: {SOX: m}}
+  hand: {modules: {m: {MAS: {M: 1g}}, path: {ENX: {to: m, from: place}}}, out: {SOX: m}}
+mix:
+  channels: 2
+  route: [{from: free, to: 1, gain: x1}, {from: hand, to: 2, gain: x1}]
+render: {tail: 2s}
+"""
+
+
+@pytest.fixture
+def folder(own_folder: Path) -> Path:
+    """A folder with the file that an input plays until it is told a value."""
+    soundfile.write("rehearsal.wav", np.full(1000, 0.25), RATE, subtype="FLOAT")
+    return own_folder
+
+
+class Told:
+    """A stepped session that hears OSC: time passes only by `own.run`."""
+
+    def __init__(self, folder: Path, said: Listener) -> None:
+        self.own = Stepped(SCORE, folder)
+        self._said, self._osc = said, Osc(("127.0.0.1", 0), None)
+        performance = cast(_core.Performance, SimpleNamespace())
+        self._served = SessionOsc(self.own.session, self._osc, performance)
+
+    def tell(self, name: str, value: float) -> None:
+        """Say a value by UDP, and wait until it acts, at the frame that is next."""
+        assert self._osc.place is not None
+        self._said.say(self._osc.place[1], f"/ergon/input/{name}", value)
+        before = len(self.values())
+        until(lambda: self.own.session.pump() or len(self.values()) > before, "the value acts")
+
+    def values(self) -> list[tuple[int, str, float]]:
+        """Those of the journal: frame, input, value."""
+        rows = map(json.loads, self.own.journal.read_text().splitlines())
+        return [
+            (row["frame"], row["input"], row["value"]) for row in rows if row["event"] == "value"
+        ]
+
+    def close(self) -> None:
+        self._served.close()
+        self.own.close()
+
+
+@pytest.fixture
+def told(folder: Path, listener: Listener) -> Iterator[Told]:  # noqa: F811
+    made = Told(folder, listener)
+    yield made
+    made.close()
+
+
+def forces(values: list[tuple[int, str, float]], n_frames: int) -> NDArray[np.float64]:
+    """What `breath` gives at each frame [N]: an even way of 441 frames to each value."""
+    x = np.zeros(n_frames + 1)  # of the frame before
+    for frame, name, value in values:
+        if name == "breath":
+            start = x[frame]
+            way = np.minimum(np.arange(1, n_frames - frame + 1) / 441, 1.0)
+            x[frame + 1 :] = start + (np.clip(value, -1.5, 1.5) - start) * way
+    return np.clip(2e-3 * x[1:], -3e-3, 3e-3)
+
+
+def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(told: Told):
+    own = told.own
+    own.run(0.1)
+    told.tell("breath", 0.5)
+    own.run(0.05)
+    told.tell("breath", -1.0)  # on the way of the value before
+    own.run(0.005)
+    told.tell("breath", 7)  # more than the clamp lets act
+    told.tell("place", -0.5)
+    own.run(0.2)
+    own.close()
+    values = told.values()
+    assert [value for *_, value in values] == [0.5, -1.0, 7.0, -0.5]
+    force = forces(values, len(own.sound))
+    x = np.zeros(len(force) + 1)
+    v = 0.0
+    for n, f in enumerate(force):
+        v += f / (2e-3 * RATE * RATE)
+        x[n + 1] = x[n] + v
+    assert np.allclose(own.sound[:, 0], x[:-1], rtol=1e-9, atol=1e-16)
+    assert np.abs(x).max() > 1e-6
+    place = np.zeros(len(own.sound) + 1)
+    place[1:1001] = 0.25e-3  # the file; then at rest, then held
+    place[values[-1][0] + 1 :] = -0.5e-3
+    assert np.array_equal(own.sound[:, 1].astype(np.float32), place[:-1].astype(np.float32))
+    assert np.array_equal(own.again(), own.sound)
+
+
+def test_versions_go_on_by_what_was_told(told: Told):
+    own = told.own
+    own.run(0.1)
+    told.tell("breath", 1.0)
+    told.tell("place", 0.75)
+    own.run(0.004)
+    own.ok("set free.m.M 3g now")
+    own.run(0.2)
+    assert own.sound[-1, 1] == 0.75e-3
+    own.ok("undo")
+    own.run(0.2)
+    assert own.sound[-1, 1] == 0.75e-3
+    own.close()
+    assert np.array_equal(own.again(), own.sound)
+    further = Stepped.resumed(own.journal)
+    further.run(0.1)
+    assert further.sound[-1, 1] == 0.0  # nobody has told it anything yet
+    further.close()
+
+
+@pytest.mark.parametrize("value", ["loud", float("nan"), float("inf"), True, None])
+def test_what_is_no_finite_number_is_refused(told: Told, listener: Listener, value: Any):  # noqa: F811
+    assert told._osc.place is not None
+    said = () if value is None else (value,)
+    listener.say(told._osc.place[1], "/ergon/input/breath", *said)
+    assert listener.until("/ergon/error")[3] == [
+        "the argument has to be one finite number; 1 is full scale"
+    ]
+    told.own.run(0.1)
+    assert told.values() == []
+    assert not told.own.sound[:, 0].any()
+
+
+def test_an_input_that_the_score_lacks_has_no_address(told: Told, listener: Listener):  # noqa: F811
+    assert told._osc.place is not None
+    listener.say(told._osc.place[1], "/ergon/input/nobody", 1.0)
+    listener.say(told._osc.place[1], "/ergon/input/", 1.0)
+    told.tell("breath", 0.0)
+    assert len(told._osc.remarks()) == 2
+
+
+class Asked:
+    """What would be told, at a time that a test sets."""
+
+    def __init__(self) -> None:
+        self.now, self.takes = 0.0, True
+        self.told: list[tuple[str, float]] = []
+        self.inputs = ToldInputs(self._tell, lambda: self.now)
+
+    def _tell(self, name: str, value: float) -> bool:
+        if self.takes:
+            self.told.append((name, value))
+        return self.takes
+
+
+def test_of_values_that_come_too_fast_the_latest_acts():
+    asked = Asked()
+    for at in range(1000):  # in one second, to two inputs by turns
+        asked.now = at / 1000
+        for name in "ab":
+            asked.inputs.of(name)([at])
+        asked.inputs.turn()
+    asked.now = 1.1
+    asked.inputs.turn()
+    assert 200 <= len(asked.told) <= 222
+    assert dict(asked.told) == {"a": 999.0, "b": 999.0}
+    assert abs(sum(name == "a" for name, _ in asked.told) - len(asked.told) / 2) <= 1
+
+
+def test_a_value_that_finds_no_room_is_told_later():
+    asked = Asked()
+    asked.takes = False
+    asked.inputs.of("a")([0.5])
+    asked.inputs.of("a")([0.25])
+    assert asked.told == []
+    asked.takes = True
+    asked.inputs.turn()
+    assert asked.told == [("a", 0.25)]
+    for wrong in ([], [1.0, 2.0], ["1"], [10**400]):
+        with pytest.raises(OscRequestError, match="finite number"):
+            asked.inputs.of("a")(wrong)
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        ({"input": "nobody"}, "has no such input"),
+        ({"input": 3}, "'input' has the wrong type"),
+        ({"value": "1"}, "'value' has the wrong type"),
+        ({"value": float("nan")}, "must be from"),
+        ({"frame": -1}, "must be from 0"),
+    ],
+)
+def test_a_forged_value_is_refused_with_its_place(told: Told, damage: dict[str, Any], message: str):
+    told.own.run(0.1)
+    told.tell("breath", 1.0)
+    told.own.run(0.1)
+    told.own.close()
+    rows = [json.loads(line) for line in told.own.journal.read_text().splitlines()]
+    for number, row in enumerate(rows, 1):
+        if row["event"] == "value":
+            row.update(damage)
+            place = number
+    told.own.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    with pytest.raises(JournalError, match=f"line {place}: .*{message}"):
+        told.own.again()
+
+
+@contextmanager
+def served(folder: Path, audio: str) -> Iterator[tuple[Any, int]]:
+    osc = Osc(("127.0.0.1", 0), None)
+    with closing(session_on(folder, audio, text=SCORE)) as session:
+        session.attach(SessionOsc(session, osc, session.commits.engine.performance))
+        assert osc.place is not None
+        yield session, osc.place[1]
+
+
+def test_what_was_told_live_is_what_its_journal_renders(folder: Path, listener: Listener):  # noqa: F811
+    """Over the real engine, whose ticks the values fall between."""
+    heard = folder / "heard.wav"
+    with served(folder, f"clock:{heard}") as (session, port):
+        engine = session.commits.engine
+        frame = 4410
+        for step in range(20):
+            until(lambda after=frame: engine.frame > after, "the engine goes on")
+            listener.say(port, "/ergon/input/breath", 0.1 * step - 1.0)
+            listener.say(port, "/ergon/input/place", -0.05 * step)
+            frame = engine.frame + 1500
+        until(lambda: engine.frame > frame + 22_050, "the last is held")
+        troubles = engine.status().troubles
+    rows = [json.loads(line) for line in (folder / "session.jsonl").read_text().splitlines()]
+    assert sum(row["event"] == "value" for row in rows) == 40
+    done = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    sound, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    again, _ = soundfile.read("again.wav", dtype="float32", always_2d=True)
+    assert check_heard(sound, again, troubles).equal > 44_100
+
+
+def test_a_performance_is_told_at_a_tick(folder: Path, listener: Listener):  # noqa: F811
+    """`ergon play`: what is heard is what values at the frames of their events make."""
+    staged = stage(piece(SCORE), planned=True)
+    heard = PlaybackConfig(audio=f"clock:{folder / 'heard.wav'}")
+    acted: list[int] = []
+
+    def has(n: int) -> Callable[[], bool]:
+        def look() -> bool:
+            acted.extend(frame for frame, what, _ in performance.events() if what == "acted")
+            return len(acted) >= n
+
+        return look
+
+    said = {"breath": 0.5, "place": -0.25}
+    with played(staged, heard) as (performance, osc):
+        assert osc.place is not None
+        for number, (name, value) in enumerate(said.items(), 1):
+            listener.say(osc.place[1], f"/ergon/input/{name}", value)
+            until(has(number), "the value acts")
+        until(lambda: performance.wait(0.1), "the end of the piece")
+        found = troubles(performance.status(), (), None, is_endless=False)
+    own = SteppedEngine(stage(piece(SCORE), planned=True), tick_frames=EVERY, highpass=None)
+    mixed = []
+    for frame, (name, value) in zip(acted, said.items(), strict=True):
+        mixed.append(own.process(frame - own.frame))
+        own.tell(input_number(name), value)
+    mixed.append(own.process(staged.n_frames - own.frame))
+    sound, _ = soundfile.read(folder / "heard.wav", dtype="float32", always_2d=True)
+    check_heard(sound, np.concatenate(mixed).astype(np.float32), found)

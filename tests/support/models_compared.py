@@ -1,0 +1,134 @@
+"""Models of other programs as scores, beside the interpreters of `oracle`."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from imported import rendered
+from numpy.typing import NDArray
+from oracle import miphysics, pmpd, sam
+from planned_sound import ready
+
+from ergon import _core
+from ergon.models.miphysics.reading import parse as miphysics_network
+from ergon.models.miphysics.score import written as miphysics_written
+from ergon.models.page import Input
+from ergon.models.pmpd.interpreter import network
+from ergon.models.pmpd.reading import parse as pmpd_messages
+from ergon.models.pmpd.score import written as pmpd_written
+from ergon.models.pmpd.words import Object
+from ergon.models.sam.reading import parse as sam_sheet
+from ergon.models.sam.score import written as sam_written
+from ergon.models.sam.words import LINKS
+
+RATE = 44_100
+Floats = NDArray[np.float64]
+
+
+def off(sound: Floats, exact: Floats) -> float:
+    """The largest error over the largest value of its channel, or of what stands still."""
+    sizes = np.abs(exact).max(axis=0)
+    return float((np.abs(sound - exact).max(axis=0) / np.where(sizes > 0.0, sizes, 1.0)).max())
+
+
+# --- Synth-A-Modeler ---
+
+
+def sam_score(text: str, **given: float) -> str:
+    """A model as a score, its ports at 0."""
+    return sam_written(sam_sheet(text), {}, given, "a model")
+
+
+def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> float:
+    """The largest error of all positions and forces of a model, whatever it lets be heard.
+
+    What moves `ports` stands in files of their names too.
+    """
+    text = re.sub(r"^\s*(audioout|display)\b.*$", "", text, flags=re.MULTILINE)
+    said = sam_sheet(text).statements
+    masses = [one.name for one in said if one.word in ("mass", "resonators")]
+    links = [one.name for one in said if one.word in LINKS]
+    heard = "".join(f"\naudioout,z{at},{name};" for at, name in enumerate([*masses, *links]))
+    inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in ports.items()}
+    score = sam_written(sam_sheet(text + heard), inputs, {}, "a model")
+    sound = rendered(score, seconds)
+    # A score's file begins where the model's second sample is.
+    moved = {name: [0.0, *x[:-1]] for name, x in ports.items()}
+    exact = sam.played(text, len(sound), moved)
+    errors = [off(sound[:, at], exact[name]) for at, name in enumerate(masses)]
+    for at, name in enumerate(links, len(masses)):
+        # A force is heard a sample early; strikes of the first sample are no force of a link.
+        errors.append(off(sound[1:-1, at], exact[name][2:]))
+    assert max(np.ptp(exact[name]) for name in (*masses, *links)) > 1e-5, "nothing moves"
+    return max(errors)
+
+
+# --- pmpd ---
+
+
+def pmpd_score(text: str, kind: Object | None = None) -> str:
+    """A list of messages as a score, its inlets at 0."""
+    found, messages = pmpd_messages(text, kind)
+    return pmpd_written(network(found, messages), {}, "a list")
+
+
+def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats] = {}) -> float:
+    """The largest error of all that a list lets be heard.
+
+    What goes into `inlets` (in0 …) of pmpd~ stands in files of their names too.
+    """
+    if kind == "pmpd~":
+        found, messages = pmpd_messages(text, kind)
+        inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in inlets.items()}
+        score = pmpd_written(network(found, messages), inputs, "a list")
+        fed = {int(name[2:]): x for name, x in inlets.items()}
+        exact = pmpd.audio(text, n_frames, fed)
+        assert np.ptp(exact, axis=0).min() > 1e-3, "nothing moves"
+        # The score begins with what the object begins with.
+        return off(rendered(score, (n_frames + 1) / RATE)[1:], exact)
+    made = network(*pmpd_messages(text, kind))
+    heard = [at for one in made.asked for at in one.masses]
+    exact = pmpd.bangs(text, n_frames)[:, heard]
+    return off(rendered(pmpd_score(text, kind), n_frames / RATE), exact)
+
+
+# --- miPhysics ---
+
+
+def miphysics_motion(text: str, n_frames: int, rate: int = RATE) -> dict[str, Floats]:
+    """Places of all masses of a score, (n, 3) in space and (n, 1) on one axis."""
+    network = miphysics_network(text)
+    score = miphysics_written(network, "a model", rate)
+    names = {one.name: one.kind for one in network.masses if not one.kind.startswith("Ground")}
+    outs: dict[str, list[str]] = {"space": [], "axis": []}
+    for name, kind in names.items():
+        is_space = kind.endswith("3D")
+        axes = ("x", "y", "z") if is_space else ("",)
+        heard = [f"{name}.{axis}".rstrip(".") for axis in axes]
+        outs["space" if is_space else "axis"] += heard
+    head, *parts = re.split(r"^    out: .*\n", score.split("mix:")[0], flags=re.MULTILINE)
+    for where, rest in zip([key for key in outs if outs[key]], parts, strict=True):
+        listed = "".join(f"      {where}{i}: {{SOX: {p}}}\n" for i, p in enumerate(outs[where]))
+        head += f"    out:\n{listed}{rest}"
+    stage = ready(head + "accuracy: {method: ca}\n")
+    plan = _core.Plan(stage.network, stage.timeline, method="ca")
+    simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
+    sound = np.empty((n_frames, simulation.n_out))
+    simulation.process(sound)
+    found, at = {}, 0
+    for name, kind in sorted(names.items(), key=lambda one: one[1].endswith("1D")):
+        n = 3 if kind.endswith("3D") else 1
+        found[name] = sound[:, at : at + n] * (1e3 if n == 3 else 1.0)
+        at += n
+    return found
+
+
+def miphysics_off(text: str, n_frames: int, rate: int = RATE, *, along: bool = False) -> float:
+    """The largest error over the largest way that anything goes."""
+    found = miphysics_motion(text, n_frames, rate)
+    exact = miphysics.played(text, n_frames, rate, along=along)
+    exact = {name: exact[name] if one.shape[1] == 3 else exact[name][:, 2:]
+             for name, one in found.items()}  # fmt: skip
+    way = max(float(np.ptp(one, axis=0).max()) for one in exact.values())
+    assert way > 1e-4, "nothing moves"
+    return max(float(np.abs(found[name] - exact[name]).max()) for name in found) / way
