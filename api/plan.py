@@ -28,8 +28,9 @@ class Plan:
     sha256 (64 hex digits). `is_kept` says whether all that its trials find was in the cache,
     `seconds` how long reading, planning and staging took. `inputs` are the files that the plan was
     made from. `budget` is the accuracy that the plan was made for: `method`, `error` [dB], `cents`
-    and `upto` [Hz], as far as they were given. `highest_modes` are those of strings and plates by
-    name [Hz]. `pieces` are what other processes can compute, each as a whole.
+    and `upto` [Hz], as far as they were given. Where the score has a rate of motion, `seen` is what
+    nobody hears, as it is computed for pages and motion files. `highest_modes` are those of strings
+    and plates by name [Hz]. `pieces` are what other processes can compute, each as a whole.
     """
 
     rows: tuple[PlanRow, ...]
@@ -41,6 +42,7 @@ class Plan:
     budget: Budget
     highest_modes: Mapping[str, float]
     pieces: tuple[Piece, ...] = ()
+    seen: tuple[PlanRow, ...] = ()
 
     def shares(self, count: int) -> Shares:
         """How the work would be shared out among `count` processes."""
@@ -84,7 +86,8 @@ def plan(
 
     options = options or AccuracyOptions()
     loaded = scores.read(score, options, report)
-    staged = scores.stage_piece(loaded, options, report)
+    has_motion = scores.piece_of(loaded).motion is not None
+    staged = scores.stage_piece(loaded, options, report, is_seen=has_motion)
     made, wished = staged.stage.plan, staged.stage.planned_for
     assert made is not None
     assert wished is not None
@@ -100,4 +103,5 @@ def plan(
         budget,
         {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.built)},
         pieces(staged.stage.simulation, rows, staged.stage.rate),
+        tuple(made.seen()),
     )

@@ -33,6 +33,7 @@ from benches.native import Loops, compiler
 from benches.pages import pages
 from benches.part_modes import admittance, part_modes
 from benches.planning import planning
+from benches.pmpd import pmpd
 from benches.precision import precision
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
@@ -53,7 +54,7 @@ def main(arguments: list[str]) -> int:
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
     networks = [bank, string, mesh, hammer, gong, precision, matter, grains]
-    networks += [mi_physics, quetzalcoatl, growth]
+    networks += [mi_physics, pmpd, quetzalcoatl, growth]
     scenes: dict[str, Callable[[], list[Row]]] = {
         **{scene.__name__: partial(scene, loops) for scene in networks},
         "laws": laws,

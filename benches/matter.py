@@ -26,8 +26,8 @@ _Links = tuple[int, int, int, float, float]
 
 def matter(loops: Loops | None) -> list[Row]:
     """A cloth of 10,000 points and 39,402 springs that is struck, on one thread."""
-    n, runs = SIDE * SIDE, runs_of_cloth()
-    network, tap = cloth(n, runs)
+    n, runs = SIDE * SIDE, runs_of_cloth(SIDE)
+    network, tap = cloth(SIDE, runs)
     timeline = _core.Timeline(network, RATE)
     ours = sides.engine("ergon", planned(network, timeline, method="ca"))
     missing = {} if loops else {"C": "no compiler (`cc`) here"}
@@ -45,9 +45,9 @@ def matter(loops: Loops | None) -> list[Row]:
     return sides.rows(scene, "one thread", taken, {}, missing, _FRAMES / RATE, modules)
 
 
-def runs_of_cloth() -> list[_Links]:
+def runs_of_cloth(side: int) -> list[_Links]:
     """Row by row: along rows, along columns, across the meshes."""
-    side, far = SIDE, _SPACING * float(np.sqrt(2.0))
+    far = _SPACING * float(np.sqrt(2.0))
     rows = [(j * side, j * side + 1, side - 1, _K, _SPACING) for j in range(side)]
     columns = [(0, side, side * (side - 1), _K, _SPACING)]
     across = [
@@ -58,20 +58,21 @@ def runs_of_cloth() -> list[_Links]:
     return rows + columns + across
 
 
-def cloth(n: int, runs: Sequence[_Links]) -> tuple[_core.Network, int]:
+def cloth(side: int, runs: Sequence[_Links]) -> tuple[_core.Network, int]:
+    n = side * side
     network = _core.Network()
     network.part("cloth")
     at = np.arange(n)
-    x, y = _SPACING * (at % SIDE), _SPACING * (at // SIDE)
+    x, y = _SPACING * (at % side), _SPACING * (at // side)
     bump = 1e-3 * np.exp(-((x - 0.4) ** 2 + (y - 0.6) ** 2) / 0.01)
     places = np.concatenate([x, y, bump])
-    mass = np.where((at == 0) | (at == SIDE - 1), 0.0, M)
+    mass = np.where((at == 0) | (at == side - 1), 0.0, M)
     first = network.points("", axes=3, M=list(mass), X0=list(places), V0=[0.0] * (3 * n))
     for a, b, count, stiff, rest in runs:
         ends = (range(first + end, first + end + 3 * n, n) for end in (a, b))
         network.space_ref("link", *ends, count=count, rest=rest, K=stiff, Z=0.01)
     network.weigh(first + 2 * n, n, -_G)
-    tap = 2 * n + n // 2 + SIDE // 3
+    tap = 2 * n + n // 2 + side // 3
     network.listen("tap", positions=[(tap, 1, 1.0)])
     return network, tap
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from statistics import median
+from typing import Protocol
 
 import numpy as np
 
@@ -23,6 +24,9 @@ _LINKS, _CHAIN_M, _CHAIN_K, _SPACING, _G = 1_000, 1e-3, 2_000.0, 5e-3, 9.81
 # Of the way of a mass: its dampers go by distances a step ago, ours by velocities along the line.
 _SAME = 0.02
 
+# Its name, the network, the lines that a peer plays, and how many modules it has.
+_Scene = tuple[str, _core.Network, list[str], int]
+
 
 def mi_physics(_: object) -> list[Row]:
     """The same masses, springs and contacts at the same steps; the places of both agree.
@@ -30,12 +34,35 @@ def mi_physics(_: object) -> list[Row]:
     Java compiles what it runs often, beside it and for a second or more: the frames before are
     as many as that takes.
     """
-    rows = []
-    for (name, network, lines, modules), warm, n_frames in (
-        (_cloth(), 2_000, 500),
-        (_chain(), 40_000, 10_000),
+    scenes = (
+        (cloth(matter.SIDE), 2_000, 500),
+        (chain(), 40_000, 10_000),
         (_grains(), 300, 100),
-    ):
+    )
+    return beside("miPhysics", Program, scenes, (_PROBED, _SAME))
+
+
+class _Peer(Protocol):
+    """A program that plays scenes, as `peers.mi_physics.Program` does."""
+
+    def scene(
+        self, lines: Iterable[str], warm: int, n_frames: int
+    ) -> Callable[[], tuple[float, Floats]]: ...
+
+
+def beside(
+    peer: str,
+    program: Callable[[], _Peer],
+    scenes: Iterable[tuple[_Scene, int, int]],
+    probed: tuple[int, float],
+) -> list[Row]:
+    """Rows of scenes that a peer plays too: the CPU time of frames after some that are not counted.
+
+    `scenes`: each with the frames before, and the frames. `probed`: frames after which both are in
+    the same places, and the part of the way of a mass by which places may differ.
+    """
+    rows = []
+    for (name, network, lines, modules), warm, n_frames in scenes:
         timeline = _core.Timeline(network, RATE)
         ours = planned(network, timeline, method="ca")
         begun = ours.snapshot()
@@ -54,35 +81,39 @@ def mi_physics(_: object) -> list[Row]:
 
         sound = n_frames / RATE
         try:
-            program = Program()
-            _agree(network, timeline, program.scene(lines, 0, _PROBED))
-            theirs = program.scene(lines, warm, n_frames)
+            playing = program()
+            _agree((network, timeline), (peer, playing, lines), probed)
+            theirs = playing.scene(lines, warm, n_frames)
             pairs = [(go_on(), theirs()[0]) for _ in range(ROUNDS)]
             taken = {
                 "ergon": median(own for own, _ in pairs),
-                "miPhysics": median(other for _, other in pairs),
+                peer: median(other for _, other in pairs),
             }
             rows += sides.rows(name, "one thread", taken, {}, {}, sound, modules)
         except Missing as missing:
             taken = {"ergon": median(go_on() for _ in range(ROUNDS))}
-            missed = {"miPhysics": str(missing)}
+            missed = {peer: str(missing)}
             rows += sides.rows(name, "one thread", taken, {}, missed, sound, modules)
     return rows
 
 
-_Scene = tuple[str, _core.Network, list[str], int]
-
-
 def _agree(
-    network: _core.Network, timeline: _core.Timeline, theirs: Callable[[], tuple[float, Floats]]
+    ours: tuple[_core.Network, _core.Timeline],
+    theirs: tuple[str, _Peer, list[str]],
+    probed: tuple[int, float],
 ) -> None:
-    plain = _core.Simulation(network, timeline)
+    """Refuses a peer whose masses are elsewhere after some frames, as a part of their way."""
+    (peer, program, lines), (n_frames, most) = theirs, probed
+    plain = _core.Simulation(*ours)
     begun = _points(plain.positions())
-    sides.forward(plain, _PROBED)
+    sides.forward(plain, n_frames)
     ended = _points(plain.positions())
     way = np.abs(ended - begun).max()
-    differs = float(np.abs(ended - theirs()[1]).max() / way)
-    assert differs < _SAME, f"miPhysics differs by {differs:.1e} of the way"
+    _, told = program.scene(lines, 0, n_frames)()
+    is_told = np.isfinite(told).all(axis=1)
+    assert is_told.any(), "no place is told"
+    differs = float(np.abs(ended - told)[is_told].max() / way)
+    assert differs < most, f"{peer} differs by {differs:.1e} of the way"
 
 
 def _points(coordinates: Floats) -> Floats:
@@ -108,10 +139,11 @@ def _begun(network: _core.Network) -> tuple[Floats, Floats]:
     return _points(plain.positions()), _points(plain.velocities()) / RATE
 
 
-def _cloth() -> _Scene:
-    runs, n = matter.runs_of_cloth(), matter.SIDE**2
-    network, _ = matter.cloth(n, runs)
-    mass = np.where(np.isin(np.arange(n), (0, matter.SIDE - 1)), 0.0, matter.M)
+def cloth(side: int) -> _Scene:
+    """A net of so many points along each side, held by two corners."""
+    runs, n = matter.runs_of_cloth(side), side**2
+    network, _ = matter.cloth(side, runs)
+    mass = np.where(np.isin(np.arange(n), (0, side - 1)), 0.0, matter.M)
     lines = [f"gravity {_G / RATE**2!r}", *_masses(mass, *_begun(network))]
     for a, b, count, stiff, rest in runs:
         lines += [_spring(a + i, b + i, stiff, 0.01, rest) for i in range(count)]
@@ -119,7 +151,8 @@ def _cloth() -> _Scene:
     return f"cloth in space of {modules:,} modules", network, lines, modules
 
 
-def _chain() -> _Scene:
+def chain() -> _Scene:
+    """A thousand points in a row, held by both ends."""
     n = _LINKS
     network = _core.Network()
     network.part("chain")

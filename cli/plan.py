@@ -75,14 +75,16 @@ def plan(
         from ergon.api.cluster import count_of
 
         shares = made.shares(count_of(on, console))
-    rows = list(made.rows)
+    rows, seen = list(made.rows), list(made.seen)
     if why is not None:
-        rows = _rows_of(rows, why)
+        rows, seen = _rows_of([*rows, *seen], why), []
     if output is not None:
         made.write(output, force=force)
     if console.json:
         for row in rows:
-            console.record("plan_row", **_fields(row))
+            console.record("plan_row", **_fields(row), only_seen=row in made.seen)
+        for row in seen:
+            console.record("plan_row", **_fields(row), only_seen=True)
         correction = machine_speed.kept()
         console.record(
             "plan",
@@ -109,7 +111,7 @@ def plan(
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
         shared = "" if shares is None else _shared(shares)
-        console.data(_table(rows) + _highest(made) + _summary(made) + shared)
+        console.data(_table(rows) + _seen(seen) + _highest(made) + _summary(made) + shared)
 
 
 def _shared(shares: Shares) -> str:
@@ -153,6 +155,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "modes_of": None if row.modes is None else row.modes[1],
         "left_out_db": row.left_out_db,
         "times": row.oversampling,
+        "in_frames": row.every,
         "contact_steps": row.contact_substeps,
         "error_db": row.error_db,
         "error_over_s": row.error_s,
@@ -185,7 +188,10 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         computed = plural(kept, _mode(row)) + ("" if kept == of else f" of {of:,}")
     if row.macrostep is not None:
         computed += f", once in {plural(row.macrostep, 'frame')}"
-    if row.oversampling > 1:
+    if row.every > 1:
+        steps = "once" if row.oversampling == 1 else f"{row.oversampling} times"
+        computed += f", {steps} in {plural(row.every, 'frame')}"
+    elif row.oversampling > 1:
         computed += f" ×{row.oversampling}"
     if row.contact_substeps > 1:
         computed += f", contacts ×{row.contact_substeps}"
@@ -217,6 +223,11 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     )
 
 
+def _seen(rows: list[PlanRow]) -> str:
+    """What nobody hears, as it is computed where it is seen."""
+    return f"\nseen, and not heard (--see all):\n{_table(rows)}" if rows else ""
+
+
 def _highest(made: Plan) -> str:
     """The highest mode of each string and plate."""
     each = [f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in made.highest_modes.items()]
@@ -240,8 +251,9 @@ def _mode(row: PlanRow) -> str:
     return "complex mode" if row.what == "complex modes" else "mode"
 
 
-def _often(times: int) -> str:
-    return "once a frame" if times == 1 else f"{times} times a frame"
+def _often(row: PlanRow) -> str:
+    times = "once" if row.oversampling == 1 else f"{row.oversampling} times"
+    return f"{times} a frame" if row.every == 1 else f"{times} in {plural(row.every, 'frame')}"
 
 
 def _why(row: PlanRow) -> list[str]:
@@ -269,11 +281,9 @@ def _why(row: PlanRow) -> list[str]:
         if row.radius is not None:
             said.append(f"  Nothing grows from pull to pull: |λ| is at most {row.radius:.9g}.")
     elif row.what == "stepped":
-        said.append(
-            f"  It is stepped module by module by the CA scheme, {_often(row.oversampling)}."
-        )
+        said.append(f"  It is stepped module by module by the CA scheme, {_often(row)}.")
     else:
-        said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row.oversampling)}.")
+        said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row)}.")
     if row.because is not None:
         said.append(f"  It is not computed by modes: {row.because}.")
     if row.stays is not None:

@@ -75,6 +75,7 @@ class Checker:
             title=score["title"],
             seed=score["seed"],
             rate=self.matter.rate,
+            motion=self.matter.motion,
             tempo=times.entries,
             marks=times.marks,
             keys=self.matter.keys,

@@ -57,6 +57,11 @@ class Matter:
         """Frames a second of the sound [Hz]."""
         return self._rates.audio
 
+    @property
+    def motion(self) -> float | None:
+        """The least frames a second of what is only seen [Hz]; None: those of the sound."""
+        return self._rates.motion
+
     def read(self) -> None:
         """All keys and instruments by name, so that modules can reach each other."""
         for section in ("keys", "instruments"):

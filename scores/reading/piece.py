@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from math import inf
+from math import floor, inf
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -30,6 +30,7 @@ from ergon.scores.reading.sweep_fields import Passing
 
 # Fields that came later: the hash of a score omits an empty one, so that it stays what it was.
 OMIT_EMPTY = {"hash_omits_empty": True}
+_WHOLE = 1e-9  # by so much a number of frames may be below a whole one: rounding
 
 REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
 
@@ -427,8 +428,16 @@ class Piece:
     # Instruments with notes: the names of their members.
     families: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)
 
+    # The least frames a second of what is only seen [Hz]; None: as many as of the sound.
+    motion: float | None = field(default=None, metadata=OMIT_EMPTY)
+
     # What strikes may play: the names of phrases, and of takes that are MIDI files.
     phrases: tuple[str, ...] = field(default=(), compare=False, repr=False)
+
+    @property
+    def motion_every(self) -> int:
+        """In how many frames what is only seen goes once."""
+        return 1 if self.motion is None else max(1, floor(self.rate / self.motion + _WHOLE))
 
     def modules(self) -> Iterator[tuple[str, Module]]:
         """Every module of the keys and instruments, with the name of its part."""

@@ -364,6 +364,12 @@ RATES = Record(
     (
         Field("audio", k.RATE, "frames a second", RATE),
         Field("gesture", k.RATE, "of all keys: audio divided by a whole number", shown="audio"),
+        Field(
+            "motion",
+            k.RATE,
+            "of what is only seen (`--see all`), at least: audio divided by a whole number",
+            shown="audio",
+        ),
     ),
 )
 ACCURACY = Record(

@@ -85,6 +85,13 @@ class _Budget(TypedDict):
     upto: float | None
 
 
+class Watched(TypedDict, total=False):
+    """Parts that are looked at, and in how many frames what nobody hears of them goes once."""
+
+    seen: Sequence[str]
+    seen_every: int
+
+
 def _budget(wished: Accuracy) -> _Budget:
     return _Budget(
         method=wished.method, error_db=wished.error, cents=wished.cents, upto=wished.upto
@@ -100,18 +107,18 @@ class _Planner:
         timeline: _core.Timeline,
         store: Store | None,
         like: _core.Plan | None,
-        seen: Sequence[str],
+        watched: Watched,
     ) -> None:
         self._of = network, timeline
-        self._seen = seen
+        self._watched = watched
         self._store = _CountedStore(store) if store is not None and like is None else None
         self._like = like
 
     def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
         """A plan, whose trials take a share of the work."""
         how = _budget(wished)
-        store, like, seen = self._store, self._like, self._seen
-        return _core.Plan(*self._of, **how, store=store, like=like, share=share, seen=seen)
+        store, like, watched = self._store, self._like, self._watched
+        return _core.Plan(*self._of, **how, **watched, store=store, like=like, share=share)
 
     def finish(self) -> bool:
         """Forget trials of earlier plans that these did not use.
@@ -135,7 +142,7 @@ def make(
     is_foreseen: bool = True,
     correction: float = 1.0,
     is_draft: bool = False,
-    seen: Sequence[str] = (),
+    watched: Watched | None = None,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
 
@@ -145,17 +152,18 @@ def make(
     it is to be `like` is computed as there. Not `is_foreseen`: hands or a session play too. Work
     takes `correction` times as long here as the table of costs says: so much is told, and asked of
     `cpu` where the accuracy is given too; what is computed rests on the table alone. Parts that are
-    `seen` are computed even if nobody hears them.
+    `watched` are computed even if nobody hears them.
     """
+    watched = watched or Watched()
     if pins is not None:
-        pinned = _core.Plan(network, timeline, **_budget(accuracy), pins=pins, seen=seen)
+        pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
         return Planned(pinned, accuracy)
     if is_draft:
         draft = Accuracy(error=_DRAFT)
         how = _budget(draft)
-        cheap = _core.Plan(network, timeline, **how, like=like, share=0.0, seen=seen)
+        cheap = _core.Plan(network, timeline, **how, **watched, like=like, share=0.0)
         return Planned(cheap, draft)
-    planner = _Planner(network, timeline, store, like, seen)
+    planner = _Planner(network, timeline, store, like, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     missed = _missed(made, accuracy.error, is_foreseen=is_foreseen)

@@ -25,7 +25,7 @@ from ergon.scores.staging.listening import Listening, check_rooms
 from ergon.scores.staging.live import LiveHand, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import Led, Points, Where
-from ergon.scores.staging.planning import Pins, Store, make
+from ergon.scores.staging.planning import Pins, Store, Watched, make
 from ergon.scores.staging.striking import ANY, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
@@ -317,18 +317,23 @@ def stage(
             other = like.plan if like is not None else None
             parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
             is_foreseen = going.spans is None and not real
-            seen = (*piece.keys, *piece.instruments) if is_seen else ()
+            watched = Watched()
+            if is_seen:
+                everything = (*piece.keys, *piece.instruments)
+                watched = Watched(seen=everything, seen_every=piece.motion_every)
             made = make(
                 *parts,
                 is_foreseen=is_foreseen,
                 correction=correction,
                 is_draft=is_draft,
-                seen=seen,
+                watched=watched,
             )
             plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
             _report_unused_rates(piece, plan, ready.collector)
+            if is_seen and piece.motion_every > 1:
+                _report_motion(piece, plan, ready.collector)
         elif fine_contacts:
             plan = _core.Plan.with_fine_contacts(ready.network, ready.timeline)
         simulation = _core.Simulation(
@@ -407,6 +412,19 @@ def _report_unused_rates(piece: Piece, plan: _core.Plan, collector: Collector) -
         part = piece.keys.get(name) or piece.instruments[name]
         message = f"{quote(name)} is computed at the audio rate, not at a rate of its own: {why}"
         collector.error("N403", message, part.place)
+
+
+def _report_motion(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
+    """Report what is only seen and goes at the audio rate, or that nothing is only seen (N403)."""
+    rows = plan.seen()
+    for row in rows:
+        if row.stays is not None:
+            names = " + ".join(map(quote, row.parts))
+            message = f"{names} is computed at the audio rate, not at that of motion: {row.stays}"
+            collector.error("N403", message, piece.place)
+    if not rows:
+        message = "no part goes at the rate of motion: all that moves is heard, or felt by a hand"
+        collector.error("N403", message, piece.place)
 
 
 def _refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None:

@@ -64,7 +64,7 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 impl Plan {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, store=None, like=None, share=1.0, seen=Vec::new()))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, store=None, like=None, share=1.0, seen=Vec::new(), seen_every=1))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -78,6 +78,7 @@ impl Plan {
         like: Option<&Self>,
         share: f64,
         seen: Vec<String>,
+        seen_every: u32,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let budget = budget(method, error_db, cents, upto)?;
@@ -93,6 +94,7 @@ impl Plan {
                 store: store.as_ref().map(|store| store as &dyn TrialStore),
                 share,
                 seen: &seen,
+                seen_every: seen_every.max(1),
             };
             plan::Plan::with(network, &timeline.inner, &budget, pins, known)
         });
@@ -215,6 +217,7 @@ pub(crate) struct PlanRow {
     modes: Option<ModeCount>,
     left_out_db: Option<f64>,
     oversampling: u32,
+    every: u32,
     contact_substeps: usize,
     error_db: Option<f64>,
     error_s: Option<f64>,
@@ -268,6 +271,7 @@ impl PlanRow {
                 Computed::Mesh(_, substeps) => row.oversampling * substeps,
                 _ => row.oversampling,
             },
+            every: row.every,
             contact_substeps: row.contact_substeps,
             error_db: row.error.map(|error| error.db),
             error_s: row.error.map(|error| error.over),

@@ -15,6 +15,7 @@ mod ledger;
 mod live_strikes;
 pub(crate) mod mesh;
 pub(crate) mod modal;
+mod pace;
 mod pair_energy;
 mod pair_gain;
 mod real_hands;
@@ -29,7 +30,6 @@ pub(crate) mod written_hand;
 
 pub use build::Options;
 pub(crate) use build::at_rest;
-pub(crate) use contact_peaks::ContactPeak;
 pub use emulated_key::EmulatedKey;
 pub(crate) use energy_account::Gain;
 pub use fault::{Fault, OnFault};
@@ -122,8 +122,9 @@ pub(crate) struct Island {
     network: Arc<Network>,
     script: Arc<Script>,
     state: State,
-    /// Steps in a frame of the scene.
+    /// Steps in a frame of its own, and frames of the scene in one.
     oversampling: u32,
+    every: u32,
     rest: rest::Rest,
 }
 
@@ -143,11 +144,6 @@ impl Island {
         let state = &self.state;
         state.laws.mesh_partition.is_some()
             || state.bodies.iter().any(inside::RunningBody::is_shared)
-    }
-
-    /// How many steps make a frame of the scene.
-    pub(crate) fn oversampling(&self) -> u32 {
-        self.oversampling
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
@@ -225,9 +221,11 @@ impl Island {
         self.wake();
     }
 
-    /// Tell of contacts (link, how) that pushed since the last call.
-    pub(crate) fn take_touches(&mut self, tell: impl FnMut(usize, ContactPeak)) {
-        self.state.touches.take(tell);
+    /// Tell of contacts (link, frame of the scene, force [N]) that pushed since the last call.
+    pub(crate) fn take_touches(&mut self, mut tell: impl FnMut(usize, u64, f64)) {
+        let mut touches = std::mem::take(&mut self.state.touches);
+        touches.take(|link, touch| tell(link, self.frame_at(touch.frame), touch.force));
+        self.state.touches = touches;
     }
 
     /// Tell of what written hands struck since the last call.
@@ -263,12 +261,15 @@ impl Island {
         })
     }
 
-    /// Parts put to silence, with the frame of each.
+    /// Parts put to silence, with the frame of the scene of each.
     pub(crate) fn muted(&self) -> Vec<(String, u64)> {
         self.state
             .mutes
             .list()
-            .map(|(part, frame)| (self.network.parts()[part].name.clone(), frame))
+            .map(|(part, step)| {
+                let name = self.network.parts()[part].name.clone();
+                (name, self.frame_at(step))
+            })
             .collect()
     }
 

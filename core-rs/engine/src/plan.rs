@@ -44,8 +44,10 @@ pub(crate) struct IslandPlan {
     pub(crate) bodies: Vec<BodyPlan>,
     /// Contact substeps a frame while a contact may be closed.
     pub(crate) contact_substeps: usize,
-    /// Steps a frame of the whole island; its timeline runs at this multiple of the rate.
+    /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
+    /// 1, but for what is only seen.
+    pub(crate) every: u32,
     pub(crate) to_whole: Whole,
 }
 
@@ -55,7 +57,7 @@ impl IslandPlan {
         let bodies = self.bodies.iter().map(cost::body_cost);
         let hub = cost::stepped_cost(&self.network, &self.timeline)
             + cost::laws_cost(&self.network, &self.bodies, self.contact_substeps);
-        f64::from(self.oversampling) * (hub + bodies.sum::<f64>())
+        f64::from(self.oversampling) * (hub + bodies.sum::<f64>()) / f64::from(self.every)
     }
 }
 
@@ -122,6 +124,8 @@ pub struct Known<'a> {
     pub share: f64,
     /// Parts that are looked at: what nobody hears of them is computed too, and changes no sample of what is heard.
     pub seen: &'a [String],
+    /// What is only seen may go once in so many frames.
+    pub seen_every: u32,
 }
 
 impl Default for Known<'_> {
@@ -131,6 +135,7 @@ impl Default for Known<'_> {
             store: None,
             share: 1.0,
             seen: &[],
+            seen_every: 1,
         }
     }
 }
@@ -232,6 +237,7 @@ impl Plan {
             bodies: Vec::new(),
             contact_substeps,
             oversampling: 1,
+            every: 1,
             to_whole: Whole::default(),
         }
     }

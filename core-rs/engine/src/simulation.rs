@@ -223,7 +223,8 @@ impl Simulation {
         interrupt::poll();
         let plan = &*self.plan;
         let n_out = plan.network.outputs().len();
-        let run = |group: &mut Group| flushed(|| group.run(plan, n_out, n_frames));
+        let frames = (self.frame, n_frames);
+        let run = |group: &mut Group| flushed(|| group.run(plan, n_out, frames));
         let faults: Vec<Fault> = if self.threads == 1 {
             self.groups.iter_mut().filter_map(run).collect()
         } else {
@@ -252,19 +253,26 @@ impl Simulation {
 
     /// Positions now [m], (n_mat); NaN where the plan computes none.
     pub fn positions(&self) -> Vec<f64> {
-        self.motion(|x, _| x, Island::positions)
+        let mut x = self.motion(|x, _| x, Island::positions);
+        for (island, island_plan) in self.islands() {
+            let ahead = island.ahead(self.frame);
+            let steps = f64::from(ahead) * island.steps_a_frame();
+            let steps = island.steps().iter().map(|step| steps * step);
+            for (local, step) in steps.enumerate().filter(|_| ahead > 0) {
+                x[whole(&island_plan.to_whole.mats, local)] -= step;
+            }
+        }
+        x
     }
 
-    /// Steps x[n] − x[n−1] now [m], (n_mat); for an oversampled island its last step times the oversampling; NaN where
-    /// the plan computes none.
+    /// Steps x[n] − x[n−1] now [m], (n_mat); of an island with other steps than frames its last step times its steps in a
+    /// frame; NaN where the plan computes none.
     pub fn steps(&self) -> Vec<f64> {
         let mut steps = self.motion(|x, before| x - before, Island::steps);
-        for (island, island_plan) in self
-            .islands()
-            .filter(|(island, _)| island.oversampling() > 1)
-        {
-            for local in 0..island.steps().len() {
-                steps[whole(&island_plan.to_whole.mats, local)] *= f64::from(island.oversampling());
+        for (island, island_plan) in self.islands() {
+            let times = island.steps_a_frame();
+            for local in (0..island.steps().len()).filter(|_| times != 1.0) {
+                steps[whole(&island_plan.to_whole.mats, local)] *= times;
             }
         }
         steps
@@ -369,7 +377,7 @@ impl Simulation {
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             match running {
                 RunningUnit::Island(island) => {
-                    let by = crate::maths::exp(-fall / f64::from(island.oversampling()));
+                    let by = crate::maths::exp(-fall / island.steps_a_frame());
                     island.damp(by);
                 }
                 RunningUnit::Bank(bank) => bank.damp(crate::maths::exp(-fall)),
@@ -406,12 +414,13 @@ impl Simulation {
             else {
                 continue;
             };
-            all.extend(island.take_ergons().into_iter().map(|record| FramedErgon {
+            let ergons = island.take_ergons().into_iter();
+            all.extend(ergons.map(|record| FramedErgon {
                 record: Record {
                     mat: whole(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
                     ..record.record
                 },
-                frame: record.frame / u64::from(island_plan.oversampling),
+                frame: island.frame_at(record.frame),
             }));
         }
         // By the frame that they struck in; within it island by island.
@@ -452,12 +461,8 @@ impl Simulation {
 
     /// Names of the muted parts, with the frame at which each was muted.
     pub fn muted(&self) -> Vec<(String, u64)> {
-        let of = |island: &Island| {
-            let oversampling = u64::from(island.oversampling());
-            let muted = island.muted().into_iter();
-            muted.map(move |(part, step)| (part, step / oversampling))
-        };
-        self.islands().flat_map(|(island, _)| of(island)).collect()
+        let islands = self.islands();
+        islands.flat_map(|(island, _)| island.muted()).collect()
     }
 
     /// Steps of islands so far that were not computed, for nothing moved; of a snapshot those up to it.
@@ -486,11 +491,10 @@ impl Simulation {
     /// Links and meshes that made more energy than a hundredth of what was there: name, frame, and a sentence.
     pub fn gains(&self) -> Vec<(String, u64, String)> {
         let of = |island: &Island| {
-            let times = u64::from(island.oversampling());
-            let rate = self.rate() * times as f64;
+            let rate = self.rate() * island.steps_a_frame();
             let told = island.gains().map(move |(module, gain)| {
                 let sentence = gain.sentence(&module, gain.frame as f64 / rate);
-                (module, gain.frame / times, sentence)
+                (module, island.frame_at(gain.frame), sentence)
             });
             told.collect::<Vec<_>>()
         };

@@ -196,6 +196,27 @@ impl Timeline {
         })
     }
 
+    /// The timeline at one frame for `every` of these: events fall on the nearest of them. `None` where there is no such rate,
+    /// where a gesture is too fast for it, and where something is played live, by frames of the score.
+    pub(crate) fn slower(&self, every: u32) -> Option<Self> {
+        let rate = Rate::new(self.rate.hertz() / f64::from(every)).ok()?;
+        let is_live = |drive: &Drive| drive.hand().is_some() || drive.is_heard();
+        let fits = |gesture: &Arc<Gesture>| gesture.check_rate(rate.hertz()).is_ok();
+        if self.drives.iter().any(is_live) || !self.gestures.iter().all(fits) {
+            return None;
+        }
+        let every = u64::from(every);
+        Some(Self {
+            rate,
+            gates: self.gates.iter().map(|gate| gate.slower(every)).collect(),
+            glides: (self.glides.iter())
+                .map(|glide| glide.slower(every))
+                .collect(),
+            leads: self.leads.iter().map(|lead| lead.slower(every)).collect(),
+            ..self.clone()
+        })
+    }
+
     /// Add a key; returns its index.
     pub fn key(&mut self, name: &str, struck: usize) -> usize {
         self.keys.push(Key {

@@ -60,6 +60,11 @@ pub(crate) fn score_frame(t: f64, rate: f64, oversampling: u32) -> u64 {
     (frame(t, rate / f64::from(oversampling)) * times).min(FRAME_MAX as u64)
 }
 
+/// The frame of a slower rate, one for `every` frames, that lies nearest to a frame.
+pub(crate) fn nearest_frame(frame: u64, every: u64) -> u64 {
+    frame.saturating_add(every / 2) / every
+}
+
 /// The last frame at or before a number of frames, clamped to 0 … `FRAME_MAX`.
 pub(crate) fn floor_frame(frames: f64) -> u64 {
     frames.clamp(0.0, FRAME_MAX) as u64

@@ -30,6 +30,8 @@ mod plans;
 mod resting;
 #[path = "scenes/scene.rs"]
 mod scene;
+#[path = "scenes/seen_rates.rs"]
+mod seen_rates;
 #[path = "scenes/sliding.rs"]
 mod sliding;
 #[path = "scenes/sounds_in.rs"]

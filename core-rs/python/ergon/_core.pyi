@@ -1183,7 +1183,8 @@ class PlanRow:
     ]
     modes: ModeCount | None
     left_out_db: float | None  # the other modes together, relative to all
-    oversampling: int  # steps a frame
+    oversampling: int  # steps in `every` frames
+    every: int  # 1, but for what is only seen
     contact_substeps: int  # computations of contacts a step, while they may be closed
     error_db: float | None  # of the waveform, as a pilot measured it over
     error_s: float | None  # so many seconds from the start
@@ -1222,12 +1223,14 @@ class Plan:
         like: Plan | None = None,
         share: float = 1.0,
         seen: Sequence[str] = ...,
+        seen_every: int = 1,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, which are used again;
         `store`: what trials of earlier plans found, and where new ones are kept: an island whose beginning is as it was then is not
         tried again, and the plan is the same as without; `like`: a plan of another version, whose modes of unchanged bodies are used
         again; `share` (0 to 1): the part of the allowance of work that the trials may take. What `store` raises is raised. `seen`: parts that are
-        looked at, which are computed even if nobody hears them; what is heard keeps its samples."""
+        looked at, which are computed even if nobody hears them; what is heard keeps its samples. `seen_every`: what nobody hears
+        may go once in so many frames."""
 
     @staticmethod
     def with_fine_contacts(network: Network, timeline: Timeline) -> Plan:

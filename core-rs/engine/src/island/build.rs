@@ -54,7 +54,7 @@ impl Island {
         network: Arc<Network>,
         timeline: &Timeline,
         bodies: &[BodyPlan],
-        (steps, oversampling): (usize, u32),
+        (steps, oversampling, every): (usize, u32, u32),
         options: Options,
     ) -> Result<Self, Error> {
         if options.ledger && timeline.hands().next().is_some() {
@@ -204,6 +204,7 @@ impl Island {
             script: Arc::new(script),
             state,
             oversampling,
+            every,
         };
         simulation.reserve();
         simulation.begin_again();

@@ -46,10 +46,12 @@ impl Fault {
         })
     }
 
-    /// The frame of the scene that it fell on, `times` steps to a frame.
-    pub(crate) fn at_frame(mut self, times: u32) -> Self {
-        self.frame /= u64::from(times);
-        self
+    /// With the frame of the scene that it fell on, by the step of its island.
+    pub(crate) fn in_scene(self, island: &Island) -> Self {
+        Self {
+            frame: island.frame_at(self.frame),
+            ..self
+        }
     }
 }
 

@@ -46,7 +46,7 @@ impl State {
 impl Island {
     /// Begin at a frame of the scene instead of 0: what was due before it is past.
     pub(crate) fn seek(&mut self, frame_of_scene: u64) {
-        let n = frame_of_scene * u64::from(self.oversampling);
+        let n = self.step_at(frame_of_scene);
         let (script, state) = (&*self.script, &mut self.state);
         let rate = script.scheme.rate;
         state.frame = n;
@@ -187,7 +187,7 @@ impl Island {
     /// Where a MAT is [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
         let body = &self.state.body;
-        (body.x[mat], body.d[mat] * f64::from(self.oversampling))
+        (body.x[mat], body.d[mat] * self.steps_a_frame())
     }
 
     /// Put a MAT where it is, as it came there; one that cannot move stays.
@@ -195,7 +195,7 @@ impl Island {
         self.begin_again();
         if kernel::sound(x) && step.is_finite() {
             self.state.body.x[mat] = x;
-            self.state.body.d[mat] = step / f64::from(self.oversampling);
+            self.state.body.d[mat] = step / self.steps_a_frame();
             if let Some(guard) = &mut self.state.guard {
                 guard.reset();
             }

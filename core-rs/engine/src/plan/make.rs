@@ -34,6 +34,8 @@ use crate::plan::{Known, Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
+mod beside;
+
 /// A plan on its way.
 struct Maker<'a> {
     plan: Plan,
@@ -46,6 +48,8 @@ struct Maker<'a> {
     /// Parts that are looked at, and what is computed for that alone.
     seen: &'a [String],
     shown: Vec<Unit>,
+    /// Its islands may go once in so many frames.
+    every: u32,
 }
 
 /// How an island goes.
@@ -69,18 +73,13 @@ pub(super) fn make(
     pins: Option<Vec<Choice>>,
     known: Known<'_>,
 ) -> Result<Plan, Error> {
-    let Known {
-        like, store, share, ..
-    } = known;
     let mut maker = Maker {
-        plan: Plan::empty(network.clone(), timeline),
-        budget,
         pins: Pins::new(pins),
-        allowance: Allowance::new(network.n_mat() + network.n_lia(), share),
-        memo: Memo::new(like.map_or(&[], |like| &like.solved)),
-        store,
+        allowance: Allowance::new(network.n_mat() + network.n_lia(), known.share),
+        memo: Memo::new(known.like.map_or(&[], |like| &like.solved)),
+        store: known.store,
         seen: known.seen,
-        shown: Vec::new(),
+        ..Maker::new(&network, timeline, budget)
     };
     let mut refused = Vec::new();
     let mut unheard = Vec::new();
@@ -146,8 +145,18 @@ pub(super) fn make(
     plan.n_heard = plan.units.len();
     plan.unmoved.sort_unstable();
     if !unheard.is_empty() {
-        // No trial: what nobody hears takes nothing from what is heard, and is planned soon.
-        let mut beside = Maker {
+        let beside = beside::plan(&network, timeline, budget, known, unheard)?;
+        plan.units.extend(beside.units);
+        plan.seen = beside.rows;
+    }
+    plan.units.extend(shown);
+    Ok(plan)
+}
+
+impl<'a> Maker<'a> {
+    /// Without trials, and with nothing known.
+    fn new(network: &Arc<Network>, timeline: &Timeline, budget: &'a Budget) -> Self {
+        Self {
             plan: Plan::empty(network.clone(), timeline),
             budget,
             pins: Pins::new(None),
@@ -156,26 +165,10 @@ pub(super) fn make(
             store: None,
             seen: &[],
             shown: Vec::new(),
-        };
-        let is_loose = |own: &IslandMembers| {
-            budget.takes_modes() && cells::is_loose(&network, own, timeline.rate)
-        };
-        let (subsets, n_islands) = seen::subsets(&network, unheard, is_loose)?;
-        for (at, (subset, own)) in split(subsets, timeline).into_iter().enumerate() {
-            if at < n_islands {
-                beside.island(subset, own)?;
-            } else {
-                beside.cells(&subset, &own)?;
-            }
+            every: 1,
         }
-        plan.units.extend(beside.plan.units);
-        plan.seen = beside.plan.rows;
     }
-    plan.units.extend(shown);
-    Ok(plan)
-}
 
-impl Maker<'_> {
     /// An island that is not computed: counted with the others of its part.
     fn drop(&mut self, island: &IslandMembers, reason: Reason) {
         let row = Row::left_out(&self.plan.network, island, reason);
@@ -256,6 +249,9 @@ impl Maker<'_> {
         }
         if pin.as_ref().is_some_and(Choice::is_bank) {
             return Err(another());
+        }
+        if self.every > 1 {
+            return self.slowly(&subset, &own, modules, why);
         }
         self.stepped(&subset, &own, modules, pin.as_ref(), why)
     }

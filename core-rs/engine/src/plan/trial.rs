@@ -14,6 +14,7 @@ pub(in crate::plan) mod prune_modes;
 pub(in crate::plan) mod record;
 pub(in crate::plan) mod runs;
 pub(in crate::plan) mod search;
+pub(in crate::plan) mod seen_rate;
 pub(in crate::plan) mod third_octaves;
 pub(in crate::plan) mod tried;
 pub(in crate::plan) mod waveform_error;

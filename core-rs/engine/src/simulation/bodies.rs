@@ -8,6 +8,7 @@ use super::{RunningUnit, Simulation};
 use crate::island::inside::{self, BodyPlan};
 use crate::network::Network;
 use crate::plan::{ModalTransform, ModeShapes};
+use crate::units::Rate;
 
 /// Where a body is computed: a bank of its modes, or which body of an island.
 #[derive(Clone, Copy, Debug)]
@@ -42,12 +43,12 @@ struct Candidate<'a> {
 }
 
 enum Wanted<'a> {
-    /// Of a body: which of its modes, and what they were turned towards.
-    Modes(&'a Network, (&'a [u32], Option<&'a [usize]>)),
+    /// Of a body: which of its modes, what they were turned towards, and the rate of its steps.
+    Modes(&'a Network, (&'a [u32], Option<&'a [usize]>), Rate),
     Masses(Vec<usize>),
 }
 
-/// Room for masses and modes on their way.
+/// Room for masses and modes on their way: of masses where they are [m], and their steps in a frame of the scene [m].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Room {
     pub(super) mats: Vec<(f64, f64)>,
@@ -74,7 +75,7 @@ impl<'a> Candidate<'a> {
                 let (network, kept, own): (&Network, Option<_>, Vec<usize>) = match body {
                     BodyPlan::Modal(modal) => {
                         let kept = (&modal.kept[..], modal.turned.as_deref());
-                        (&modal.of, Some(kept), Vec::new())
+                        (&modal.of, Some((kept, modal.rate)), Vec::new())
                     }
                     BodyPlan::Mesh(mesh) => {
                         (&mesh.network, None, (0..mesh.network.n_mat()).collect())
@@ -86,14 +87,17 @@ impl<'a> Candidate<'a> {
                     BodyPlan::Mesh(_) => own.clone(),
                     BodyPlan::Modal(_) => moving(network),
                 };
-                let what = kept.map_or(Wanted::Masses(own), |kept| Wanted::Modes(network, kept));
+                let what = kept.map_or(Wanted::Masses(own), |(kept, rate)| {
+                    Wanted::Modes(network, kept, rate)
+                });
                 found.push(Self::new(place, network, &mats, what, step));
             }
         }
         for (&(at, bank), _) in others(&side.banks, banks) {
             let Some(network) = &bank.of else { continue };
             let place = Place { at, body: None };
-            let what = Wanted::Modes(network, (&bank.kept, bank.turned.as_deref()));
+            let kept = (&bank.kept[..], bank.turned.as_deref());
+            let what = Wanted::Modes(network, kept, side.rate);
             found.push(Self::new(place, network, &moving(network), what, step));
         }
         found
@@ -113,11 +117,11 @@ impl<'a> Candidate<'a> {
     }
 
     /// Given a place in the room.
-    fn body(self, side: &Side<'_>, transform: ModalTransform, room: &mut Room) -> Option<Body> {
+    fn body(self, transform: ModalTransform, room: &mut Room) -> Option<Body> {
         let first = room.mats.len();
         let how = match self.what {
-            Wanted::Modes(network, kept) => {
-                let seen = ModeShapes::new(network, kept, side.rate, transform)?;
+            Wanted::Modes(network, kept, rate) => {
+                let seen = ModeShapes::new(network, kept, rate, transform)?;
                 let n = room.now.len().max(seen.n_modes());
                 room.now.resize(n, 0.0);
                 room.before.resize(n, 0.0);
@@ -134,6 +138,11 @@ impl<'a> Candidate<'a> {
             how,
         })
     }
+}
+
+/// A motion (x, step) in steps of another length.
+fn scaled((x, step): (f64, f64), times: f64) -> (f64, f64) {
+    (x, step * times)
 }
 
 fn moving(network: &Network) -> Vec<usize> {
@@ -157,7 +166,7 @@ pub(super) fn bodies(
             continue;
         }
         let names = known.names.clone();
-        let Some(body) = known.body(side, transform, room) else {
+        let Some(body) = known.body(transform, room) else {
             continue;
         };
         let slots = names.into_iter().zip(body.first..);
@@ -181,6 +190,7 @@ impl Body {
     /// Where its masses are, into the room.
     pub(super) fn look(&self, simulation: &mut Simulation, room: &mut Room) {
         let playing = simulation.playing(self.place.at);
+        let times = playing.steps_a_frame();
         match &self.how {
             Source::Modes(seen) => {
                 let n = seen.n_modes();
@@ -201,6 +211,7 @@ impl Body {
                 }
                 let mats = &mut room.mats[self.first..self.first + seen.mats.len()];
                 seen.positions(now, before, mats);
+                mats.iter_mut().for_each(|mat| mat.1 *= times);
             }
             Source::Masses(all) => {
                 let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
@@ -209,10 +220,10 @@ impl Body {
                 let mats = room.mats[self.first..].iter_mut().zip(all);
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => {
-                        mats.for_each(|(mat, &(own, _))| *mat = mesh.motion(own));
+                        mats.for_each(|(mat, &(own, _))| *mat = scaled(mesh.motion(own), times));
                     }
                     Some(inside::RunningBody::Slow(slow)) => {
-                        mats.for_each(|(mat, &(own, _))| *mat = slow.motion(own));
+                        mats.for_each(|(mat, &(own, _))| *mat = scaled(slow.motion(own), times));
                     }
                     _ => {}
                 }
@@ -223,15 +234,14 @@ impl Body {
     /// Its masses go on from where the room has them.
     pub(super) fn put(&mut self, simulation: &mut Simulation, room: &mut Room) {
         let playing = simulation.playing(self.place.at);
+        let frames = 1.0 / playing.steps_a_frame();
         match &mut self.how {
             Source::Modes(seen) => {
                 let n = seen.n_modes();
                 let (now, before) = (&mut room.now[..n], &mut room.before[..n]);
-                seen.amplitudes(
-                    &room.mats[self.first..self.first + seen.mats.len()],
-                    now,
-                    before,
-                );
+                let mats = &mut room.mats[self.first..self.first + seen.mats.len()];
+                mats.iter_mut().for_each(|mat| mat.1 *= frames);
+                seen.amplitudes(mats, now, before);
                 match (playing, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
                         for mode in 0..n {
@@ -251,7 +261,7 @@ impl Body {
                     return;
                 };
                 for ((_, motion), mat) in all.iter_mut().zip(&room.mats[self.first..]) {
-                    *motion = *mat;
+                    *motion = scaled(*mat, frames);
                 }
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => mesh.put(all),

@@ -105,9 +105,10 @@ impl Group {
                     bodies,
                     contact_substeps,
                     oversampling,
+                    every,
                     ..
                 } = &**island_plan;
-                let often = (*contact_substeps, *oversampling);
+                let often = (*contact_substeps, *oversampling, *every);
                 let island = Island::new(network.clone(), timeline, bodies, often, options)?;
                 let room = island.n_out() * STRETCH;
                 self.sound.resize(self.sound.len().max(room), 0.0);
@@ -127,8 +128,13 @@ impl Group {
         self.units.iter().any(RunningUnit::is_shared)
     }
 
-    /// Every unit through `n_frames` frames, their sound into `sum`.
-    pub(super) fn run(&mut self, plan: &Plan, n_out: usize, n_frames: usize) -> Option<Fault> {
+    /// Every unit through `n_frames` frames after the first `done`, their sound into `sum`.
+    pub(super) fn run(
+        &mut self,
+        plan: &Plan,
+        n_out: usize,
+        (done, n_frames): (u64, usize),
+    ) -> Option<Fault> {
         let sum = &mut self.sum[..n_out * n_frames];
         sum.fill(0.0);
         let mut fault: Option<Fault> = None;
@@ -143,7 +149,7 @@ impl Group {
                         (unit, source),
                         &mut self.sound,
                         out,
-                        (n_out, n_frames),
+                        (n_out, done + from as u64, n_frames),
                         team,
                     )
                 })
@@ -156,31 +162,42 @@ impl Group {
 }
 
 impl RunningUnit {
-    /// A few frames, added to `out` (n_frames · n_out); `sound` is room for its own.
+    /// A few frames after the first `done`, added to `out` (n_frames · n_out); `sound` is room for its own.
     fn process(
         &mut self,
         (unit, source): (&Unit, &mut SoundSource),
         sound: &mut [f64],
         out: &mut [f64],
-        (n_out, n_frames): (usize, usize),
+        (n_out, done, n_frames): (usize, u64, usize),
         team: &mut ThreadTeam<'_>,
     ) -> Option<Fault> {
         match (self, unit) {
             (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
             (Self::Island(island), Unit::IslandPlan(island_plan)) => {
                 let own = island.n_out();
+                let n_frames = island.due_frames(done, n_frames);
                 let sound = &mut sound[..own * n_frames];
                 if !source.recall(sound) {
                     if let Err(fault) = island.process(sound, n_frames, team) {
-                        return Some(fault.at_frame(island.oversampling()));
+                        return Some(fault.in_scene(island));
                     }
                     source.keep(sound);
                 }
-                add(sound, own, island_plan, out, n_out);
+                if !island.is_slow() {
+                    add(sound, own, island_plan, out, n_out);
+                }
             }
             (Self::Island(_), Unit::Bank(_)) => {}
         }
         None
+    }
+
+    /// Its steps in a frame of the scene.
+    pub(super) fn steps_a_frame(&self) -> f64 {
+        match self {
+            Self::Island(island) => island.steps_a_frame(),
+            Self::Bank(_) => 1.0,
+        }
     }
 
     /// Whether a thread team can share its work.

@@ -140,6 +140,13 @@ impl Look {
     pub fn n_modes(&self) -> usize {
         self.n_modes
     }
+
+    /// The oscillation of a mode, by its place among all numbers.
+    fn oscillation(&self, track: usize) -> Oscillation {
+        let mode = track - self.points.len();
+        let body = self.bodies.partition_point(|body| body.first <= mode) - 1;
+        self.bodies[body].modes[mode - self.bodies[body].first]
+    }
 }
 
 impl Simulation {
@@ -198,7 +205,9 @@ impl Simulation {
                         (now[track as usize], before[track as usize]) = motion;
                     }
                 }
-                RunningUnit::Island(island) => source.look(island, now, before),
+                RunningUnit::Island(island) => {
+                    source.look(look, (island, self.frame), self.rate(), now, before);
+                }
             }
         }
     }
@@ -217,10 +226,9 @@ impl Simulation {
     pub fn take_contacts(&mut self, look: &Look, mut tell: impl FnMut(usize, u64, f64)) {
         for (unit, contacts) in &look.touched {
             if let RunningUnit::Island(island) = self.running_mut(*unit) {
-                let steps = u64::from(island.oversampling());
-                island.take_touches(|link, touch| {
+                island.take_touches(|link, frame, force| {
                     if contacts[link] != NOWHERE {
-                        tell(contacts[link] as usize, touch.frame / steps, touch.force);
+                        tell(contacts[link] as usize, frame, force);
                     }
                 });
             }
@@ -279,35 +287,59 @@ impl Simulation {
 }
 
 impl Source {
-    fn look(&self, island: &Island, now: &mut [f64], before: &mut [f64]) {
+    /// What an island has of it in a scene of `rate` that has computed so many frames; where the island is ahead of the scene,
+    /// what was there before.
+    fn look(
+        &self,
+        look: &Look,
+        (island, frame): (&Island, u64),
+        rate: f64,
+        now: &mut [f64],
+        before: &mut [f64],
+    ) {
+        let ahead = island.ahead(frame);
+        let steps = f64::from(ahead) * island.steps_a_frame();
+        let then = |x: f64, step: f64| if ahead == 0 { x } else { x - steps * step };
         match self {
             Self::Masses(all) => {
-                let x = island.positions();
+                let (x, step) = (island.positions(), island.steps());
                 for &(own, track, rest) in all {
-                    now[track as usize] = x[own as usize] - rest;
+                    now[track as usize] = then(x[own as usize], step[own as usize]) - rest;
                 }
             }
             Self::Mesh(body, all) => {
                 if let Some(RunningBody::Mesh(mesh)) = island.bodies().get(*body) {
                     for &(own, track, rest) in all {
-                        now[track as usize] = mesh.motion(own as usize).0 - rest;
+                        let (x, step) = mesh.motion(own as usize);
+                        now[track as usize] = then(x, step) - rest;
                     }
                 }
             }
             Self::Slow(body, all) => {
                 if let Some(RunningBody::Slow(slow)) = island.bodies().get(*body) {
                     for &(own, track, rest) in all {
-                        now[track as usize] = slow.motion(own as usize).0 - rest;
+                        let (x, step) = slow.motion(own as usize);
+                        now[track as usize] = then(x, step) - rest;
                     }
                 }
             }
             Self::Modes(body, tracks) => {
                 if let Some(RunningBody::Modal(modal)) = island.bodies().get(*body) {
+                    let step = 1.0 / (rate * island.steps_a_frame());
+                    let since = -f64::from(ahead) / rate;
                     modal.look(|mode, x, was| {
-                        let track = tracks.get(mode).copied().unwrap_or(NOWHERE);
-                        if track != NOWHERE {
-                            (now[track as usize], before[track as usize]) = (x, was);
+                        let track = tracks.get(mode).copied().unwrap_or(NOWHERE) as usize;
+                        if track == NOWHERE as usize {
+                            return;
                         }
+                        (now[track], before[track]) = if island.is_slow() {
+                            let own = look.oscillation(track);
+                            let phase = own.phase(x, was, step);
+                            let at = |t: f64| own.later(phase, t).0;
+                            (at(since), at(since - 1.0 / rate))
+                        } else {
+                            (x, was)
+                        };
                     });
                 }
             }

@@ -27,11 +27,13 @@ pub struct StorableIsland {
 }
 
 impl Simulation {
-    /// The islands whose stretches can be stored; none where ledgers or streams of ergons are kept.
+    /// The islands that are heard and whose stretches can be stored; none where ledgers or streams of ergons are kept.
     pub fn storable(&self) -> Vec<StorableIsland> {
         let units = self.units().enumerate();
         let islands = units.filter_map(|(unit, pair)| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(_)) if island.is_storable() => {
+            (RunningUnit::Island(island), Unit::IslandPlan(_))
+                if unit < self.plan.n_heard && island.is_storable() =>
+            {
                 Some(StorableIsland {
                     unit,
                     content: OnceLock::new(),
@@ -98,7 +100,7 @@ impl Simulation {
         let Some(own) = self.island(island) else {
             return Ok(Vec::new());
         };
-        let (n_out, times) = (own.n_out(), own.oversampling());
+        let n_out = own.n_out();
         let team = if own.is_shared() { team } else { 1 };
         let mut sound = vec![0.0; n_out * n_frames];
         flushed(|| {
@@ -111,7 +113,7 @@ impl Simulation {
                 })
             })
         })
-        .map_err(|fault| fault.at_frame(times))?;
+        .map_err(|fault| fault.in_scene(own))?;
         Ok(sound)
     }
 

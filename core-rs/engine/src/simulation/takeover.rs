@@ -289,8 +289,8 @@ fn are_same_isles(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
     };
     let name = |mat| island_plan.network.mat_name(mat);
     let bodies = || island_plan.bodies.iter().zip(&other.bodies);
-    (island_plan.contact_substeps, island_plan.oversampling)
-        == (other.contact_substeps, other.oversampling)
+    let often = |own: &IslandPlan| (own.contact_substeps, own.oversampling, own.every);
+    often(island_plan) == often(other)
         && island_plan.bodies.len() == other.bodies.len()
         && island_plan.network.is_same(&other.network)
         && imposed(island_plan) == imposed(other)

@@ -2,7 +2,7 @@
 
 use super::Timeline;
 use crate::network::{Error, Network};
-use crate::units::frame;
+use crate::units::{frame, nearest_frame};
 
 /// Couplings fade in and out over this time [s], rounded up to the grid.
 pub(super) const FADE: f64 = 0.02;
@@ -50,6 +50,16 @@ impl Ramp {
             ..self
         }
     }
+
+    /// The same event at one frame for `every` of its own.
+    fn slower(self, every: u64) -> Self {
+        let start = nearest_frame(self.start, every);
+        Self {
+            start,
+            stop: nearest_frame(self.stop, every).max(start + 1),
+            ..self
+        }
+    }
 }
 
 impl Gate {
@@ -60,6 +70,17 @@ impl Gate {
             stop: self.stop.map(|stop| stop * oversampling),
             fade: self.fade * oversampling,
             ramp: self.ramp.map(|ramp| ramp.faster(oversampling)),
+            ..self
+        }
+    }
+
+    /// The same event at one frame for `every` of its own.
+    pub(super) fn slower(self, every: u64) -> Self {
+        Self {
+            start: self.start.map(|start| nearest_frame(start, every)),
+            stop: self.stop.map(|stop| nearest_frame(stop, every)),
+            fade: nearest_frame(self.fade, every).max(1),
+            ramp: self.ramp.map(|ramp| ramp.slower(every)),
             ..self
         }
     }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::Timeline;
+use super::lead::slower_points;
 use crate::network::{Error, MatKind, Network};
 
 /// K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
@@ -25,6 +26,14 @@ impl Glide {
             points: points
                 .map(|&(frame, ties)| (frame * oversampling, ties))
                 .collect(),
+            ..*self
+        }
+    }
+
+    /// The same event at one frame for `every` of its own.
+    pub(super) fn slower(&self, every: u64) -> Self {
+        Self {
+            points: slower_points(&self.points, every),
             ..*self
         }
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::Timeline;
 use crate::network::{Contact, Error, LinkKind, Network, Run};
+use crate::units::nearest_frame;
 
 /// Factors of K and of Z.
 pub type Factors = [f64; 2];
@@ -58,6 +59,14 @@ impl Lead {
         }
     }
 
+    /// The same event at one frame for `every` of its own.
+    pub(super) fn slower(&self, every: u64) -> Self {
+        Self {
+            points: slower_points(&self.points, every),
+            ..*self
+        }
+    }
+
     /// The same on other links.
     pub(crate) fn on(&self, link: usize, len: usize) -> Self {
         Self {
@@ -102,6 +111,19 @@ pub(crate) fn next_change<T: PartialEq>(points: &[(u64, T)], n: u64) -> u64 {
     let ways = points.windows(2);
     let mut left = ways.filter(|way| way[1].0 > n && way[0].1 != way[1].1);
     left.next().map_or(u64::MAX, |way| way[0].0.max(n))
+}
+
+/// Points (frames, rising) at one frame for `every` of theirs; of those that fall on one frame the last.
+pub(super) fn slower_points<T: Copy>(points: &[(u64, T)], every: u64) -> Arc<[(u64, T)]> {
+    let mut placed: Vec<(u64, T)> = Vec::with_capacity(points.len());
+    for &(frame, value) in points {
+        let frame = nearest_frame(frame, every);
+        if placed.last().is_some_and(|&(last, _)| last == frame) {
+            placed.pop();
+        }
+        placed.push((frame, value));
+    }
+    placed.into()
 }
 
 impl Timeline {

@@ -140,6 +140,7 @@ impl Assembled {
             bodies: bodies.iter().map(|found| found.inside.clone()).collect(),
             contact_substeps,
             oversampling,
+            every: 1,
         };
         Ok(Self {
             island_plan,

@@ -8,10 +8,21 @@ use crate::network::Subset;
 use crate::timeline::{Drive, Ergon, Glide, Strike, Timeline};
 
 /// The timeline of one island, and the indices of its keys and gestures in the whole network.
+#[derive(Clone)]
 pub(in crate::plan) struct OwnTimeline {
     pub(in crate::plan) timeline: Timeline,
     pub(in crate::plan) keys: Vec<u32>,
     pub(in crate::plan) gestures: Vec<u32>,
+}
+
+impl OwnTimeline {
+    /// The same at one frame for `every` of these; `None` where there is no such timeline.
+    pub(in crate::plan) fn slower(&self, every: u32) -> Option<Self> {
+        Some(Self {
+            timeline: self.timeline.slower(every)?,
+            ..self.clone()
+        })
+    }
 }
 
 /// Where a module is: index of the subset, local index in it.

@@ -124,6 +124,7 @@ impl Content {
             bodies,
             contact_substeps,
             oversampling,
+            every: _,
             to_whole: _,
         } = island;
         let bodies: Vec<BodyPlan> = bodies.iter().map(BodyPlan::without_strikes).collect();

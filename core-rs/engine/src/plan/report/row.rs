@@ -76,8 +76,10 @@ pub struct Row {
     pub cost: f64,
     /// Whether it can diverge; `None` where nothing is computed.
     pub word: Option<StabilityGuarantee>,
-    /// How often a frame it is stepped.
+    /// How often it is stepped in `every` frames.
     pub oversampling: u32,
+    /// 1, but for what is only seen.
+    pub every: u32,
     /// How often a step its contacts are computed while they may be closed.
     pub contact_substeps: usize,
     /// The error that a pilot measured; `None`: exact, but for what is left out.
@@ -120,6 +122,7 @@ impl Row {
             cost: 0.0,
             word: None,
             oversampling: 1,
+            every: 1,
             contact_substeps: 1,
             error: None,
             because: None,

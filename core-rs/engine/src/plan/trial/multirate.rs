@@ -18,7 +18,7 @@ use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::pilot_run::{is_worth, length, play};
-use crate::plan::trial::record::{Series, TrialRecord, TrialStore};
+use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::StabilityGuarantee;
 
@@ -171,30 +171,15 @@ pub(in crate::plan) fn error(
             IslandContent::of(&subset.network, &own.timeline, also),
         )
     });
-    let recalled = series.as_ref().and_then(|series| series.find(allowance));
-    let known = recalled.and_then(|(taken, record)| {
-        let error = record.error_alone()?;
-        allowance.count(&taken);
-        Some(error)
-    });
-    let measured = match known {
-        Some(known) => known,
-        None => {
-            let left = allowance.begin();
-            let found = beside(&slow, &single, contact_substeps, allowance)?;
-            if let Some(series) = &series {
-                let record = TrialRecord::of_error(found);
-                series.keep(allowance, left, record);
-            }
-            found
-        }
-    };
-    let Some(measured) = measured else {
+    let found = measured(series, allowance, || {
+        beside(&slow, &single, contact_substeps, allowance)
+    })?;
+    let Some(found) = found else {
         return Ok(None);
     };
     let ways = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
     let known = (allowance, store);
-    unless_spent(horizon::held(measured, budget.asked(), ways, known))
+    unless_spent(horizon::held(found, budget.asked(), ways, known))
 }
 
 /// How far apart an island and the same with kicks at every frame are, over its beginning.

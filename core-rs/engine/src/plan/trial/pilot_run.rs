@@ -150,7 +150,7 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
         island_plan.network.clone(),
         &island_plan.timeline,
         &island_plan.bodies,
-        (contact_substeps, island_plan.oversampling),
+        (contact_substeps, island_plan.oversampling, 1),
         options,
     )
 }
@@ -317,7 +317,7 @@ mod tests {
         }
         let work = island.fine_work();
         let work = [work.instants, work.products, island.guard_steps()];
-        let passed = island.passed() / u64::from(island.oversampling());
+        let passed = island.passed() / u64::from(island_plan.oversampling);
         (heard, island.write_state(), work, passed)
     }
 

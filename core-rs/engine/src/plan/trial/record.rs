@@ -4,6 +4,7 @@
 //! kept by two hashes: that of what is always so tells how far earlier series of such an island played, and that of all which
 //! happens until there tells what they found.
 
+use crate::network::Error;
 use crate::plan::report::content::{IslandContent, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken};
@@ -166,6 +167,26 @@ impl<'a> Series<'a> {
             self.store.put(&self.fixed, index);
         }
     }
+}
+
+/// The error that a series of trials measures, or that an earlier plan measured by the same.
+pub(in crate::plan) fn measured(
+    series: Option<Series<'_>>,
+    allowance: &Allowance,
+    measure: impl FnOnce() -> Result<Option<Measured>, Error>,
+) -> Result<Option<Measured>, Error> {
+    let recalled = series.as_ref().and_then(|series| series.find(allowance));
+    let known = recalled.and_then(|(taken, record)| Some((taken, record.error_alone()?)));
+    if let Some((taken, error)) = known {
+        allowance.count(&taken);
+        return Ok(error);
+    }
+    let left = allowance.begin();
+    let found = measure()?;
+    if let Some(series) = &series {
+        series.keep(allowance, left, TrialRecord::of_error(found));
+    }
+    Ok(found)
 }
 
 /// What trials of known length took and found that would go the same way now.

@@ -26,7 +26,7 @@ impl Takeover {
         }
         for &(to, island, island_plan) in &here.islands {
             let script = island.script();
-            let limit = n * u64::from(island_plan.oversampling);
+            let limit = island.step_at(n);
             for (voice, own) in script.voices.iter().enumerate() {
                 let name = (island_plan.network.mat_name(own.struck), own.layer);
                 let Some(candidates) = by_name.get_mut(&name) else {
@@ -53,7 +53,8 @@ impl Takeover {
                     |mat| other.network.mat_name(mat),
                 );
                 let mats = if own.free.is_like(&their.free, name, other_name)
-                    && island_plan.oversampling == other.oversampling
+                    && (island_plan.oversampling, island_plan.every)
+                        == (other.oversampling, other.every)
                 {
                     None
                 } else {

@@ -1,0 +1,136 @@
+//! What nobody hears and somebody looks at: planned without trials beside what is heard, at a rate of its own where the score
+//! asks for one.
+//!
+//! It takes nothing from what is heard, and is planned soon. At a rate of its own its error against the rate of the score is
+//! measured, from an allowance of its own.
+
+use std::sync::Arc;
+
+use super::Maker;
+use crate::network::{Error, Network, Subset};
+use crate::plan::budget::Budget;
+use crate::plan::passes::cells;
+use crate::plan::passes::islands::IslandMembers;
+use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::seen;
+use crate::plan::passes::split::{OwnTimeline, split};
+use crate::plan::trial::allowance::Allowance;
+use crate::plan::trial::seen_rate;
+use crate::plan::{Known, Plan, Unit};
+use crate::timeline::Timeline;
+
+/// The plan of what nobody hears.
+pub(super) fn plan(
+    network: &Arc<Network>,
+    timeline: &Timeline,
+    budget: &Budget,
+    known: Known<'_>,
+    unheard: Vec<IslandMembers>,
+) -> Result<Plan, Error> {
+    let modules = network.n_mat() + network.n_lia();
+    let allowance = Allowance::new(modules, known.share);
+    let mut maker = Maker {
+        every: known.seen_every,
+        ..Maker::new(network, timeline, budget)
+    };
+    let is_loose =
+        |own: &IslandMembers| budget.takes_modes() && cells::is_loose(network, own, timeline.rate);
+    let (subsets, n_islands) = seen::subsets(network, unheard, is_loose)?;
+    for (at, (subset, own)) in split(subsets, timeline).into_iter().enumerate() {
+        if at >= n_islands {
+            maker.cells(&subset, &own)?;
+            continue;
+        }
+        let first_row = maker.plan.rows.len();
+        maker.island(subset.clone(), own.clone())?;
+        if let Some(Unit::IslandPlan(slow)) = maker.plan.units.last()
+            && slow.every > 1
+        {
+            let each = (&subset, &own, budget);
+            let error = seen_rate::error(slow, each, (&maker.memo, &allowance, known.store))?;
+            let rows = maker.plan.rows[first_row..].iter_mut();
+            rows.for_each(|row| row.error = error);
+        }
+    }
+    Ok(maker.plan)
+}
+
+impl Maker<'_> {
+    /// An island as seldom as it bears, once in `every` frames at most.
+    pub(super) fn slowly(
+        &mut self,
+        subset: &Subset,
+        own: &OwnTimeline,
+        modules: usize,
+        why: Option<NoModes>,
+    ) -> Result<(), Error> {
+        let parts = subset.network.parts();
+        let mut own_parts = subset.network.mats().part.iter();
+        // Where the discrete network is the truth there is but one rate.
+        let is_discrete = own_parts.any(|&part| parts[part as usize].ca_rate.is_some());
+        // Beside a rate of all of it none of its parts has one.
+        let alike = Subset {
+            network: subset.network.with_macrosteps(|_, _| None),
+            ..subset.clone()
+        };
+        let mut every = if is_discrete { 1 } else { self.every };
+        while every > 1 {
+            let before = self.counts();
+            let slower = own.slower(every);
+            let is_made = slower.is_some_and(|slower| {
+                self.stepped(&alike, &slower, modules, None, why.clone())
+                    .is_ok()
+            });
+            if is_made && self.put_slow(before, every) {
+                return Ok(());
+            }
+            let [units, rows, choices, stay] = before;
+            self.plan.units.truncate(units);
+            self.plan.rows.truncate(rows);
+            self.plan.choices.truncate(choices);
+            self.plan.stay.truncate(stay);
+            every /= 2;
+        }
+        let [_, first_row, ..] = self.counts();
+        self.stepped(subset, own, modules, None, why)?;
+        let why = if is_discrete {
+            "its numbers are those of one rate (`units: ca`)"
+        } else if own.slower(self.every).is_none() {
+            "it is played live, or a gesture is too fast for a slower one"
+        } else {
+            "it is not stable at a slower one"
+        };
+        let rows = self.plan.rows[first_row..].iter_mut();
+        rows.for_each(|row| row.stays = Some(why.to_owned()));
+        Ok(())
+    }
+
+    /// How much is planned: units, rows, choices, and parts that stay.
+    fn counts(&self) -> [usize; 4] {
+        let plan = &self.plan;
+        [
+            plan.units.len(),
+            plan.rows.len(),
+            plan.choices.len(),
+            plan.stay.len(),
+        ]
+    }
+
+    /// Let what was just planned go once in `every` frames; false where it would then have as many steps as frames.
+    fn put_slow(&mut self, [units, rows, ..]: [usize; 4], every: u32) -> bool {
+        for unit in &mut self.plan.units[units..] {
+            if let Unit::IslandPlan(island_plan) = unit {
+                if island_plan.oversampling >= every {
+                    return false;
+                }
+                island_plan.every = every;
+            }
+        }
+        for row in &mut self.plan.rows[rows..] {
+            row.every = every;
+            // The trials that are cut short are those of what is heard.
+            row.is_cut_short = false;
+        }
+        true
+    }
+}

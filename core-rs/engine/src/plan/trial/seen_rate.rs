@@ -1,0 +1,71 @@
+//! How far what is only seen moves at a rate of its own from how it moves at the rate of the score.
+
+use crate::network::{Error, Subset};
+use crate::plan::IslandPlan;
+use crate::plan::budget::Budget;
+use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::mesh::MethodChoice;
+use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::split::OwnTimeline;
+use crate::plan::report::content::IslandContent;
+use crate::plan::report::row::Measured;
+use crate::plan::trial::allowance::{Allowance, unless_spent};
+use crate::plan::trial::pilot_run::{length, play};
+use crate::plan::trial::record::{Series, TrialStore, measured};
+use crate::plan::trial::waveform_error::{Spans, difference};
+
+/// How far apart the two are over the beginning, in the sum of all positions by weights of their own; `None` where nobody knows
+/// what will happen, or the allowance ends first.
+pub(in crate::plan) fn error(
+    slow: &IslandPlan,
+    (subset, own, budget): (&Subset, &OwnTimeline, &Budget),
+    (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
+) -> Result<Option<Measured>, Error> {
+    let Some(slower) = own.slower(slow.every).filter(|_| !own.timeline.is_open) else {
+        return Ok(None);
+    };
+    // Trials count frames of the slower timeline.
+    let series = store.map(|store| {
+        let often = (slow.every, slow.oversampling, slow.contact_substeps);
+        let also = format_args!("seen {budget:?} {often:?}");
+        let content = IslandContent::of(&subset.network, &slower.timeline, also);
+        Series::new(store, content)
+    });
+    measured(series, allowance, || {
+        let how = (1, MethodChoice::ByBudget);
+        match Assembled::new(subset, own, budget, how, None, memo) {
+            Ok(each) => apart(slow, &each.island_plan, allowance),
+            Err(_) => Ok(None),
+        }
+    })
+}
+
+/// How far an island is from the same at every frame, over its beginning.
+fn apart(
+    slow: &IslandPlan,
+    each: &IslandPlan,
+    allowance: &Allowance,
+) -> Result<Option<Measured>, Error> {
+    let n_frames = unless_spent(length(slow, allowance))?.unwrap_or(0);
+    if n_frames == 0 {
+        return Ok(None);
+    }
+    let every = slow.every as usize;
+    let played = |own: &IslandPlan, n_frames: usize| {
+        unless_spent(play(own, own.contact_substeps, n_frames, allowance))
+    };
+    let (Some(slowly), Some(plainly)) = (played(slow, n_frames)?, played(each, n_frames * every)?)
+    else {
+        return Ok(None);
+    };
+    let spans = Spans::of(slow, n_frames);
+    let frames = plainly.sound.chunks(spans.n_out).step_by(every);
+    let plainly: Vec<f64> = frames.flatten().copied().collect();
+    let db = difference(&slowly.sound, &plainly, &spans);
+    Ok(db.is_finite().then_some(Measured {
+        db,
+        over: n_frames as f64 / spans.rate,
+        spectral: None,
+        audible: None,
+    }))
+}
