@@ -4,7 +4,7 @@
 //! finely contacts are computed (the same stretch at S and 2S: what differs is the error), which modes of a body
 //! this score excites, and how often a frame the whole island is stepped (again by what differs).
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::rc::Rc;
 
 use crate::network::Error;
@@ -23,10 +23,10 @@ use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
 use crate::plan::trial::tried::{Beyond, Piloted, Tried};
-use crate::plan::trial::waveform_error::{Spans, beside, left_of};
+use crate::plan::trial::waveform_error::{PARTS, Spans, beside, left_of};
 
-/// A search takes so many times the work of its first run, where contacts make that dear: they are computed twice and four
-/// times as finely, and at half the step.
+/// A search takes so many times the work of its first run, where contacts make that dear: they are computed
+/// twice and four times as finely, and at half the step.
 const RUNS: f64 = 12.0;
 
 /// The cheapest island within the budget; `assemble` puts it together at some times the rate.
@@ -179,8 +179,8 @@ pub(in crate::plan) fn pilot(
     })
 }
 
-/// How long runs are, and where they are compared: as long as the work of a search allows that is not done by the first of
-/// them. What a waveform is promised of is better known for a short time than not at all.
+/// Runs of an island, and where they are compared: as long as the allowance pays for a search. What a waveform is promised
+/// of is better known for a short time than not at all.
 fn begun(
     island: &Assembled,
     n_frames: usize,
@@ -193,14 +193,21 @@ fn begun(
         return Ok((runs, spans));
     }
     let (before, _) = allowance.spent();
-    runs.play((plan, plan.contact_substeps), allowance)?;
-    let first = allowance.spent().0 - before;
-    let thirds = (3.0 * allowance.share_left(RUNS * first)) as usize;
-    if thirds >= 3 {
+    let share = Cell::new(1.0);
+    let heard = |frames: usize| frames.saturating_sub(spans.event()) as f64;
+    let played = (plan, plan.contact_substeps);
+    runs.play_while(played, allowance, |frames, _| {
+        let spent = allowance.spent().0 - before;
+        let is_affordable = allowance.share_left(RUNS * spent);
+        share.set(is_affordable * heard(frames) / heard(n_frames));
+        is_affordable == 1.0 || frames <= spans.only(1).end()
+    })?;
+    let parts = (PARTS as f64 * share.get()) as usize;
+    if parts >= PARTS {
         return Ok((runs, spans));
     }
-    let spans = spans.only(thirds);
-    Ok((runs.only(spans.end()), spans))
+    let spans = spans.only(parts);
+    Ok((Runs::new(spans.end()), spans))
 }
 
 /// An island whose meshes cannot diverge, and how it plays, if that is known.

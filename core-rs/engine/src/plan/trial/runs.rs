@@ -51,29 +51,6 @@ impl Runs {
         self.n_frames
     }
 
-    /// The same runs as far as so many frames.
-    pub(in crate::plan) fn only(self, n_frames: usize) -> Self {
-        let shorter = |(way, run): (Way, Rc<PilotRun>)| {
-            let n_out = run.sound.len() / self.n_frames.max(1);
-            let sound = run.sound[..n_frames * n_out].to_vec();
-            let squares = run.squares.clone();
-            let is_lost = run.is_lost;
-            (
-                way,
-                Rc::new(PilotRun {
-                    sound,
-                    squares,
-                    is_lost,
-                }),
-            )
-        };
-        let kept = self.kept.into_inner();
-        Self {
-            n_frames,
-            kept: RefCell::new(kept.into_iter().map(shorter).collect()),
-        }
-    }
-
     fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
         let mut kept = self.kept.borrow_mut();
         let samples: usize = kept.iter().map(|(_, run)| run.sound.len()).sum();

@@ -9,6 +9,10 @@ pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
 /// By so much an error of order 1 falls with a doubling [dB].
 pub(in crate::plan) const DOUBLING: f64 = 6.02;
 
+/// The time after the first event is cut so finely where all of it is too long: 50 ms are the least that tell
+/// of a sound.
+pub(in crate::plan) const PARTS: usize = 6;
+
 /// A run is first looked at when so large a part of the time to its first look is over (one of so many), and is then
 /// further from what it is held against than it will be by so much at most [dB].
 const EARLY: (usize, f64) = (4, 12.0);
@@ -75,10 +79,11 @@ impl Spans {
         first.saturating_sub(all - second)
     }
 
-    /// Of less time after the first event: so many thirds of it.
-    pub(in crate::plan) fn only(&self, thirds: usize) -> Self {
-        let (event, end) = (self.event(), self.frames[thirds.clamp(1, 3) - 1]);
-        let third = (end - event) / 3;
+    /// Of less time after the first event: so many of `PARTS` of it, and one at least.
+    pub(in crate::plan) fn only(&self, parts: usize) -> Self {
+        let event = self.event();
+        let third = (self.end() - event) * parts.clamp(1, PARTS) / PARTS / 3;
+        let end = event + 3 * third;
         Self {
             frames: [2, 1, 0].map(|thirds| end - thirds * third),
             ..*self
@@ -90,8 +95,8 @@ impl Spans {
         self.frames[2]
     }
 
-    /// Frames from the start that a run is looked at, that all of it need not be played: to the end of all spans but the
-    /// last, and of the early part of the first.
+    /// Frames from the start that a run is looked at, that all of it need not be played: to the end of all
+    /// spans but the last, and of the early part of the first.
     pub(in crate::plan) fn looks(&self) -> [usize; 3] {
         let [first, second, _] = self.frames;
         [
@@ -130,7 +135,8 @@ impl<'a> Held<'a> {
         }
     }
 
-    /// The least that the whole run will be apart, where so many frames of its sound tell more of it than was known [dB].
+    /// The least that the whole run will be apart, where so many frames of its sound tell more of it than was
+    /// known [dB].
     pub(in crate::plan) fn look(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
         let looks = self.spans.looks();
         let n = looks.iter().filter(|look| **look <= n_frames).count();
@@ -189,10 +195,9 @@ mod tests {
     fn a_shorter_time_is_a_part_of_it_after_the_same_event() {
         let all = spans();
         assert_eq!((all.event(), all.end()), (60, 360));
-        for (thirds, end) in [(0, 160), (1, 160), (2, 260), (3, 360)] {
-            let only = all.only(thirds);
-            assert_eq!(only.end(), end);
-            assert!(only.event().abs_diff(60) <= 2);
+        for (parts, end) in [(0, 108), (1, 108), (3, 210), (4, 258), (6, 360), (99, 360)] {
+            let only = all.only(parts);
+            assert_eq!((only.event(), only.end()), (60, end));
         }
     }
 
