@@ -48,7 +48,8 @@ proptest! {
         move_all(each, &force, &mut moved, &mut steps);
         let truth = (bits(&moved), bits(&steps));
         let from = [&x[..], &d[..]];
-        let ways: [&dyn Fn(&mut [f64], &mut [f64]) -> bool; 3] = [
+        type Way<'a> = &'a dyn Fn(&mut [f64], &mut [f64]) -> bool;
+        let ways: [Way<'_>; 3] = [
             &|moved, steps| move_alike(one, &force, moved, steps),
             &|moved, steps| move_from(each, &force, from, moved, steps),
             &|moved, steps| move_alike_from(one, &force, from, moved, steps),

@@ -46,12 +46,7 @@ fn network(is_heard: bool) -> Arc<Network> {
         SpaceLaw::Spring,
         [400.0, 0.02, 0.31],
     );
-    link(
-        &mut network,
-        (bob, ball),
-        SpaceLaw::Push,
-        [3_000.0, 0.05, 0.08],
-    );
+    link(&mut network, (bob, ball), push, [3_000.0, 0.05, 0.08]);
     if is_heard {
         let (first, len, weight) = (bob.first, 1, 1.0);
         network
