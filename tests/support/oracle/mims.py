@@ -215,7 +215,7 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
 
     fixed = np.array([is_fixed(i) for i in range(length * width)])
     free = ~fixed
-    first, second = np.array(pairs).reshape(-1, 2).T
+    first, second = np.array(pairs, int).reshape(-1, 2).T
     near, far = np.array(stiff, int).reshape(-1, 2).T
 
     def pull(a: np.ndarray, b: np.ndarray, force: np.ndarray) -> None:
