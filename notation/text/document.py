@@ -15,10 +15,11 @@ from typing import Any
 import yaml
 
 from ergon.notation.text.errors import Collector, quote
-from ergon.notation.text.syntax import MAX_BYTES, MAX_LINES, explained
+from ergon.notation.text.syntax import MAX_BYTES, MAX_LINES, explained, is_too_deep, level_opens
 from ergon.notation.text.values import Place
 
 MAX_DEPTH = 64  # nested deeper than any score a person writes; keeps later recursion safe
+TOO_DEEP = f"the nesting is deeper than {MAX_DEPTH} levels"
 MAX_NODES = 2_000_000  # with aliases written out; about 1 GB of nodes at the very worst
 
 _STYLES = ("'", '"', "|", ">")
@@ -296,6 +297,16 @@ class _Composer:
         self.total = 0
 
     def run(self) -> Node | None:
+        try:
+            return self.composed()
+        except yaml.YAMLError as error:
+            if not is_too_deep(error):
+                raise
+            at = (_end(self.stack[-1].event), len(self.stack)) if self.stack else (0, 0)
+            index = level_opens(self.document.text, error, at, MAX_DEPTH + 1)
+            raise _Refused("E105", TOO_DEEP, index) from None
+
+    def composed(self) -> Node | None:
         documents = 0
         for event in yaml.parse(self.document.text, _LOADER):
             if isinstance(event, yaml.ScalarEvent):
@@ -326,8 +337,7 @@ class _Composer:
         self.no_tag(event)
         self.count(1, _start(event))
         if len(self.stack) >= MAX_DEPTH:
-            message = f"the nesting is deeper than {MAX_DEPTH} levels"
-            raise _Refused("E105", message, _start(event))
+            raise _Refused("E105", TOO_DEEP, _start(event))
         self.stack.append(_Open(event, []))
 
     def close(self, end: int) -> None:

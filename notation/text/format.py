@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import yaml
 
-from ergon.notation.text.document import MAX_DEPTH
+from ergon.notation.text.document import MAX_DEPTH, TOO_DEEP
 from ergon.notation.text.errors import TextError
-from ergon.notation.text.syntax import MAX_BYTES
+from ergon.notation.text.syntax import MAX_BYTES, is_too_deep
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _COLUMN_GAP = "   "
@@ -47,6 +47,8 @@ def formatted(text: str) -> str:
         if _meaning(result) == meaning:
             return result
     except yaml.YAMLError as error:
+        if is_too_deep(error):
+            raise TextError(TOO_DEEP, code="E105") from None
         mark = getattr(error, "problem_mark", None)
         raise TextError(
             "the score cannot be read, so it cannot be formatted: "
@@ -63,7 +65,7 @@ def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
     keys: list[bool] = []  # whether the next scalar of that collection is a key
     for event in yaml.parse(text, Loader=_LOADER):
         if len(path) > MAX_DEPTH:  # libyaml takes quadratic time over brackets
-            raise TextError(f"the nesting is deeper than {MAX_DEPTH} levels", code="E105")
+            raise TextError(TOO_DEEP, code="E105")
         if isinstance(event, yaml.CollectionEndEvent):
             path.pop()
             keys.pop()

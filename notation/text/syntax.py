@@ -46,6 +46,24 @@ _SENTENCES = (
 )
 
 
+def is_too_deep(error: Exception) -> bool:
+    """Whether the parser gave up at a bound of its own: in PyYAML 6.0.4 libyaml has 1,000."""
+    return "maximum nesting depth" in str(getattr(error, "problem", ""))
+
+
+def level_opens(text: str, error: Exception, start: tuple[int, int], level: int) -> int:
+    """Index at which a level opens in front of such an error, from an index and its level on.
+
+    Brackets in quotes count too, so a place among those may be a few levels away.
+    """
+    (first, depth), end = start, _index_of(error)
+    for index in range(first, end):
+        depth += (text[index] in "[{") - (text[index] in "]}")
+        if depth >= level:
+            return index
+    return end
+
+
 def explained(text: str, error: Exception) -> tuple[int, str]:
     """Where and why: the pure parser's words when the text up to the error is short."""
     if _index_of(error) <= PURE_PARSER_LIMIT and not isinstance(error, ComposerError):

@@ -185,7 +185,9 @@ def _plan(
     except (_core.EngineError, StageError) as error:
         return Plan(budget, refused=f"{type(error).__name__}: {error}")
     rows = made.plan.rows()
-    errors = [row.error_db for row in rows if row.error_db is not None]
+    # Each row of an island tells the error of all of it: it counts once.
+    islands = {(row.error_db, row.error_s) for row in rows}
+    errors = [db for db, _ in islands if db is not None]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
     stated = [*errors, *left_out]
     pilot = _pilot(made)
