@@ -241,7 +241,7 @@ def _input_file(options: PlayOptions, piece: Piece) -> Path | None:
     """The new file of what inputs hear, from the beginning of the piece on."""
     if options.record_input is None:
         return None
-    if not any(take.input and take.input.channel for take in piece.takes.values()):
+    if not any(take.card_channel for take in piece.takes.values()):
         raise OptionError(
             "record_input", "this score has no inputs to record; leave this option out"
         )

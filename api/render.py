@@ -319,7 +319,7 @@ def _hearing(loaded: Loaded, options: RenderOptions) -> Loaded:
         return loaded
     piece = scores.piece_of(loaded)
     path = Path(options.input)
-    heard = {name for name, take in piece.takes.items() if take.input and take.input.channel}
+    heard = {name for name, take in piece.takes.items() if take.card_channel}
     if not heard:
         raise OptionError("input", "this score has no inputs; leave the option out")
     if path.suffix.lower() != ".wav" or not path.is_file():

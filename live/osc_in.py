@@ -11,7 +11,7 @@ from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module
-    from ergon.scores.reading.piece import Piece, TakeFile
+    from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
     Handler = Callable[[Sequence[object]], None]
@@ -59,7 +59,7 @@ def table(
         return lambda ratio: _heeded([performance.part_gain(group, ratio) for group in mine])
 
     owned = alone(stage.piece, parts)
-    inputs = (name for name, take in stage.piece.takes.items() if is_told(take))
+    inputs = (name for name, take in stage.piece.takes.items() if take.is_told)
     return {
         "/ergon/cmd": text_of(command),
         "/ergon/panic": pressed(performance.panic),
@@ -73,11 +73,6 @@ def table(
         },
         **{f"/ergon/input/{name}": told(name) for name in inputs},
     }
-
-
-def is_told(take: TakeFile) -> bool:
-    """Whether the values of a take come by OSC."""
-    return take.input is not None and take.input.channel is None
 
 
 def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ergon.live.osc_in import SILENT, OscRequestError, decibels, is_told, pressed, text_of
+from ergon.live.osc_in import SILENT, OscRequestError, decibels, pressed, text_of
 from ergon.live.osc_out import OscTeller, beats, frame_of
 from ergon.live.osc_values import ToldInputs
 from ergon.repl.language import commands as c
@@ -66,7 +66,7 @@ class SessionOsc:
         if address.startswith(_INPUT):
             name = address.removeprefix(_INPUT)
             take = self._session.commits.head.piece.takes.get(name)
-            return None if take is None or not is_told(take) else self._told.of(name)
+            return None if take is None or not take.is_told else self._told.of(name)
         match = _GAIN.fullmatch(address)
         if match is None:
             return None

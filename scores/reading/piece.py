@@ -159,6 +159,16 @@ class TakeFile:
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
     input: SoundInput | None = field(default=None, metadata=OMIT_EMPTY)
 
+    @property
+    def card_channel(self) -> int | None:
+        """The channel of the sound card that it is, from 1; None where it is none."""
+        return None if self.input is None else self.input.channel
+
+    @property
+    def is_told(self) -> bool:
+        """Whether its values come by OSC."""
+        return self.input is not None and self.input.channel is None
+
 
 @dataclass(frozen=True, slots=True)
 class Hit:

@@ -99,10 +99,10 @@ class Takes:
 
 def _channel(take: TakeFile, path: Path) -> Samples:
     """The channel of a file that an input hears: of its own number where there are several."""
-    if take.channel is not None or take.input is None or take.input.channel is None:
+    if take.channel is not None or take.card_channel is None:
         return read(path, take.channel)
     try:
-        return read(path, str(take.input.channel))
+        return read(path, str(take.card_channel))
     except TakeError as error:
         try:
             return read(path)

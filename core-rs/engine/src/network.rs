@@ -42,7 +42,7 @@ pub use parameters::{But, Contact, Side, Tie};
 pub use proxy::{Along, Proxy, Shares};
 pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
 pub(crate) use sliding::{Sliding, difference};
-pub(crate) use space::{AXES_MAX, distance, inverse};
+pub(crate) use space::{AXES_MAX, distance, line};
 pub use space::{Facets, Measure, SpaceLaw, SpaceLink, SpacePoint, SpacePoints};
 pub(crate) use subset::Subset;
 

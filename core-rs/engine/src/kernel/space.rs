@@ -3,7 +3,7 @@
 
 use super::pull::pull;
 use crate::maths::wide::wide;
-use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, distance, inverse};
+use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, line};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
@@ -120,12 +120,13 @@ impl<'a> Ends<'a> {
 
 /// Unit vector, distance − rest, and what the distance grows by a frame, of the i-th link.
 #[inline(always)]
-fn line([x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2], rest: f64, i: usize) -> ([f64; AXES_MAX], f64, f64) {
+fn link_line(
+    [x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2],
+    rest: f64,
+    i: usize,
+) -> ([f64; AXES_MAX], f64, f64) {
     let apart = |[a, b]: [&[f64]; 2]| b[i] - a[i];
-    let [x, y, z] = [apart(x[0]), apart(x[1]), apart(x[2])];
-    let length = distance(x, y, z);
-    let inverse = inverse(length);
-    let along = [x * inverse, y * inverse, z * inverse];
+    let (length, along) = line(x.map(apart));
     let step = 0.0 + along[0] * apart(d[0]) + along[1] * apart(d[1]) + along[2] * apart(d[2]);
     (along, length - rest, step)
 }
@@ -172,7 +173,7 @@ wide! {
         let ends = ends.cut(n);
         let [stiff, viscous, rest, open] = by;
         for i in 0..n {
-            let (along, e, step) = line(&ends, rest, i);
+            let (along, e, step) = link_line(&ends, rest, i);
             let force = (stiff * e + viscous * step) * open;
             f[i] = force;
             x[i] = force * along[0];
@@ -198,7 +199,7 @@ wide! {
         let ends = ends.cut(n);
         for i in 0..n {
             let along;
-            (along, e[i], step[i]) = line(&ends, rest, i);
+            (along, e[i], step[i]) = link_line(&ends, rest, i);
             [x[i], y[i], z[i]] = along;
         }
     }

@@ -14,7 +14,7 @@ pub(super) use law::SINKS;
 pub use law::SpaceLaw;
 pub use links::SpaceLink;
 pub use measure::Measure;
-pub(crate) use measure::{distance, inverse};
+pub(crate) use measure::{distance, inverse, line};
 pub use points::{SpacePoint, SpacePoints};
 
 use super::{LinkKind, Network, Run};

@@ -4,7 +4,7 @@
 use super::contact::Contact;
 use super::{Pair, Quad};
 use crate::maths::wide::wide;
-use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, distance, inverse};
+use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, line};
 use crate::state::ContactHistory;
 
 /// Pairs of a batch: its numbers stay in the nearest cache.
@@ -147,12 +147,9 @@ wide! {
         let [x, y, z] = apart;
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
         for i in 0..n {
-            let length = distance(x[i], y[i], z[i]);
-            let inverse = inverse(length);
+            let length;
+            (length, [x[i], y[i], z[i]]) = line([x[i], y[i], z[i]]);
             e[i] = length - rest;
-            x[i] *= inverse;
-            y[i] *= inverse;
-            z[i] *= inverse;
         }
     }
 }

@@ -3,7 +3,7 @@
 //! The distance from the nearest point has no jumps, whatever triangle it lies on: a point that rolls over an edge is
 //! pushed by one contact all the way, and its energy is a function of where it is.
 
-use super::{AXES_MAX, distance, inverse};
+use super::{AXES_MAX, line};
 
 type Vector = [f64; AXES_MAX];
 
@@ -117,9 +117,7 @@ impl Facets {
             let length = if is_number { least } else { f64::NAN };
             return (length, [0.0; AXES_MAX]);
         }
-        let length = distance(apart[0], apart[1], apart[2]);
-        let inverse = inverse(length);
-        (length, apart.map(|part| part * inverse))
+        line(apart)
     }
 
     /// The triangles that a place may touch, in their order.
@@ -279,6 +277,7 @@ fn cross(a: Vector, b: Vector) -> Vector {
 mod tests {
     use super::*;
     use crate::chance::Chance;
+    use crate::network::distance;
 
     /// The distance from a triangle by trying many of its points.
     fn by_trying([a, b, c]: &[Vector; 3], place: Vector) -> f64 {

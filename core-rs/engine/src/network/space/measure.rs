@@ -28,12 +28,11 @@ impl Measure {
             Self::Surface(facets) => return facets.nearest([x, y, z]),
             Self::Distance | Self::Within => {}
         }
-        let length = distance(x, y, z);
-        let inverse = inverse(length);
+        let (length, along) = line([x, y, z]);
         if *self == Self::Distance {
-            (length, [x * inverse, y * inverse, z * inverse])
+            (length, along)
         } else {
-            (-length, [-x * inverse, -y * inverse, -z * inverse])
+            (-length, along.map(|part| -part))
         }
     }
 }
@@ -42,6 +41,14 @@ impl Measure {
 #[inline(always)]
 pub(crate) fn distance(x: f64, y: f64, z: f64) -> f64 {
     (x * x + y * y + z * z).sqrt()
+}
+
+/// Length of a vector, and its unit vector; 0 along all axes for points at one place.
+#[inline(always)]
+pub(crate) fn line([x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
+    let length = distance(x, y, z);
+    let inverse = inverse(length);
+    (length, [x * inverse, y * inverse, z * inverse])
 }
 
 /// 1/length; 0 for points at one place, which have no line between them.

@@ -194,13 +194,14 @@ fn begun(
     }
     let (before, _) = allowance.spent();
     let share = Cell::new(1.0);
+    // A run that is ended on its way is not kept: a shorter one is played anew, from its beginning to its end.
     let heard = |frames: usize| frames.saturating_sub(spans.event()) as f64;
     let played = (plan, plan.contact_substeps);
     runs.play_while(played, allowance, |frames, _| {
         let spent = allowance.spent().0 - before;
-        let is_affordable = allowance.share_left(RUNS * spent);
-        share.set(is_affordable * heard(frames) / heard(n_frames));
-        is_affordable == 1.0 || frames <= spans.only(1).end()
+        let affordable = allowance.share_left(RUNS * spent);
+        share.set(affordable * heard(frames) / heard(n_frames));
+        affordable == 1.0 || frames <= spans.only(1).end()
     })?;
     let parts = (PARTS as f64 * share.get()) as usize;
     if parts >= PARTS {
