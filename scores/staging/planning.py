@@ -22,6 +22,9 @@ _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
 # What accuracy by ear allows of pitches, T60 and third octaves.
 _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
+# Mean difference of third octaves that rounding alone makes where a motion is chaotic [dB]: ALIKE in
+# core-rs/engine/src/plan/trial/search.rs.
+_ALIKE = 2.0
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
@@ -277,17 +280,27 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     """Parts of which more is heard of an error than pitch by ear, or to so many cents, allows."""
     share = 1.0 if cents is None else cents / _BY_EAR[0]
     most_cents, most_t60, most_db = allowed = [share * value for value in _BY_EAR]
-    islands: dict[tuple[_core.AudibleError, float], list[str]] = {}
+    islands: dict[str, list[str]] = {}
     for row in plan.rows():
-        heard, over = row.audible, row.error_s
-        if heard is None or over is None or row.cut_short:
+        heard, over, spectral = row.audible, row.error_s, row.spectral_db
+        if over is None or row.cut_short:
             continue
-        if any(own > most for own, most in zip(heard, allowed, strict=True)):
-            islands.setdefault((heard, over), []).extend(row.parts)
+        if heard is not None and any(own > most for own, most in zip(heard, allowed, strict=True)):
+            sentence = (
+                f"over the first {over:.2g} s {said_of(heard)}, above the {most_cents:.2g} cents, "
+                f"{100 * most_t60:.2g}% and {most_db:.2g} dB that are allowed"
+            )
+        elif spectral is not None and spectral > _ALIKE:
+            sentence = (
+                f"after the first {over:.2g} s the motion is chaotic, and third octaves of a more "
+                f"exact run differ by {spectral:.1f} dB on average, above the {_ALIKE:.2g} dB by "
+                "which rounding alone changes such a motion"
+            )
+        else:
+            continue
+        islands.setdefault(sentence, []).extend(row.parts)
     return [
-        f"{' + '.join(dict.fromkeys(parts))}: over the first {over:.2g} s {said_of(heard)}, above "
-        f"the {most_cents:.2g} cents, {100 * most_t60:.2g}% and {most_db:.2g} dB that are allowed"
-        for (heard, over), parts in islands.items()
+        f"{' + '.join(dict.fromkeys(parts))}: {sentence}" for sentence, parts in islands.items()
     ]
 
 

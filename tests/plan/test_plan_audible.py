@@ -13,6 +13,7 @@ from sweep import few
 
 from ergon import _core
 from ergon.cli import app
+from ergon.lab import metrics
 from ergon.lab.metrics import third_octaves
 from ergon.lab.partials import compare, strongest
 from ergon.scores.reading.load import load
@@ -79,10 +80,37 @@ def test_by_ear_pitches_and_third_octaves_are_right_or_said_not_to_be(name: str)
         assert level <= 1.2
 
 
-def row(cents: float, t60: float, db: float, *, cut_short: bool = False) -> SimpleNamespace:
+@pytest.mark.parametrize("name", ["stability-fric-12", "stability-fric-13"])
+def test_a_steep_bow_by_ear_is_the_bow_and_no_chatter_of_the_method(name: str):
+    text = (SCENES / f"{name}.yaml").read_text(encoding="utf-8")
+    piece = load("scene.yaml", text=text).piece
+    assert piece is not None
+    ready = prepare(piece)
+    exact = reference.solve(read(text), ready.n_frames).sound
+    made = planning.make(ready.network, ready.timeline, Accuracy())
+    assert not made.notes
+    sound = np.empty(exact.shape)
+    _core.Simulation(ready.network, ready.timeline, plan=made.plan).process(sound)
+    assert metrics.waveform_db(sound, exact) < -60.0
+
+
+def row(
+    cents: float,
+    t60: float,
+    db: float,
+    *,
+    spectral: float | None = None,
+    cut_short: bool = False,
+) -> SimpleNamespace:
     heard = SimpleNamespace(cents=cents, t60=t60, third_octave_db=db)
     heard = type("Heard", (tuple,), vars(heard))((cents, t60, db))
-    return SimpleNamespace(parts=["bell"], audible=heard, error_s=0.5, cut_short=cut_short)
+    return SimpleNamespace(
+        parts=["bell"],
+        audible=heard if spectral is None else None,
+        error_s=0.5,
+        spectral_db=spectral,
+        cut_short=cut_short,
+    )
 
 
 @pytest.mark.parametrize(
@@ -106,6 +134,15 @@ def test_what_is_heard_of_an_error_is_said(
     assert len(said) == is_said
     if is_said:
         assert said[0].startswith("bell: over the first 0.5 s pitches are off by up to ")
+
+
+@pytest.mark.parametrize(("spectral", "is_said"), [(1.9, False), (3.3, True)])
+def test_another_spectrum_of_a_chaotic_motion_is_said(spectral: float, is_said: bool):
+    plan = cast(_core.Plan, SimpleNamespace(rows=lambda: [row(0, 0, 0, spectral=spectral)]))
+    said = planning._missed_by_ear(plan, None)
+    assert len(said) == is_said
+    if is_said:
+        assert said[0].startswith("bell: after the first 0.5 s the motion is chaotic")
 
 
 def test_the_table_shows_it_and_the_cache_keeps_it(

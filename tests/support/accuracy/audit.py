@@ -10,6 +10,7 @@ from accuracy import reference
 from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
+from ergon.lab import metrics
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging import planning
@@ -23,6 +24,8 @@ PLAIN = (
     *(("bm4", times) for times in (1, 2)),
     ("modal", 1),
 )
+# Mean difference of third octaves of two renders of a chaotic motion: rounding alone makes 2 dB.
+UNLIKE = 3.0  # [dB]
 FLOOR_DB = -150.0  # errors below are rounding, of the reference too
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
 
@@ -31,7 +34,8 @@ THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three
 class Plan:
     """A plan of a scene. Errors in dB; `real` over the pilot's time, `whole` over the render.
 
-    `stated` is FLOOR_DB where a plan says that it is exact; `doubt`: how far two tolerances of the
+    `spectrum`: mean difference of third octaves over the render where the plan says that the motion
+    is chaotic, less that of two tolerances of the reference. `stated` is FLOOR_DB where a plan says that it is exact; `doubt`: how far two tolerances of the
     reference are apart over the pilot's time. `refused`: why there is no plan or no render; then
     nothing else is known.
     """
@@ -45,6 +49,7 @@ class Plan:
     cost: float = inf
     warned: bool = False
     chaotic: bool = False
+    spectrum: float = 0.0
     refused: str = ""
     how: str = ""
 
@@ -61,7 +66,12 @@ class Plan:
 
     @property
     def is_silent_miss(self) -> bool:
-        """Worse than stated by more than 1.5 dB, above what was asked for, and no warning."""
+        """Worse than stated by more than 1.5 dB, above what was asked for, and no warning.
+
+        Where the motion is chaotic: another spectrum, and no warning.
+        """
+        if self.chaotic:
+            return self.spectrum > UNLIKE and not self.warned
         return self.is_judged and self.excess > 1.5 and not self.is_met and not self.warned
 
     @property
@@ -191,6 +201,7 @@ def _plan(
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
     stated = [*errors, *left_out]
     pilot = _pilot(made)
+    is_chaotic = any(row.spectral_db is not None for row in rows)
     heard = exact.sound
     if budget is BY_EAR and not errors and exact.audible is not None:
         # All goes by modes, and such a plan leaves out all that lie above hearing.
@@ -204,9 +215,15 @@ def _plan(
         pilot=pilot,
         cost=planning.cost(made.plan),
         warned=bool(made.notes),
-        chaotic=any(row.spectral_db is not None for row in rows),
+        chaotic=is_chaotic,
+        spectrum=_unlike(sound, exact, piece.rate) if is_chaotic else 0.0,
         how=", ".join(f"{row.what} ×{row.oversampling}" for row in rows if row.cost),
     )
+
+
+def _unlike(sound: np.ndarray, exact: reference.Reference, rate: float) -> float:
+    ours, known = (metrics.bands_db(own, exact.sound, rate) for own in (sound, exact.rough))
+    return ours - known
 
 
 def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[Plain]:

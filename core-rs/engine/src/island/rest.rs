@@ -125,6 +125,19 @@ impl Island {
         self.rest.passed
     }
 
+    /// Frames so far that were computed.
+    pub(crate) fn computed(&self) -> u64 {
+        (self.state.frame - self.rest.passed) / u64::from(self.oversampling)
+    }
+
+    /// The step up to which it rests; `None` where it moves, may move, or nothing will ever move it.
+    pub(crate) fn rests_until(&self) -> Option<u64> {
+        match self.rest.stage {
+            Stage::Resting(last) if last < u64::MAX - MARGIN => Some(last),
+            Stage::Resting(_) | Stage::Computed | Stage::Alike(_) => None,
+        }
+    }
+
     /// Room for the state: looks at it do not allocate.
     pub(super) fn reserve_rest(&mut self) {
         let mut size = 0;

@@ -10,7 +10,7 @@ use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{LOOK, PilotRun, nudged};
+use crate::plan::trial::pilot_run::{Excerpt, LOOK, PilotRun, nudged};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::{ORDERS, Spans, errors};
 
@@ -239,7 +239,10 @@ impl Pair<'_> {
         let from = self.stretches.start().next_multiple_of(LOOK);
         let nudged = nudged(
             (island_plan, contact_substeps),
-            n_frames,
+            Excerpt {
+                from: self.run.from,
+                n_frames,
+            },
             (from, 1.0 - NUDGE),
             allowance,
         )?;

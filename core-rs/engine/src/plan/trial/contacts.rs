@@ -61,17 +61,18 @@ impl Contacts {
     }
 }
 
-/// The fewest steps that are enough, or as many as are worth it.
+/// The fewest steps that are enough, or as many as are worth it. Laws that are computed once a step stay so unless
+/// they are to be fine.
 pub(in crate::plan) fn contacts(
     island: &Assembled,
-    budget: &Budget,
-    (runs, n_frames): (&Runs, usize),
+    (budget, are_laws_fine): (&Budget, bool),
+    runs: &Runs,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),
     allowance: &Allowance,
 ) -> Result<Contacts, TrialError> {
     let island_plan = &island.island_plan;
-    // Of what no waveform is promised laws are right as they are.
-    let may_collocate = island.may_collocate && matches!(budget, Budget::Error(_));
+    let n_frames = runs.excerpt().n_frames;
+    let may_collocate = island.may_collocate && are_laws_fine;
     if island_plan.contact_substeps == 1 && !may_collocate {
         return Ok(Contacts {
             contact_substeps: 1,

@@ -7,7 +7,7 @@ use crate::plan::IslandPlan;
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{play, work};
+use crate::plan::trial::pilot_run::{Excerpt, play, rest, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::Spans;
@@ -52,30 +52,32 @@ pub(in crate::plan) fn held(
         return Ok(measured); // there is no waveform that could hold
     }
     // What cannot be paid for leaves no trace: of the pilot everything is known.
-    let rest = allowance.aside();
+    let aside = allowance.aside();
     let each = work(own.0) + work(other.0);
-    let most_frames = (end(own.0) * rate).min(SHARE * rest.spent().1 / each) as usize;
-    let pilot = (measured.over * rate) as usize;
+    let from = rest(own.0)?;
+    let n_frames = (end(own.0) * rate - from as f64).min(SHARE * aside.spent().1 / each) as usize;
+    let pilot = ((measured.over * rate) as usize).saturating_sub(from);
     let look = ((LOOK * rate) as usize).max(1);
-    if most_frames < pilot + look {
+    if n_frames < pilot + look {
         return Ok(measured);
     }
-    let key = store.map(|_| key(measured, most, [own, other], most_frames));
+    let longest = Excerpt { from, n_frames };
+    let key = store.map(|_| key(measured, most, [own, other], longest.end()));
     let kept = store.zip(key.as_deref());
-    let recalled = kept.and_then(|(store, key)| record::find(store, key, &rest));
+    let recalled = kept.and_then(|(store, key)| record::find(store, key, &aside));
     if let Some((taken, record)) = recalled
         && let Some(Some(known)) = record.error_alone()
     {
         allowance.spend_aside(taken.drawn);
         return Ok(known);
     }
-    let left = rest.begin();
-    let held = over(measured, most, [own, other], (most_frames, look), &rest)?;
+    let left = aside.begin();
+    let held = over(measured, most, [own, other], (longest, look), &aside)?;
     if let Some((store, key)) = kept {
         let record = TrialRecord::of_error(Some(held));
-        record::keep(store, key, (&rest, left), record);
+        record::keep(store, key, (&aside, left), record);
     }
-    allowance.spend_aside(rest.spent().0);
+    allowance.spend_aside(aside.spent().0);
     Ok(held)
 }
 
@@ -90,25 +92,30 @@ fn key(measured: Measured, most: f64, played: [Played<'_>; 2], n_frames: usize) 
     ))
 }
 
-/// The same over so many frames at most, looked at now and then.
+/// The same over an excerpt or its beginning, looked at now and then.
 fn over(
     measured: Measured,
     most: f64,
     [own, other]: [Played<'_>; 2],
-    (most_frames, look): (usize, usize),
-    rest: &Allowance,
+    (longest, look): (Excerpt, usize),
+    aside: &Allowance,
 ) -> Result<Measured, TrialError> {
     let rate = own.0.timeline.rate.hertz() / f64::from(own.0.oversampling);
-    let pilot = (measured.over * rate) as usize;
-    let runs = play(own.0, own.1, most_frames, rest).and_then(|run| {
+    let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / rate;
+    let pilot = ((measured.over * rate) as usize).saturating_sub(longest.from);
+    let runs = play(own.0, own.1, longest, aside).and_then(|run| {
         // What contacts added to the first run they add to each step of the other too.
         let steps = f64::from(other.0.oversampling) / f64::from(own.0.oversampling);
-        let share = rest.share_left(steps * rest.spent().0 / FITS);
-        let n_frames = (share * most_frames as f64) as usize;
+        let share = aside.share_left(steps * aside.spent().0 / FITS);
+        let n_frames = (share * longest.n_frames as f64) as usize;
         if n_frames < pilot + look {
             return Err(TrialError::AllowanceSpent);
         }
-        Ok((run, play(other.0, other.1, n_frames, rest)?, n_frames))
+        let shorter = Excerpt {
+            n_frames,
+            ..longest
+        };
+        Ok((run, play(other.0, other.1, shorter, aside)?, n_frames))
     });
     let (run, other, n_frames) = match runs {
         Ok(runs) => runs,
@@ -136,7 +143,7 @@ fn over(
             );
             return Ok(Measured {
                 db,
-                over: until as f64 / rate,
+                over: seconds(until),
                 spectral: Some(spectral),
                 ..measured
             });
@@ -145,7 +152,7 @@ fn over(
     }
     Ok(Measured {
         db,
-        over: n_frames as f64 / rate,
+        over: seconds(n_frames),
         ..measured
     })
 }

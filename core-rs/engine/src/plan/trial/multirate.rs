@@ -189,13 +189,15 @@ fn beside(
     contact_substeps: usize,
     allowance: &Allowance,
 ) -> Result<Option<Measured>, Error> {
-    let n_frames = unless_spent(length(&slow.island_plan, allowance))?.unwrap_or(0);
-    if n_frames == 0 || !is_worth(&single.island_plan, n_frames) {
+    let excerpt = unless_spent(length(&slow.island_plan, allowance))?;
+    let excerpt = excerpt
+        .filter(|excerpt| excerpt.n_frames > 0 && is_worth(&single.island_plan, excerpt.n_frames));
+    let Some(excerpt) = excerpt else {
         return Ok(None);
-    }
-    let spans = Spans::of(&slow.island_plan, n_frames);
+    };
+    let spans = Spans::of(&slow.island_plan, excerpt.n_frames);
     let played = |island: &Assembled| {
-        let run = play(&island.island_plan, contact_substeps, n_frames, allowance);
+        let run = play(&island.island_plan, contact_substeps, excerpt, allowance);
         unless_spent(run)
     };
     let (Some(slowly), Some(plainly)) = (played(slow)?, played(single)?) else {
@@ -204,7 +206,7 @@ fn beside(
     let db = difference(&slowly.sound, &plainly.sound, &spans);
     Ok(db.is_finite().then_some(Measured {
         db,
-        over: n_frames as f64 / spans.rate,
+        over: excerpt.end() as f64 / spans.rate,
         spectral: None,
         audible: None,
     }))

@@ -18,7 +18,7 @@ use crate::plan::trial::chaos::Parting;
 use crate::plan::trial::cheapest;
 use crate::plan::trial::contacts::contacts;
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{PilotRun, length};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, length};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Candidate, Search, TIMES_MAX};
@@ -44,38 +44,40 @@ pub(in crate::plan) fn pilot(
         // Nobody knows beforehand what a hand or a session will do: nothing is left out.
         return Ok(Piloted::untried(island).into());
     }
-    let n_frames = unless_spent(length(&island.island_plan, allowance))?.unwrap_or(0);
-    if n_frames == 0 {
+    let excerpt = unless_spent(length(&island.island_plan, allowance))?;
+    let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
         return Ok(Piloted::untried(island).into());
-    }
-    let begun = unless_spent(begun(&island, n_frames, budget, allowance))?;
+    };
+    let begun = unless_spent(begun(&island, excerpt, budget, allowance))?;
     let Some((runs, spans)) = begun else {
         return Ok(Piloted::untried(island).into());
     };
-    let (n_frames, stretches) = (runs.n_frames(), OnceCell::new());
+    let (excerpt, stretches) = (runs.excerpt(), OnceCell::new());
     let heard = (&spans, &stretches);
-    let found = contacts(&island, budget, (&runs, n_frames), heard, allowance);
-    let Some(found) = unless_spent(found)? else {
+    let contacts = |are_laws_fine: bool| {
+        let fineness = (budget, are_laws_fine);
+        unless_spent(contacts(&island, fineness, &runs, heard, allowance))
+    };
+    // Of what no waveform is promised laws are right as they are.
+    let is_by_waveform = matches!(budget, Budget::Error(_));
+    let Some(mut found) = contacts(is_by_waveform)? else {
         return Ok(Piloted::untried(island).into());
     };
-    let search = Search {
-        assemble,
-        chaos: found.parting.as_ref().filter(|_| found.is_idle),
-        stretches: &stretches,
-        spans: &spans,
-        allowance,
-        // What is computed once a step stays so at any rate.
-        once: match found.contact_substeps {
-            1 => 1,
-            some => some * island.island_plan.oversampling as usize,
-        },
-        n_frames,
-        runs: &runs,
-        budget,
-    };
+    let trial = (assemble, &runs, budget, allowance);
+    let mut start = Search::new(trial, heard, (&island, &found)).start(&island, &found.run)?;
+    // A steep law that is computed once a frame may chatter; two runs then differ as if the motion were chaotic.
+    let may_chatter = island.may_collocate && !is_by_waveform;
+    if may_chatter
+        && start.as_ref().is_some_and(Candidate::differs_by_spectrum)
+        && let Some(fine) = contacts(true)?
+    {
+        found = fine;
+        start = Search::new(trial, heard, (&island, &found)).start(&island, &found.run)?;
+    }
+    let search = Search::new(trial, heard, (&island, &found));
     let of_contacts = unless_spent(found.audible(&island, budget, (&runs, &spans), allowance))?;
     let told = |own: Option<f64>, parting: Option<&Parting>, audible: Option<Audible>| {
-        let seconds = |frames: usize| frames as f64 / spans.rate;
+        let seconds = |frames: usize| (excerpt.from + frames) as f64 / spans.rate;
         if let (Some(parting), Some(stretches)) = (parting, stretches.get()) {
             let (db, until) = parting.until(budget.asked(), stretches);
             return Some(Measured {
@@ -87,21 +89,13 @@ pub(in crate::plan) fn pilot(
         }
         own.map(|own| Measured {
             db: beside(own, found.error.unwrap_or(f64::NEG_INFINITY)),
-            over: seconds(n_frames),
+            over: seconds(excerpt.n_frames),
             spectral: None,
             audible: audible.map(|own| own.with(of_contacts.flatten().unwrap_or_default())),
         })
     };
-    let start = match search.finer(&island) {
-        Some(finer) => {
-            let any = (None, None, f64::INFINITY);
-            let held = search.compare_with_finer(island.clone(), found.run.clone(), &finer, any);
-            unless_spent(held)?.flatten()
-        }
-        None => None,
-    };
     let pruned = |island: &Assembled, (steps, run): (usize, &PilotRun), most: Option<f64>| {
-        fewer(island, (steps, run), (n_frames, budget, most), allowance)
+        fewer(island, (steps, run), (excerpt, budget, most), allowance)
     };
     let Some(start) = start else {
         if found.run.is_lost
@@ -183,12 +177,12 @@ pub(in crate::plan) fn pilot(
 /// of is better known for a short time than not at all.
 fn begun(
     island: &Assembled,
-    n_frames: usize,
+    excerpt: Excerpt,
     budget: &Budget,
     allowance: &Allowance,
 ) -> Result<(Runs, Spans), TrialError> {
     let plan = &island.island_plan;
-    let (runs, spans) = (Runs::new(n_frames), Spans::of(plan, n_frames));
+    let (runs, spans) = (Runs::new(excerpt), Spans::of(plan, excerpt.n_frames));
     if !matches!(budget, Budget::Error(_)) {
         return Ok((runs, spans));
     }
@@ -200,7 +194,7 @@ fn begun(
     runs.play_while(played, allowance, |frames, _| {
         let spent = allowance.spent().0 - before;
         let affordable = allowance.share_left(RUNS * spent);
-        share.set(affordable * heard(frames) / heard(n_frames));
+        share.set(affordable * heard(frames) / heard(excerpt.n_frames));
         affordable == 1.0 || frames <= spans.only(1).end()
     })?;
     let parts = (PARTS as f64 * share.get()) as usize;
@@ -208,7 +202,11 @@ fn begun(
         return Ok((runs, spans));
     }
     let spans = spans.only(parts);
-    Ok((Runs::new(spans.end()), spans))
+    let excerpt = Excerpt {
+        n_frames: spans.end(),
+        ..excerpt
+    };
+    Ok((Runs::new(excerpt), spans))
 }
 
 /// An island whose meshes cannot diverge, and how it plays, if that is known.

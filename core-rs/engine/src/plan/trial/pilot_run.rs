@@ -16,12 +16,34 @@ const LONGEST: f64 = 10.0;
 const WORTH: f64 = 0.5;
 /// A sample of an output is compared with others [s].
 const HEARD: f64 = 2e-8;
+/// Frames of a rest that are played at once.
+const PASSED: usize = 1 << 14;
 /// Frames between two looks at the modes.
 pub(in crate::plan) const LOOK: usize = 64;
 
-/// The beginning of an island, played once.
+/// Frames that it takes to see whether an island rests from its beginning on.
+const AT_REST: usize = 1024;
+
+/// Frames that trials compare.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::plan) struct Excerpt {
+    /// The first of them: the island rests until then.
+    pub(in crate::plan) from: usize,
+    pub(in crate::plan) n_frames: usize,
+}
+
+impl Excerpt {
+    /// The frame after the last one.
+    pub(in crate::plan) fn end(self) -> usize {
+        self.from + self.n_frames
+    }
+}
+
+/// An excerpt of what an island plays, played once.
 #[derive(Clone)]
 pub(in crate::plan) struct PilotRun {
+    /// The first frame of the sound.
+    pub(in crate::plan) from: usize,
     /// (n_frames · n_out)
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
@@ -41,7 +63,17 @@ pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bo
     work(island_plan) * n_frames as f64 <= WORTH
 }
 
-/// How many frames a pilot plays; 0 where it would take long.
+/// How many frames an island rests from its beginning on.
+pub(in crate::plan) fn rest(island_plan: &IslandPlan) -> Result<usize, Error> {
+    let mut island = island(island_plan, island_plan.contact_substeps)?;
+    let mut sound = vec![0.0; AT_REST * island.n_out()];
+    // Faults are muted: a pilot says nothing of them.
+    let _ = island.process(&mut sound, AT_REST, &mut ThreadTeam::alone());
+    let last = island.rests_until().unwrap_or(0) / u64::from(island_plan.oversampling);
+    Ok(usize::try_from(last).unwrap_or(0))
+}
+
+/// What a pilot plays; no frames where that would take long.
 ///
 /// # Errors
 ///
@@ -49,29 +81,41 @@ pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bo
 pub(in crate::plan) fn length(
     island_plan: &IslandPlan,
     allowance: &Allowance,
-) -> Result<usize, TrialError> {
+) -> Result<Excerpt, TrialError> {
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
-    let most = ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize);
+    let most = Excerpt {
+        from: rest(island_plan)?,
+        n_frames: ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize),
+    };
     let found = length_within(island_plan, (most, rate), allowance);
     // Where there is no answer it is known that nothing happens for long.
     let looked = match found {
         Ok(n_frames) if n_frames > 0 => n_frames,
-        _ => most,
+        _ => most.n_frames,
     };
-    allowance.plays(looked);
-    found
+    allowance.plays(most.from + looked);
+    Ok(Excerpt {
+        n_frames: found?,
+        ..most
+    })
 }
 
+/// How many frames after the rest; 0 where they would take long.
 fn length_within(
     island_plan: &IslandPlan,
-    (most, rate): (usize, f64),
+    (excerpt, rate): (Excerpt, f64),
     allowance: &Allowance,
 ) -> Result<usize, TrialError> {
+    let Excerpt {
+        from,
+        n_frames: most,
+    } = excerpt;
     let after = (AFTER * rate) as usize;
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
         let mut meter = Meter::new(island_plan, allowance);
         let mut sound = vec![0.0; LOOK * island.n_out()];
+        meter.pass(&mut island, from)?;
         for at in (0..most).step_by(LOOK) {
             meter.draw(&island, LOOK)?;
             // Faults are muted: a pilot says nothing of them.
@@ -97,7 +141,8 @@ fn length_within(
     } else {
         0.0
     };
-    let n_frames = ((first * rate).min(1e12) as usize).saturating_add(after);
+    let first = ((first * rate).min(1e12) as usize).saturating_sub(from);
+    let n_frames = first.saturating_add(after);
     Ok(if n_frames <= most { n_frames } else { 0 })
 }
 
@@ -125,6 +170,22 @@ impl<'a> Meter<'a> {
             step: frame / f64::from(island_plan.oversampling),
             added: 0.0,
         }
+    }
+
+    /// Play the rest before an excerpt. Steps that an island passes over cost nothing.
+    fn pass(&mut self, island: &mut Island, n_frames: usize) -> Result<(), TrialError> {
+        let mut sound = vec![0.0; PASSED.min(n_frames) * island.n_out()];
+        for at in (0..n_frames).step_by(PASSED) {
+            let n = PASSED.min(n_frames - at);
+            let before = island.computed();
+            let _ = island.process(
+                &mut sound[..n * island.n_out()],
+                n,
+                &mut ThreadTeam::alone(),
+            );
+            self.draw(island, (island.computed() - before) as usize)?;
+        }
+        Ok(())
     }
 
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
@@ -155,7 +216,7 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
     )
 }
 
-/// The beginning of an island: so many frames of it.
+/// An excerpt of what an island plays.
 ///
 /// # Errors
 ///
@@ -163,25 +224,25 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
 pub(in crate::plan) fn play(
     island_plan: &IslandPlan,
     contact_substeps: usize,
-    n_frames: usize,
+    excerpt: Excerpt,
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
     let played = (island_plan, contact_substeps);
-    nudged(played, n_frames, (n_frames, 1.0), allowance)
+    nudged(played, excerpt, (excerpt.n_frames, 1.0), allowance)
 }
 
-/// The same, as far as `goes_on` holds of so many frames and of the sound; `None` where it does not.
+/// The same, as far as `goes_on` holds of so many frames of it and of their sound; `None` where it does not.
 ///
 /// # Errors
 ///
 /// Those of [`play`].
 pub(in crate::plan) fn play_while(
     played: (&IslandPlan, usize),
-    n_frames: usize,
+    excerpt: Excerpt,
     allowance: &Allowance,
     goes_on: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
-    run(played, n_frames, (n_frames, 1.0), allowance, goes_on)
+    run(played, excerpt, (excerpt.n_frames, 1.0), allowance, goes_on)
 }
 
 /// The same to the end, with all speeds so many times as large at each step of a block.
@@ -191,28 +252,30 @@ pub(in crate::plan) fn play_while(
 /// Those of [`play`].
 pub(in crate::plan) fn nudged(
     played: (&IslandPlan, usize),
-    n_frames: usize,
+    excerpt: Excerpt,
     nudge: (usize, f64),
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
-    let run = run(played, n_frames, nudge, allowance, |_, _| true)?;
+    let run = run(played, excerpt, nudge, allowance, |_, _| true)?;
     Ok(run.unwrap_or_else(|| unreachable!("nothing ends it")))
 }
 
 fn run(
     (island_plan, contact_substeps): (&IslandPlan, usize),
-    n_frames: usize,
+    excerpt: Excerpt,
     (block, by): (usize, f64),
     allowance: &Allowance,
     mut goes_on: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
-    allowance.plays(n_frames);
+    let n_frames = excerpt.n_frames;
+    allowance.plays(excerpt.end());
     let mut meter = Meter::new(island_plan, allowance);
     // What cannot be paid for is not begun.
     meter
         .allowance
         .affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
+    meter.pass(&mut island, excerpt.from)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
@@ -239,6 +302,7 @@ fn run(
         }
     }
     Ok(Some(PilotRun {
+        from: excerpt.from,
         sound,
         squares,
         is_lost: !island.muted().is_empty(),

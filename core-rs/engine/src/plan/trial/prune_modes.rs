@@ -9,7 +9,7 @@ use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::truncate::{KeptModes, choose};
 use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::pilot_run::{PilotRun, is_worth, play};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_worth, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
 /// So often fewer modes are tried, each time quieter ones by at least so much [dB].
@@ -21,7 +21,7 @@ const QUIETER: f64 = 2.0;
 pub(in crate::plan) fn fewer(
     island: &Assembled,
     (contact_substeps, run): (usize, &PilotRun),
-    (n_frames, budget, most): (usize, &Budget, Option<f64>),
+    (excerpt, budget, most): (Excerpt, &Budget, Option<f64>),
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
     let with = |allowed: Option<f64>| {
@@ -43,7 +43,7 @@ pub(in crate::plan) fn fewer(
     let Some(most) = most else {
         return Ok(with(None));
     };
-    if !is_worth(&island.island_plan, 2 * n_frames) {
+    if !is_worth(&island.island_plan, 2 * excerpt.n_frames) {
         return Ok(with(Some(most)));
     }
     // What nobody can hear is no error.
@@ -51,20 +51,20 @@ pub(in crate::plan) fn fewer(
     let sound = if count(&all) == count(island) {
         run.sound.clone()
     } else {
-        let run = play(&all.island_plan, contact_substeps, n_frames, allowance);
+        let run = play(&all.island_plan, contact_substeps, excerpt, allowance);
         let Some(run) = unless_spent(run)? else {
             return Ok(all);
         };
         run.sound
     };
-    let spans = Spans::of(&island.island_plan, n_frames);
+    let spans = Spans::of(&island.island_plan, excerpt.n_frames);
     let mut allowed = most;
     for _ in 0..TRIES {
         let mut fewer = with(Some(allowed));
         if count(&fewer) == count(&all) {
             break;
         }
-        let run = play(&fewer.island_plan, contact_substeps, n_frames, allowance);
+        let run = play(&fewer.island_plan, contact_substeps, excerpt, allowance);
         let Some(run) = unless_spent(run)? else {
             break;
         };

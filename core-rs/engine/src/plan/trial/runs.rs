@@ -7,7 +7,7 @@ use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::plan::IslandPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{PilotRun, play_while, work};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, play_while, work};
 
 /// Samples of sound that are kept at most.
 const MOST: usize = 1 << 24;
@@ -31,24 +31,24 @@ struct BodyWay {
     ports: Vec<usize>,
 }
 
-/// Runs of one length.
+/// Runs of one excerpt.
 pub(in crate::plan) struct Runs {
-    n_frames: usize,
+    excerpt: Excerpt,
     kept: RefCell<Vec<(Way, Rc<PilotRun>)>>,
 }
 
 impl Runs {
-    /// Of so many frames, none of them played yet.
-    pub(in crate::plan) fn new(n_frames: usize) -> Self {
+    /// None of them played yet.
+    pub(in crate::plan) fn new(excerpt: Excerpt) -> Self {
         Self {
-            n_frames,
+            excerpt,
             kept: RefCell::default(),
         }
     }
 
-    /// How long they are [frames].
-    pub(in crate::plan) fn n_frames(&self) -> usize {
-        self.n_frames
+    /// What of the island they play.
+    pub(in crate::plan) fn excerpt(&self) -> Excerpt {
+        self.excerpt
     }
 
     fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
@@ -90,7 +90,7 @@ impl Runs {
             return Ok(Some(run));
         }
         let played = (island_plan, contact_substeps);
-        let run = play_while(played, self.n_frames, allowance, goes_on)?.map(Rc::new);
+        let run = play_while(played, self.excerpt, allowance, goes_on)?.map(Rc::new);
         if let Some(run) = &run {
             self.keep(played, run);
         }

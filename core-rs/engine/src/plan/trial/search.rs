@@ -13,6 +13,7 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::contacts::Contacts;
 use crate::plan::trial::pilot_run::{PilotRun, is_worth};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{
@@ -76,7 +77,47 @@ const AUDIBLE_GAIN: f64 = 1.5;
 const ALIKE: f64 = 2.0;
 const GAIN: f64 = 1.0;
 
-impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
+/// How an island is put together, what of it was played, the budget, and the work that is left.
+type Trial<'a, F> = (&'a F, &'a Runs, &'a Budget, &'a Allowance);
+
+impl<'a, F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'a, F> {
+    /// From an island whose contacts are computed as finely as was found.
+    pub(in crate::plan) fn new(
+        (assemble, runs, budget, allowance): Trial<'a, F>,
+        (spans, stretches): (&'a Spans, &'a OnceCell<Stretches>),
+        (island, found): (&Assembled, &'a Contacts),
+    ) -> Self {
+        Self {
+            assemble,
+            chaos: found.parting.as_ref().filter(|_| found.is_idle),
+            stretches,
+            spans,
+            allowance,
+            // What is computed once a step stays so at any rate.
+            once: match found.contact_substeps {
+                1 => 1,
+                some => some * island.island_plan.oversampling as usize,
+            },
+            n_frames: runs.excerpt().n_frames,
+            runs,
+            budget,
+        }
+    }
+
+    /// The island as it was played, with its measured error; `None` where half the step is not worth playing.
+    pub(in crate::plan) fn start(
+        &self,
+        island: &Assembled,
+        run: &Rc<PilotRun>,
+    ) -> Result<Option<Candidate>, Error> {
+        let Some(finer) = self.finer(island) else {
+            return Ok(None);
+        };
+        let any = (None, None, f64::INFINITY);
+        let held = self.compare_with_finer(island.clone(), run.clone(), &finer, any);
+        Ok(unless_spent(held)?.flatten())
+    }
+
     /// Assemble an island and measure its error by waveform, where that is less than that of `best` by more than `gain` [dB];
     /// `None` where it is not, if it would take too long, or the island is unstable.
     fn measure(
@@ -290,6 +331,13 @@ impl<F: Fn((u32, MethodChoice<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
 }
 
 impl Candidate {
+    /// Whether it is chaotic and its spectrum differs by more than rounding makes it differ.
+    pub(in crate::plan) fn differs_by_spectrum(&self) -> bool {
+        self.parting
+            .as_ref()
+            .is_some_and(|parting| parting.spectral > ALIKE)
+    }
+
     /// The most exact run that is known, and its error.
     pub(in crate::plan) fn finest(&self) -> (&Rc<PilotRun>, f64) {
         let (finer, error) = &self.finer;

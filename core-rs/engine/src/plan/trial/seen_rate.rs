@@ -10,7 +10,7 @@ use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::pilot_run::{length, play};
+use crate::plan::trial::pilot_run::{Excerpt, length, play};
 use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
@@ -46,25 +46,28 @@ fn apart(
     each: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<Option<Measured>, Error> {
-    let n_frames = unless_spent(length(slow, allowance))?.unwrap_or(0);
-    if n_frames == 0 {
+    let excerpt = unless_spent(length(slow, allowance))?;
+    let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
         return Ok(None);
-    }
+    };
     let every = slow.every as usize;
-    let played = |own: &IslandPlan, n_frames: usize| {
-        unless_spent(play(own, own.contact_substeps, n_frames, allowance))
+    let played = |own: &IslandPlan, times: usize| {
+        let excerpt = Excerpt {
+            from: excerpt.from * times,
+            n_frames: excerpt.n_frames * times,
+        };
+        unless_spent(play(own, own.contact_substeps, excerpt, allowance))
     };
-    let (Some(slowly), Some(plainly)) = (played(slow, n_frames)?, played(each, n_frames * every)?)
-    else {
+    let (Some(slowly), Some(plainly)) = (played(slow, 1)?, played(each, every)?) else {
         return Ok(None);
     };
-    let spans = Spans::of(slow, n_frames);
+    let spans = Spans::of(slow, excerpt.n_frames);
     let frames = plainly.sound.chunks(spans.n_out).step_by(every);
     let plainly: Vec<f64> = frames.flatten().copied().collect();
     let db = difference(&slowly.sound, &plainly, &spans);
     Ok(db.is_finite().then_some(Measured {
         db,
-        over: n_frames as f64 / spans.rate,
+        over: excerpt.end() as f64 / spans.rate,
         spectral: None,
         audible: None,
     }))

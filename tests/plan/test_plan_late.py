@@ -1,0 +1,61 @@
+"""Parts that rest for long before they play: their trials begin where the rest ends."""
+
+import pytest
+
+from ergon import _core
+from ergon.lab.scene import Score
+from ergon.scores.reading.load import load
+
+RATE = 44_100.0
+# A rest of half a minute: longer than any trial plays [s].
+LATE = 30.0
+KEY = """\
+ergon: 1
+keys: {k: {M: 200g, K: 0.5N/m, Z: 0.2Ns/m}}
+instruments:
+  s:
+    modules:
+      b: {STRING: {masses: 24, M: 4g, f: 196Hz, t60: 3s}}
+      l: {BUT: {between: [k, b.5], K: 20kN/m, Z: 0.2Ns/m, gap: 1mm}}
+    out: {SOX: b.17}
+gestures: {press: 0mm@0 smooth 2mm@0.06s 0mm@0.2s}
+players: {ada: {key: k}}
+parts: {ada: [{at: WHEN, play: press}]}
+mix: {channels: 1}
+"""
+STRUCK = """\
+ergon: 1
+instruments:
+  s:
+    modules:
+      b: {PLATE: {shape: hex, radius: 4, f: 220Hz, t60: 2s, M: 60g, rim: fixed}}
+      m: {CEL: {M: 5g, f: 1Hz, t60: 2s}}
+      h: {BUT: {between: [m, b.centre], K: 2000kN/m, exponent: 1.5, gap: 2mm}}
+    out: {SOX: b.8}
+strikes: {a: {to: [s.m], at: WHEN, impulse: 5mNs}}
+mix: {channels: 1}
+"""
+
+
+def errors(score: str, at: float, **budget: float) -> list[tuple[float, float]]:
+    """What a plan of a score whose event is at an instant says of errors [dB], and until when [s]."""
+    piece = load("scene.yaml", text=score.replace("WHEN", f"{at}s")).piece
+    assert piece is not None
+    scene = Score(piece).at(RATE)
+    rows = _core.Plan(scene.network, scene.timeline, **budget).rows()
+    return [
+        (row.error_db, row.error_s)
+        for row in rows
+        if row.error_db is not None and row.error_s is not None
+    ]
+
+
+@pytest.mark.parametrize("score", [KEY, STRUCK])
+@pytest.mark.parametrize("budget", [{"error_db": -60.0}, {}])
+def test_what_enters_late_is_measured_as_what_enters_soon(score: str, budget: dict[str, float]):
+    soon, late = errors(score, 0.5, **budget), errors(score, LATE, **budget)
+    assert soon
+    assert len(late) == len(soon)
+    for (soon_db, soon_s), (late_db, late_s) in zip(soon, late, strict=True):
+        assert late_db == pytest.approx(soon_db, abs=1.5)
+        assert late_s - soon_s == pytest.approx(LATE - 0.5, abs=0.01)
