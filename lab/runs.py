@@ -1,12 +1,14 @@
 """Running a scene by a method, oversampled.
 
-S times oversampled it is the same scene at S times the rate, every S-th frame.
+S times oversampled it is the same scene at S times the rate, every S-th frame. Speeds and
+accelerations are derived from these frames: so they come as late at every S.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -14,11 +16,13 @@ import numpy as np
 from ergon import _core
 from ergon.lab.metrics import Floats
 from ergon.lab.names import PRECISIONS
-from ergon.lab.scene import Scene
+from ergon.lab.scene import Scene, Set
 
 if TYPE_CHECKING:
     from ergon.lab.names import Method
     from ergon.scores.staging.planning import Pins
+
+_Derive = Callable[[Floats], None]  # in place, (n_frames, n_out)
 
 _BLOCK = 512  # frames heard between two looks at the clock
 
@@ -46,9 +50,12 @@ class Setting:
 class Run:
     """A scene on its way; `spent` is the processor time that it took so far [s], of its thread."""
 
-    def __init__(self, simulation: Any, stride: int, chosen: str = "") -> None:
-        """`stride` frames of the simulation make one that is heard."""
+    def __init__(
+        self, simulation: Any, stride: int, derive: Callable[[], _Derive], chosen: str = ""
+    ) -> None:
+        """`stride` frames of the simulation make one that is heard; `derive` begins at frame 0."""
         self._simulation, self._stride = simulation, stride
+        self._derive_anew, self._derive = derive, derive()
         self._start = simulation.snapshot()
         self.chosen = chosen
         self.n_out = int(simulation.n_out)
@@ -57,6 +64,7 @@ class Run:
     def rewind(self) -> None:
         """Back to frame 0, the clock too."""
         self._simulation.restore(self._start)
+        self._derive = self._derive_anew()
         self.spent = 0.0
 
     def frames(self, n_frames: int) -> Floats:
@@ -69,6 +77,7 @@ class Run:
             self._simulation.process(part)
             self.spent += time.thread_time() - begin
             heard[at : at + _BLOCK] = part[:: self._stride]
+        self._derive(heard)
         return heard
 
     def energy(self) -> _core.Energy:
@@ -86,16 +95,26 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     """
     if setting.precision not in PRECISIONS:
         raise _core.EngineError(f"there is no precision {setting.precision}")
-    whole = scene.at(scene.rate * setting.oversampling)
+    whole, derive = _whole(scene, setting.oversampling)
     if setting.method == "ca":
         simulation = _core.Simulation(
             whole.network, whole.timeline, ledger=ledger, unchecked=unchecked
         )
-        return Run(simulation, setting.oversampling)
+        return Run(simulation, setting.oversampling, derive)
     plan = _planned(scene, setting, unchecked=unchecked)
     simulation = _core.Simulation(whole.network, whole.timeline, plan=plan, ledger=ledger)
     chosen = "" if setting.method else describe(plan)
-    return Run(simulation, setting.oversampling, chosen)
+    return Run(simulation, setting.oversampling, derive, chosen)
+
+
+def _whole(scene: Scene, times: int) -> tuple[Set, Callable[[], _Derive]]:
+    """The scene at so many times its rate, and what derives speeds from frames at its own."""
+    whole = scene.at(scene.rate * times)
+    if times == 1:  # the engine derives them itself
+        return whole, lambda: lambda frames: None
+    network = whole.network
+    positions = replace(whole, network=network.undifferentiated())
+    return positions, lambda: _core.Derivatives(network, scene.rate).process
 
 
 _SURELY = 64  # times finer, nothing that a map shows is refused
@@ -106,7 +125,7 @@ def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
     method = cast("Method | None", setting.method)
 
     def plan(finer: int, pins: Pins | None = None) -> _core.Plan:
-        whole = scene.at(scene.rate * setting.oversampling * finer)
+        whole, _ = _whole(scene, setting.oversampling * finer)
         return _core.Plan(
             whole.network, whole.timeline, method=method, error_db=setting.budget_db, pins=pins
         )

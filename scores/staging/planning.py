@@ -22,8 +22,8 @@ _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq", "trapezoid")
 
 # What accuracy by ear allows of pitches, T60 and third octaves.
 _BY_EAR = (3.0, 0.05, 1.0)  # [cents, of T60, dB]
-# Mean difference of third octaves that rounding alone makes where a motion is chaotic [dB]: ALIKE in
-# core-rs/engine/src/plan/trial/search.rs.
+# Mean difference of third octaves that rounding alone makes where a motion is chaotic [dB]: ALIKE
+# in core-rs/engine/src/plan/trial/search.rs.
 _ALIKE = 2.0
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]

@@ -47,6 +47,23 @@ def test_oversampling_hears_the_same_instants():
         assert np.abs(runs.start(scene, Setting("ca", times)).frames(1500) - whole).max() < 1e-15
 
 
+@pytest.mark.parametrize("times", [2, 3, 8])
+def test_speeds_and_accelerations_of_all_rates_come_as_late(times: int):
+    """Of a cell alone every rate knows the same positions, so the same is derived from them."""
+
+    def build(network: _core.Network) -> None:
+        network.part("p")
+        cell = network.cel("m", M=1e-3, f=440.0, t60=1.0, X0=1e-3)
+        for name, order in (("x", 0), ("v", 1), ("a", 2)):
+            network.listen(name, positions=[(cell, 1, 1.0)], order=order)
+
+    scene = Bare(build)
+    once = runs.start(scene, CA).frames(1500)
+    run = runs.start(scene, Setting("ca", times))
+    often = np.concatenate([run.frames(700), run.frames(800)])
+    assert all(waveform_db(often[:, [i]], once[:, [i]]) < -200.0 for i in range(3))
+
+
 def test_a_run_that_is_rewound_repeats_itself():
     run = runs.start(canonical.contact(0.5), Setting("ca", 2))
     first = run.frames(700)

@@ -38,7 +38,7 @@ mix: {channels: 1}
 
 
 def errors(score: str, at: float, **budget: float) -> list[tuple[float, float]]:
-    """What a plan of a score whose event is at an instant says of errors [dB], and until when [s]."""
+    """What a plan says of errors [dB], and until when [s], where the event is at an instant."""
     piece = load("scene.yaml", text=score.replace("WHEN", f"{at}s")).piece
     assert piece is not None
     scene = Score(piece).at(RATE)

@@ -7,6 +7,7 @@ mod arrays;
 mod audio;
 mod chance;
 mod curve;
+mod derivative;
 mod device;
 mod emulator;
 mod error;
@@ -53,6 +54,8 @@ mod _core {
     use super::chance::Chance;
     #[pymodule_export]
     use super::curve::path_values;
+    #[pymodule_export]
+    use super::derivative::Derivatives;
     #[pymodule_export]
     use super::device::{Checkup, Device, SerialPort, UsbBoard};
     #[pymodule_export]

@@ -254,6 +254,10 @@ impl Network {
     }
 
     /// Whether the CA scheme is stable at `rate`.
+    fn undifferentiated(&self) -> Self {
+        Self(self.0.undifferentiated())
+    }
+
     fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
         let rate = hertz(rate)?;
         let certificate = computing(py, || Scheme::new(&self.0, rate)?.certify(&self.0))?;

@@ -763,6 +763,8 @@ class Network:
         pole that nothing damps. Raises EngineError where no part has a name, or a frequency [Hz]
         is not above 0.
         """
+    def undifferentiated(self) -> Network:
+        """The same network with positions in place of each SOV and SOA."""
     def certify(self, rate: float) -> Certificate:
         """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
     def modes(self, part: str, n_modes: int) -> list[Mode]:
@@ -1566,6 +1568,20 @@ class Mixer:
         where the outputs differ."""
     def process(self, frames: _Floats, mixed: _Floats) -> None:
         """Mix frames (n_frames, n_out) into mixed (n_frames, n_channels). Raises EngineError."""
+
+@final
+class Derivatives:
+    """SOV and SOA of a network, from positions at `rate` [Hz]; before them everything stood still.
+
+    Raises EngineError for an impossible rate.
+    """
+
+    def __new__(cls, network: Network, rate: float) -> Self: ...
+    def process(self, frames: _Floats) -> None:
+        """Replace in frames (n_frames, n_out) the positions of each SOV and SOA by what it tells.
+
+        A SOV comes 7.5 frames late, a SOA 8. Raises EngineError for another shape.
+        """
 
 @final
 class Limiter:

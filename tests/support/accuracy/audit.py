@@ -35,9 +35,9 @@ class Plan:
     """A plan of a scene. Errors in dB; `real` over the pilot's time, `whole` over the render.
 
     `spectrum`: mean difference of third octaves over the render where the plan says that the motion
-    is chaotic, less that of two tolerances of the reference. `stated` is FLOOR_DB where a plan says that it is exact; `doubt`: how far two tolerances of the
-    reference are apart over the pilot's time. `refused`: why there is no plan or no render; then
-    nothing else is known.
+    is chaotic, less that of two tolerances of the reference. `stated` is FLOOR_DB where a plan says
+    that it is exact; `doubt`: how far two tolerances of the reference are apart over the pilot's
+    time. `refused`: why there is no plan or no render; then nothing else is known.
     """
 
     budget: float | None
@@ -230,9 +230,13 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
     pilots = [plan.pilot for plan in plans]
     for method, times in PLAIN:
         ready = prepare(replace(piece, rate=piece.rate * times))
+        # Speeds come some frames late: they are derived at the piece's own rate.
+        positions = ready.network.undifferentiated()
         try:
-            plan = _core.Plan(ready.network, ready.timeline, method=method)
-            sound = _play(ready, plan, times * len(exact))[::times]
+            plan = _core.Plan(positions, ready.timeline, method=method)
+            simulation = _core.Simulation(positions, ready.timeline, plan=plan)
+            sound = _heard(simulation, times * len(exact))[::times].copy()
+            _core.Derivatives(ready.network, piece.rate).process(sound)
         except (_core.EngineError, StageError):
             continue
         reals = tuple(error_db(sound[: len(exact)], exact, piece.rate, own) for own in pilots)
@@ -241,6 +245,10 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[P
 
 def _play(ready: Ready, plan: _core.Plan, n_frames: int) -> np.ndarray:
     simulation = _core.Simulation(ready.network, ready.timeline, plan=plan)
+    return _heard(simulation, n_frames)
+
+
+def _heard(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
     sound = np.empty((n_frames, simulation.n_out))
     simulation.process(sound)
     return sound

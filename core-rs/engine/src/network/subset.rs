@@ -127,6 +127,13 @@ impl Network {
         Ok(())
     }
 
+    /// The network with outputs that are not differentiated: of SOV and SOA the positions they are derived from.
+    pub fn undifferentiated(&self) -> Self {
+        let mut own = self.clone();
+        own.outputs.iter_mut().for_each(|output| output.order = 0);
+        own
+    }
+
     /// The network with other rates of its slow parts: `macrostep` gives the frames from pull to pull from a part's name
     /// and present value; `None`: every frame.
     pub(crate) fn with_macrosteps(

@@ -1,0 +1,35 @@
+//! SOV and SOA from positions that were heard elsewhere.
+
+use ergon_engine::derivative;
+use numpy::PyReadwriteArray2;
+use pyo3::prelude::*;
+
+use crate::error::hertz;
+use crate::frames::rows_mut;
+use crate::network::Network;
+
+/// The outputs of a network that are differentiated, from positions at some rate.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Derivatives {
+    own: derivative::Derivatives,
+    n_out: usize,
+}
+
+#[pymethods]
+impl Derivatives {
+    #[new]
+    fn new(network: &Network, rate: f64) -> PyResult<Self> {
+        let rate = hertz(rate)?.hertz();
+        Ok(Self {
+            own: derivative::Derivatives::of(&network.0, rate),
+            n_out: network.0.outputs().len(),
+        })
+    }
+
+    /// In place, (n_frames, n_out).
+    fn process(&mut self, mut frames: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
+        self.own
+            .process(rows_mut(&mut frames, "frames", self.n_out)?, self.n_out);
+        Ok(())
+    }
+}
