@@ -56,6 +56,10 @@ class ModesOptions(ReadOptions):
         return {"count": count}
 
 
+# A motion that seems to decay for longer than 11 days is one that nothing damps, and rounding [s].
+_LONGEST_T60 = 1e6
+
+
 @dataclass(frozen=True, slots=True)
 class PartModes:
     """Modes of one part by itself, from low to high.
@@ -131,8 +135,8 @@ def modes_of(
     network = built.network
     found = _asked(network, name, asked)
     decay = -found.poles.real
-    with np.errstate(divide="ignore"):
-        t60 = np.where(decay > 0, LN_1000 / np.where(decay > 0, decay, 1.0), np.inf)
+    is_damped = decay > LN_1000 / _LONGEST_T60
+    t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
     slots = points_of(piece, built, name, found.mats)
     points = {label: found.shapes[:, own].sum(axis=1) for label, own in slots.items()}
     places = [network.position_of(mat) for mat in found.mats]

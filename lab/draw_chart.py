@@ -50,7 +50,7 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     _limits(ax, chart, told)
     _failures(ax, chart)
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="upper right", frameon=False)
+        ax.legend(loc="best", frameon=False)
     return figure
 
 
@@ -95,11 +95,11 @@ def _planner(ax: Axes, chart: Chart, point: Point) -> None:
 
 
 def _front(ax: Axes, chart: Chart, told: list[Point]) -> None:
-    """Nothing charted is both cheaper and better than the points on this line."""
+    """No fixed setting is both cheaper and better than the points on this line; stars may be."""
     row = sorted((_cost(p), _height(chart, p)) for p in told if p.on_front)
     if row:
         x, y = zip(*row, strict=True)
-        ax.step(x, y, where="post", color="#bbbbbb", linewidth=5, label="best for its cost",
+        ax.step(x, y, where="post", color="#bbbbbb", linewidth=5, label="best fixed setting for its cost",
                 solid_capstyle="round", zorder=1)  # fmt: skip
 
 

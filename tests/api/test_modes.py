@@ -41,6 +41,17 @@ def modes(*parts: str, **options: object) -> tuple[ergon.PartModes, ...]:
     return ergon.modes("wires.yaml", ergon.ModesOptions(parts=parts, **options))  # type: ignore[arg-type]
 
 
+def test_a_motion_that_nothing_damps_has_no_t60():
+    """What rounding leaves of its decay is none: a free plate drifts for good."""
+    Path("free.yaml").write_text(
+        "ergon: 1\ninstruments: {s: {modules: {b: {PLATE: {shape: hex, radius: 3, f: 220Hz, t60: 2s,"
+        " M: 60g, rim: free}}, l: {FRO: {between: [b.0, b.9], Z: 10mNs/m}}}, out: {SOX: b.8}}}\n"
+    )
+    (part,) = ergon.modes("free.yaml")
+    assert np.isinf(part.t60[part.frequencies < 1e-6]).all()
+    assert (part.t60[part.frequencies > 1.0] < 2.1).all()
+
+
 def test_a_string_and_where_it_is_struck_and_heard():
     (wire,) = modes("wire", count=24)
     assert wire.frequencies[0] == pytest.approx(293.6647679174076, rel=1e-12)

@@ -47,7 +47,7 @@ def test_a_chart_is_the_same_picture_every_time(tmp_path: Path, metric: str):
     assert "the planner's choice for -60 dB" in text
     assert ("-60 dB, as asked for" in text) == (metric == "waveform")
     assert "bell modal ×1" in text
-    assert "best for its cost" in text
+    assert "best fixed setting for its cost" in text
     assert "<dc:date>" not in text
     assert files[0][1].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 

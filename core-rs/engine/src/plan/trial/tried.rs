@@ -83,6 +83,7 @@ impl Tried {
             ];
             piloted.error = unless_spent(horizon::held(measured, budget.asked(), played, known))?;
         }
+        piloted.error = piloted.error.map(|error| error.doubted(budget.asked()));
         Ok(piloted)
     }
 
