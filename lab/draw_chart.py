@@ -99,7 +99,8 @@ def _front(ax: Axes, chart: Chart, told: list[Point]) -> None:
     row = sorted((_cost(p), _height(chart, p)) for p in told if p.on_front)
     if row:
         x, y = zip(*row, strict=True)
-        ax.step(x, y, where="post", color="#bbbbbb", linewidth=5, label="best fixed setting for its cost",
+        label = "best fixed setting for its cost"
+        ax.step(x, y, where="post", color="#bbbbbb", linewidth=5, label=label,
                 solid_capstyle="round", zorder=1)  # fmt: skip
 
 

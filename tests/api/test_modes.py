@@ -44,8 +44,9 @@ def modes(*parts: str, **options: object) -> tuple[ergon.PartModes, ...]:
 def test_a_motion_that_nothing_damps_has_no_t60():
     """What rounding leaves of its decay is none: a free plate drifts for good."""
     Path("free.yaml").write_text(
-        "ergon: 1\ninstruments: {s: {modules: {b: {PLATE: {shape: hex, radius: 3, f: 220Hz, t60: 2s,"
-        " M: 60g, rim: free}}, l: {FRO: {between: [b.0, b.9], Z: 10mNs/m}}}, out: {SOX: b.8}}}\n"
+        "ergon: 1\ninstruments: {s: {modules: {b: {PLATE: {shape: hex, radius: 3, f: 220Hz, "
+        "t60: 2s, M: 60g, rim: free}}, l: {FRO: {between: [b.0, b.9], Z: 10mNs/m}}}, "
+        "out: {SOX: b.8}}}\n"
     )
     (part,) = ergon.modes("free.yaml")
     assert np.isinf(part.t60[part.frequencies < 1e-6]).all()

@@ -40,7 +40,9 @@ them out.
 * **met**: the real error is within the budget. By ear no error of the waveform is promised.
 * **says it cannot**: the plan warns (W403) that an error stays above the budget.
 * **silent miss**: no warning, and the real error is above the budget (by ear: above -60 dB) and
-  more than 1.5 dB above the stated one.
+  more than 1.5 dB above the stated one. Of a motion that is announced as chaotic: no warning, and
+  its third octaves are off by more than 3 dB on average over the render, beyond what two tolerances
+  of the reference are.
 * **overspending**: the plan's cost over that of the cheapest plain setting that is within the
   budget too (`--method ca` at 1, 2, 4 and 8 times the rate, `ca2p` and `bm4` at 1 and 2 times,
   `modal`), both by the table of costs. Below 1 the plan is cheaper than all of them. Settings are
