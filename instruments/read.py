@@ -1,4 +1,4 @@
-"""Instruments as they are written: the table, and from what was read to modules and outputs."""
+"""Instruments as they are written: the table, and from what was read to modules."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
-from ergon.instruments import following, proxies
+from ergon.instruments import checks
 from ergon.instruments.matter import MATTER, made_of
 from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import GENERATORS, HOLDERS, KINDS, partly, tables
+from ergon.instruments.outputs import Outputs
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.stiff import Stretched
@@ -22,7 +23,6 @@ from ergon.notation.tables.notes import Notes, read_note
 from ergon.notation.tables.shapes import (
     MISSING,
     Context,
-    Either,
     ListOf,
     Name,
     NamesOf,
@@ -35,8 +35,7 @@ from ergon.notation.tables.shapes import (
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
-from ergon.notation.text.errors import TextError, with_article
-from ergon.notation.text.values import Place
+from ergon.notation.text.errors import TextError
 
 MODULES_DOC = "the network: names, each with one kind of module"
 
@@ -48,96 +47,6 @@ def module_table(form: Form) -> Record:
     """
     kinds = {name: partly(table) for name, table in tables(form).items()}
     return Record("module", "one module", (), kinds=kinds, kind_required=True)
-
-
-@dataclass(frozen=True)
-class Listening:
-    """`SOX: m` or `SOF: b` as written, before names are looked up."""
-
-    name: str
-    kind: str
-    names: tuple[Name, ...]
-    nearest: str | None
-    place: Place
-    is_distance: bool
-
-
-_HEARD = ListOf(Reference("a module, or several in brackets", ("modules",)), least=1, single=True)
-_SOF = Record(
-    "SOF",
-    "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
-    (Field("nearest", k.PATH, "a layout of loudspeakers"),),
-    kinds={kind: _HEARD for kind in tables("si")},
-)
-DISTANCE = Record(
-    "distance",
-    "the distance of two points in space, of which the position, speed or acceleration is heard",
-    (Field("between", ListOf(_HEARD.item, 2, 2), "two points in space", required=True),),
-)
-_MOVEMENT = Either(_HEARD.item, DISTANCE, _HEARD)
-_LISTENERS: dict[str, Shape] = {
-    "SOX": _MOVEMENT,
-    "SOV": _MOVEMENT,
-    "SOA": _MOVEMENT,
-    "SOF": Either(_HEARD.item, _SOF, _HEARD),
-}
-
-
-def _listening(values: Values) -> Any:
-    value = values.given.get(values.kind, MISSING)
-    if value is MISSING:
-        return MISSING
-    nearest = None
-    is_distance = isinstance(value, Values) and value.record is DISTANCE
-    if is_distance:
-        value = value["between"] or ()
-    elif isinstance(value, Values):  # SOF: {BUT: b} or {nearest: file}
-        nearest = value["nearest"]
-        if (nearest is None) == (not value.kind):
-            values.error("E111", "SOF names a link by its kind, or a layout: nearest", values.kind)
-            return MISSING
-        value = value.given.get(value.kind, ()) if value.kind else ()
-    names = (value,) if isinstance(value, Name) else value
-    place = values.place_of(values.kind)
-    return Listening(values.context.name, values.kind, names, nearest, place, is_distance)
-
-
-_LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
-
-
-_NAMED = NamesOf(_LISTENER, "output")
-
-
-@dataclass(frozen=True)
-class Outputs(Shape):
-    """`{SOX: m}`, or names, each with such a one."""
-
-    def read(self, node: Node, name: str, context: Context) -> Any:
-        """Read a node."""
-        if not isinstance(node, document.Mapping):
-            return wrong_shape(self, node, name, context)
-        if self.chosen(node) is _LISTENER:
-            bare = Context(context.collector, f"out of {context.owner}", "", node.place)
-            value = _LISTENER.read(node, name, bare)
-            return MISSING if value is MISSING else (value,)
-        named = _NAMED.read(node, name, context)
-        if named is MISSING:
-            return MISSING
-        return tuple(value for value in named.values() if value is not MISSING)
-
-    def schema(self) -> dict[str, Any]:
-        """As JSON Schema."""
-        one = _LISTENER.schema()
-        return {**one, "additionalProperties": one}
-
-    def words(self) -> str:
-        """In words."""
-        return "{SOX: m}, {SOV: m}, {SOA: m}, {SOF: b}, or names, each with such a one"
-
-    def chosen(self, node: Node) -> Shape:
-        """One output, or names of several."""
-        words = node.entries if isinstance(node, document.Mapping) else {}
-        return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED
 
 
 def member_table(form: Form) -> Record:
@@ -344,8 +253,7 @@ def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
             fields["interval"] = values.given["interval"]
     if isinstance(wire := fields.get("stretching"), Stretched):
         fields["stretching"] = wire.of(fields["masses"], fields["ends"])
-    for check in _CHECKS.get(kind, ()):
-        check(kind, values)
+    checks.check(kind, values)
     return Module(name, kind, fields, values.place, Places(values.nodes))
 
 
@@ -356,129 +264,9 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     if kind == "LNL":
         fields["constants"] = dict(values.free)
     check_in_space(kind, fields, values, axes)
-    for check in _CHECKS.get(kind, ()) if kind in ("RES", "FRO", "REF", "LNL") else ():
-        check(kind, values)
+    if kind in ("RES", "FRO", "REF", "LNL"):
+        checks.check(kind, values)
     return Module(name, kind, fields, values.place, Places(values.nodes))
-
-
-def _needs(*names: str) -> Any:
-    def check(kind: str, values: Values) -> None:
-        if not values.written(*names):
-            alternatives = " or ".join(names)
-            values.error(
-                "E103", f"{values.context.of('')}: {with_article(kind)} needs {alternatives}"
-            )
-
-    return check
-
-
-def _cel(kind: str, values: Values) -> None:
-    tuned, plain = values.written("f", "t60"), values.written("K", "Z")
-    if tuned and plain:
-        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
-        message += "a CEL has K and Z, or f and t60"
-        values.error("E111", message, tuned[0])
-    elif not values.written("f", "K"):
-        values.error("E103", f"{values.context.of('')}: a CEL needs K (and Z), or f (and t60)")
-
-
-def _but(kind: str, values: Values) -> None:
-    magic = values["contact"] == "magic"
-    if magic and (extra := values.written("K", "Z")):
-        message = f"{values.context.of(extra[0])}: a magic contact has no K and Z; remove it"
-        values.error("E111", message, extra[0])
-    if not magic:
-        _needs("K")(kind, values)
-        if extra := values.written("restitution", "steps"):
-            message = f"{values.context.of(extra[0])}: only a magic contact has this field"
-            values.error("E111", message, extra[0])
-    if magic and values["clamp"] and values["restitution"] < 1:
-        message = (
-            f"{values.context.of('clamp')}: a magic contact with "
-            "restitution < 1 must pull, so clamp must be false"
-        )
-        values.error("E111", message, "clamp")
-
-
-def _lnl(kind: str, values: Values) -> None:
-    if values.written("law") and values.written("points"):
-        message = f"{values.context.of('points')}: `law` is written too; keep one of the two"
-        values.error("E111", message, "points")
-
-
-def _bristle(kind: str, values: Values) -> None:
-    level, static = values["Fc"], values["Fs"]
-    if isinstance(level, float) and isinstance(static, float) and static < level:
-        message = f"{values.context.of('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
-        values.error("E111", message, "Fs")
-
-
-def _dry(kind: str, values: Values) -> None:
-    ends = values.written("to", "between")
-    if len(ends) == 2:
-        message = f"{values.context.of('between')}: `to` is written too; keep one of the two"
-        values.error("E111", message, "between")
-    elif not ends and values.record.by_name.keys() >= {"to"}:
-        values.error("E103", f"{values.context.of('')}: a DRY needs to or between")
-    level, static = values["F"], values["static"]
-    is_below = isinstance(level, float) and isinstance(static, float) and static < level
-    if is_below and values["K"] is not None:
-        message = f"{values.context.of('static')}: static is below F; with K the level falls from "
-        message += "static to F"
-        values.error("E111", message, "static")
-    if values.written("speed") and not values.written("static"):
-        message = f"{values.context.of('speed')}: only a DRY with static has this field"
-        values.error("E111", message, "speed")
-
-
-def _links(kind: str, values: Values) -> None:
-    """K and Z of the links of a discrete body stand for its pitch and decay."""
-    if "K" not in values.record.by_name:
-        return
-    tuned, plain = values.written("f", "t60", "inharmonicity", "bending"), values.written("K", "Z")
-    if tuned and plain:
-        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
-        message += f"a {kind} has K and Z of its links, or f and t60"
-        values.error("E111", message, tuned[0])
-    elif not values.written("f", "K"):
-        values.error("E103", f"{values.context.of('')}: a {kind} needs f (and t60), or K (and Z)")
-
-
-def _string(kind: str, values: Values) -> None:
-    if values.written("inharmonicity") and values.written("stiffness"):
-        message = (
-            f"{values.context.of('stiffness')}: `inharmonicity` is written too; keep "
-            "`inharmonicity`, which raises high partials as bending does"
-        )
-        values.error("E111", message, "stiffness")
-
-
-def _plate(kind: str, values: Values) -> None:
-    shape = values["shape"]
-    needed, other = ("sides", "radius") if shape == "rectangle" else ("radius", "sides")
-    if not values.written(needed):
-        example = {"sides": "sides: [40, 25]", "radius": "radius: 12"}[needed]
-        message = f"{values.context.of('')}: a PLATE of shape {shape} needs {example}"
-        values.error("E103", message)
-    if values.written(other):
-        message = f"{values.context.of(other)}: a PLATE of shape {shape} has no {other}; remove it"
-        values.error("E111", message, other)
-
-
-_CHECKS: Mapping[str, tuple[Any, ...]] = {
-    "RES": (_needs("K"),),
-    "FRO": (_needs("Z"),),
-    "REF": (_needs("K", "Z"),),
-    "MAS": (following.check,),
-    "CEL": (_cel,),
-    "BUT": (_but,),
-    "LNL": (_lnl, following.check),
-    "BRISTLE": (_bristle,),
-    "DRY": (_dry,),
-    "PROXY": (proxies.check,),
-    "STRING": (_links, _string),
-    "PLATE": (_links, _plate),
-}
 
 
 def instrument(values: Values) -> Instrument:

@@ -1,0 +1,114 @@
+"""Outputs as they are written: `out: {SOX: m}`, or names, each with such a one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.instruments.module_kinds import tables
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
+    MISSING,
+    Context,
+    Either,
+    ListOf,
+    Name,
+    NamesOf,
+    Reference,
+    Shape,
+    wrong_shape,
+)
+from ergon.notation.text import document
+from ergon.notation.text.document import Node
+from ergon.notation.text.values import Place
+
+
+@dataclass(frozen=True)
+class Listening:
+    """`SOX: m` or `SOF: b` as written, before names are looked up."""
+
+    name: str
+    kind: str
+    names: tuple[Name, ...]
+    nearest: str | None
+    place: Place
+    is_distance: bool
+
+
+_HEARD = ListOf(Reference("a module, or several in brackets", ("modules",)), least=1, single=True)
+_SOF = Record(
+    "SOF",
+    "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
+    (Field("nearest", k.PATH, "a layout of loudspeakers"),),
+    kinds={kind: _HEARD for kind in tables("si")},
+)
+DISTANCE = Record(
+    "distance",
+    "the distance of two points in space, of which the position, speed or acceleration is heard",
+    (Field("between", ListOf(_HEARD.item, 2, 2), "two points in space", required=True),),
+)
+_MOVEMENT = Either(_HEARD.item, DISTANCE, _HEARD)
+_LISTENERS: dict[str, Shape] = {
+    "SOX": _MOVEMENT,
+    "SOV": _MOVEMENT,
+    "SOA": _MOVEMENT,
+    "SOF": Either(_HEARD.item, _SOF, _HEARD),
+}
+
+
+def _listening(values: Values) -> Any:
+    value = values.given.get(values.kind, MISSING)
+    if value is MISSING:
+        return MISSING
+    nearest = None
+    is_distance = isinstance(value, Values) and value.record is DISTANCE
+    if is_distance:
+        value = value["between"] or ()
+    elif isinstance(value, Values):  # SOF: {BUT: b} or {nearest: file}
+        nearest = value["nearest"]
+        if (nearest is None) == (not value.kind):
+            values.error("E111", "SOF names a link by its kind, or a layout: nearest", values.kind)
+            return MISSING
+        value = value.given.get(value.kind, ()) if value.kind else ()
+    names = (value,) if isinstance(value, Name) else value
+    place = values.place_of(values.kind)
+    return Listening(values.context.name, values.kind, names, nearest, place, is_distance)
+
+
+_LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
+
+
+_NAMED = NamesOf(_LISTENER, "output")
+
+
+@dataclass(frozen=True)
+class Outputs(Shape):
+    """`{SOX: m}`, or names, each with such a one."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        if self.chosen(node) is _LISTENER:
+            bare = Context(context.collector, f"out of {context.owner}", "", node.place)
+            value = _LISTENER.read(node, name, bare)
+            return MISSING if value is MISSING else (value,)
+        named = _NAMED.read(node, name, context)
+        if named is MISSING:
+            return MISSING
+        return tuple(value for value in named.values() if value is not MISSING)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        one = _LISTENER.schema()
+        return {**one, "additionalProperties": one}
+
+    def words(self) -> str:
+        """In words."""
+        return "{SOX: m}, {SOV: m}, {SOA: m}, {SOF: b}, or names, each with such a one"
+
+    def chosen(self, node: Node) -> Shape:
+        """One output, or names of several."""
+        words = node.entries if isinstance(node, document.Mapping) else {}
+        return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED
