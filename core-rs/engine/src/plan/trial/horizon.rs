@@ -6,7 +6,7 @@ use crate::network::LinkKind;
 use crate::plan::IslandPlan;
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
-use crate::plan::trial::allowance::{Allowance, TrialError};
+use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, play, rest, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::levels_apart;
@@ -54,7 +54,10 @@ pub(in crate::plan) fn held(
     // What cannot be paid for leaves no trace: of the pilot everything is known.
     let aside = allowance.aside();
     let each = work(own.0) + work(other.0);
-    let from = rest(own.0)?;
+    // The pilot has counted that rest.
+    let Some(from) = unless_spent(rest(own.0, &allowance.aside()))? else {
+        return Ok(measured);
+    };
     let n_frames = (end(own.0) * rate - from as f64).min(SHARE * aside.spent().1 / each) as usize;
     let pilot = ((measured.over * rate) as usize).saturating_sub(from);
     let look = ((LOOK * rate) as usize).max(1);

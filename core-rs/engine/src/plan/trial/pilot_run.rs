@@ -29,6 +29,7 @@ const AT_REST: usize = 1024;
 pub(in crate::plan) struct Excerpt {
     /// The first of them: the island rests until then.
     pub(in crate::plan) from: usize,
+    /// How many they are.
     pub(in crate::plan) n_frames: usize,
 }
 
@@ -63,12 +64,24 @@ pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bo
     work(island_plan) * n_frames as f64 <= WORTH
 }
 
-/// How many frames an island rests from its beginning on.
-pub(in crate::plan) fn rest(island_plan: &IslandPlan) -> Result<usize, Error> {
+/// How many frames an island rests from its beginning on; 0 where it would take long to see.
+///
+/// # Errors
+///
+/// Those of [`play`].
+pub(in crate::plan) fn rest(
+    island_plan: &IslandPlan,
+    allowance: &Allowance,
+) -> Result<usize, TrialError> {
+    if !is_worth(island_plan, AT_REST) {
+        return Ok(0);
+    }
+    let mut meter = Meter::new(island_plan, allowance);
     let mut island = island(island_plan, island_plan.contact_substeps)?;
     let mut sound = vec![0.0; AT_REST * island.n_out()];
     // Faults are muted: a pilot says nothing of them.
     let _ = island.process(&mut sound, AT_REST, &mut ThreadTeam::alone());
+    meter.draw(&island, island.computed() as usize)?;
     let last = island.rests_until().unwrap_or(0) / u64::from(island_plan.oversampling);
     Ok(usize::try_from(last).unwrap_or(0))
 }
@@ -84,7 +97,7 @@ pub(in crate::plan) fn length(
 ) -> Result<Excerpt, TrialError> {
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
     let most = Excerpt {
-        from: rest(island_plan)?,
+        from: rest(island_plan, allowance)?,
         n_frames: ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize),
     };
     let found = length_within(island_plan, (most, rate), allowance);
