@@ -7,8 +7,7 @@ accelerations are derived from these frames: so they come as late at every S.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -21,8 +20,6 @@ from ergon.lab.scene import Scene, Set
 if TYPE_CHECKING:
     from ergon.lab.names import Method
     from ergon.scores.staging.planning import Pins
-
-_Derive = Callable[[Floats], None]  # in place, (n_frames, n_out)
 
 _BLOCK = 512  # frames heard between two looks at the clock
 
@@ -47,15 +44,38 @@ class Setting:
         return f"{self.method} ×{self.oversampling}{precision}"
 
 
+@dataclass(frozen=True, slots=True)
+class Oversampled(Set):
+    """A scene set up at so many times its rate.
+
+    Above once its outputs are positions, of which `derivatives` makes speeds at its own rate.
+    """
+
+    times: int
+    derived: _core.Network
+    rate: float  # [Hz], the scene's own
+
+    @classmethod
+    def of(cls, scene: Scene, times: int) -> Oversampled:
+        """A scene at so many times its rate. Raises EngineError or StageError."""
+        made = scene.at(scene.rate * times)
+        positions = made.network.undifferentiated()
+        # At its own rate the engine derives speeds itself: nothing is left to derive.
+        heard, derived = (made.network, positions) if times == 1 else (positions, made.network)
+        return cls(heard, made.timeline, times, derived, scene.rate)
+
+    def derivatives(self) -> _core.Derivatives:
+        """What is left to derive of every `times`-th frame, from frame 0 on."""
+        return _core.Derivatives(self.derived, self.rate)
+
+
 class Run:
     """A scene on its way; `spent` is the processor time that it took so far [s], of its thread."""
 
-    def __init__(
-        self, simulation: Any, stride: int, derive: Callable[[], _Derive], chosen: str = ""
-    ) -> None:
-        """`stride` frames of the simulation make one that is heard; `derive` begins at frame 0."""
-        self._simulation, self._stride = simulation, stride
-        self._derive_anew, self._derive = derive, derive()
+    def __init__(self, simulation: Any, whole: Oversampled, chosen: str = "") -> None:
+        """At frame 0."""
+        self._simulation, self._whole = simulation, whole
+        self._derivatives = whole.derivatives()
         self._start = simulation.snapshot()
         self.chosen = chosen
         self.n_out = int(simulation.n_out)
@@ -64,20 +84,21 @@ class Run:
     def rewind(self) -> None:
         """Back to frame 0, the clock too."""
         self._simulation.restore(self._start)
-        self._derive = self._derive_anew()
+        self._derivatives = self._whole.derivatives()
         self.spent = 0.0
 
     def frames(self, n_frames: int) -> Floats:
         """The next outputs (n_frames, n_out). Raises DivergedError."""
         heard = np.empty((n_frames, self.n_out))
-        block = np.empty((min(_BLOCK, n_frames) * self._stride, self.n_out))
+        stride = self._whole.times
+        block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
         for at in range(0, n_frames, _BLOCK):
-            part = block[: min(_BLOCK, n_frames - at) * self._stride]
+            part = block[: min(_BLOCK, n_frames - at) * stride]
             begin = time.thread_time()
             self._simulation.process(part)
             self.spent += time.thread_time() - begin
-            heard[at : at + _BLOCK] = part[:: self._stride]
-        self._derive(heard)
+            heard[at : at + _BLOCK] = part[::stride]
+        self._derivatives.process(heard)
         return heard
 
     def energy(self) -> _core.Energy:
@@ -95,26 +116,16 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     """
     if setting.precision not in PRECISIONS:
         raise _core.EngineError(f"there is no precision {setting.precision}")
-    whole, derive = _whole(scene, setting.oversampling)
+    whole = Oversampled.of(scene, setting.oversampling)
     if setting.method == "ca":
         simulation = _core.Simulation(
             whole.network, whole.timeline, ledger=ledger, unchecked=unchecked
         )
-        return Run(simulation, setting.oversampling, derive)
+        return Run(simulation, whole)
     plan = _planned(scene, setting, unchecked=unchecked)
     simulation = _core.Simulation(whole.network, whole.timeline, plan=plan, ledger=ledger)
     chosen = "" if setting.method else describe(plan)
-    return Run(simulation, setting.oversampling, derive, chosen)
-
-
-def _whole(scene: Scene, times: int) -> tuple[Set, Callable[[], _Derive]]:
-    """The scene at so many times its rate, and what derives speeds from frames at its own."""
-    whole = scene.at(scene.rate * times)
-    if times == 1:  # the engine derives them itself
-        return whole, lambda: lambda frames: None
-    network = whole.network
-    positions = replace(whole, network=network.undifferentiated())
-    return positions, lambda: _core.Derivatives(network, scene.rate).process
+    return Run(simulation, whole, chosen)
 
 
 _SURELY = 64  # times finer, nothing that a map shows is refused
@@ -125,7 +136,7 @@ def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
     method = cast("Method | None", setting.method)
 
     def plan(finer: int, pins: Pins | None = None) -> _core.Plan:
-        whole, _ = _whole(scene, setting.oversampling * finer)
+        whole = Oversampled.of(scene, setting.oversampling * finer)
         return _core.Plan(
             whole.network, whole.timeline, method=method, error_db=setting.budget_db, pins=pins
         )

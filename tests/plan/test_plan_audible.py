@@ -13,8 +13,7 @@ from sweep import few
 
 from ergon import _core
 from ergon.cli import app
-from ergon.lab import metrics
-from ergon.lab.metrics import third_octaves
+from ergon.lab.metrics import third_octaves, waveform_db
 from ergon.lab.partials import compare, strongest
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy
@@ -91,7 +90,7 @@ def test_a_steep_bow_by_ear_is_the_bow_and_no_chatter_of_the_method(name: str):
     assert not made.notes
     sound = np.empty(exact.shape)
     _core.Simulation(ready.network, ready.timeline, plan=made.plan).process(sound)
-    assert metrics.waveform_db(sound, exact) < -60.0
+    assert waveform_db(sound, exact) < -60.0
 
 
 def row(

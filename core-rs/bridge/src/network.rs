@@ -253,11 +253,12 @@ impl Network {
         Ok(Complexes { values, shape })
     }
 
-    /// Whether the CA scheme is stable at `rate`.
+    /// The same network with positions in place of each SOV and SOA.
     fn undifferentiated(&self) -> Self {
         Self(self.0.undifferentiated())
     }
 
+    /// Whether the CA scheme is stable at `rate`.
     fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
         let rate = hertz(rate)?;
         let certificate = computing(py, || Scheme::new(&self.0, rate)?.certify(&self.0))?;

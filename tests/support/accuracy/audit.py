@@ -1,7 +1,7 @@
 """What a plan says of its error, what its error is, and what the cheapest plain setting costs."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf, log10
 
 import numpy as np
@@ -11,6 +11,8 @@ from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
 from ergon.lab import metrics
+from ergon.lab.runs import Oversampled
+from ergon.lab.scene import Score, Set
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging import planning
@@ -229,26 +231,19 @@ def _unlike(sound: np.ndarray, exact: reference.Reference, rate: float) -> float
 def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[Plain]:
     pilots = [plan.pilot for plan in plans]
     for method, times in PLAIN:
-        ready = prepare(replace(piece, rate=piece.rate * times))
-        # Speeds come some frames late: they are derived at the piece's own rate.
-        positions = ready.network.undifferentiated()
+        scene = Oversampled.of(Score(piece), times)
         try:
-            plan = _core.Plan(positions, ready.timeline, method=method)
-            simulation = _core.Simulation(positions, ready.timeline, plan=plan)
-            sound = _heard(simulation, times * len(exact))[::times].copy()
-            _core.Derivatives(ready.network, piece.rate).process(sound)
+            plan = _core.Plan(scene.network, scene.timeline, method=method)
+            sound = _play(scene, plan, times * len(exact))[::times].copy()
+            scene.derivatives().process(sound)
         except (_core.EngineError, StageError):
             continue
         reals = tuple(error_db(sound[: len(exact)], exact, piece.rate, own) for own in pilots)
         yield Plain(method, times, reals, planning.cost(plan))
 
 
-def _play(ready: Ready, plan: _core.Plan, n_frames: int) -> np.ndarray:
-    simulation = _core.Simulation(ready.network, ready.timeline, plan=plan)
-    return _heard(simulation, n_frames)
-
-
-def _heard(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
+def _play(scene: Ready | Set, plan: _core.Plan, n_frames: int) -> np.ndarray:
+    simulation = _core.Simulation(scene.network, scene.timeline, plan=plan)
     sound = np.empty((n_frames, simulation.n_out))
     simulation.process(sound)
     return sound

@@ -16,13 +16,12 @@ const LONGEST: f64 = 10.0;
 const WORTH: f64 = 0.5;
 /// A sample of an output is compared with others [s].
 const HEARD: f64 = 2e-8;
-/// Frames of a rest that are played at once.
-const PASSED: usize = 1 << 14;
 /// Frames between two looks at the modes.
 pub(in crate::plan) const LOOK: usize = 64;
-
 /// Frames that it takes to see whether an island rests from its beginning on.
 const AT_REST: usize = 1024;
+/// Frames of a rest that are played at once.
+const PASSED: usize = 1 << 14;
 
 /// Frames that trials compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
