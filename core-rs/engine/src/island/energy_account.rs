@@ -10,7 +10,7 @@ const BORNE: f64 = 1.0;
 pub(crate) struct Account {
     /// What it took and has not given back.
     held: f64,
-    /// The most that this was.
+    /// The most that this was, together with the energy of what moved around it at that time.
     most: f64,
 }
 
@@ -43,8 +43,15 @@ impl Account {
     }
 
     pub(crate) fn take(&mut self, work: f64) {
+        self.take_beside(work, 0.0);
+    }
+
+    /// Take work from what moves with so much energy after that.
+    ///
+    /// All that it takes and gives cancels out in the sum, so the sum never counts energy that it made.
+    pub(crate) fn take_beside(&mut self, work: f64, moving: f64) {
         self.held += work;
-        self.most = self.most.max(self.held);
+        self.most = self.most.max(self.held + moving);
     }
 
     /// Count what was stored where it began.
@@ -58,10 +65,14 @@ impl Account {
     }
 
     /// What was made where so much is stored, beside the energy of what moves around it.
-    pub(crate) fn gain(&self, stored: f64, around: f64, frame: u64) -> Gain {
+    ///
+    /// It is held against the most that was there since the account began: what was lost on the way since then makes no
+    /// fault of it.
+    pub(crate) fn gain(&mut self, stored: f64, around: f64, frame: u64) -> Gain {
+        self.take_beside(0.0, around);
         let made = stored - self.held;
         // What pushes away from where it rests stores less than nothing.
-        let of = self.most.max(-stored).max(around - made);
+        let of = self.most.max(-stored);
         Gain { made, of, frame }
     }
 }

@@ -197,7 +197,7 @@ impl Gains {
 
     /// A step whose forces are all known, before the MATs move.
     #[inline(never)]
-    pub(super) fn step(&mut self, body: &Body) {
+    pub(super) fn step(&mut self, scheme: &Scheme, body: &Body) {
         if self.is_fresh {
             self.begin(body);
             return;
@@ -207,15 +207,19 @@ impl Gains {
             if force == 0.0 && taken.force == 0.0 {
                 continue;
             }
+            let ends = (taken.a, taken.b);
             if let Some(space) = &mut taken.space {
-                let work = space.step((taken.a, taken.b), force, body);
-                taken.account.take(work);
+                let work = space.step(ends, force, body);
+                let axes = (0..space.link.n_axes).map(|axis| space.link.pair(ends, axis));
+                let moving = axes.map(|ends| moving(ends, scheme, body)).sum();
+                taken.account.take_beside(work, moving);
                 taken.force = force;
                 continue;
             }
             let stretch = body.d[taken.b] - body.d[taken.a];
             let work = 0.5 * (taken.stretch + stretch) * taken.force;
-            taken.account.take(work);
+            let moving = moving(ends, scheme, body);
+            taken.account.take_beside(work, moving);
             (taken.stretch, taken.force) = (stretch, force);
         }
         if let Some(pairs) = &mut self.pairs {
@@ -298,6 +302,16 @@ fn rounding(run: &Run, body: &Body) -> f64 {
 /// Energy of a link between two steps [J].
 fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
     0.5 * (kernel::potential(run, now) + kernel::potential(run, before))
+}
+
+/// Kinetic energy of the two ends of a link along one axis [J], without ends that are imposed.
+fn moving((a, b): (usize, usize), scheme: &Scheme, body: &Body) -> f64 {
+    let own = |mat: usize| {
+        let w = scheme.w[mat];
+        let d = body.d[mat];
+        if w > 0.0 { 0.5 * d * d / w } else { 0.0 }
+    };
+    own(a) + own(b)
 }
 
 /// Energy of all MATs and of what ties them to the ground [J].

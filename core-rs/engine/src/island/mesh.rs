@@ -249,7 +249,10 @@ impl RunningMesh {
 
     /// Look whether it made energy by frame `n`.
     pub(super) fn look_for_gain(&mut self, n: u64) -> Option<Gain> {
-        let gain = self.account?.gain(self.integrator.stored(), 0.0, n);
+        let gain = self
+            .account
+            .as_mut()?
+            .gain(self.integrator.stored(), 0.0, n);
         if !gain.is_told() {
             return None;
         }

@@ -176,7 +176,7 @@ impl Island {
         if let Some(gains) = &mut state.gains
             && !state.guard.as_ref().is_some_and(|guard| guard.is_finer())
         {
-            gains.step(&state.body);
+            gains.step(scheme, &state.body);
         }
         if let Some(ledger) = &mut state.ledger {
             ledger.before(scheme, &state.targets, &state.body);

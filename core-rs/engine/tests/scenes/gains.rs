@@ -101,6 +101,33 @@ fn a_contact_that_is_slow_beside_its_steps_makes_nothing() {
     assert_eq!(simulation.gains(), []);
 }
 
+/// Energy that a contact made long ago is held against what was there then, not against what damping left of it.
+#[test]
+fn what_was_lost_since_makes_no_fault() {
+    let mut network = Network::new();
+    network.part("key", None);
+    let wall = network.sol("w", 0.0).unwrap();
+    let tie = Tie::Tuned {
+        f: 8_000.0,
+        t60: Some(3e-3),
+    };
+    // It meets the contact with 50 mJ and turns back there before the contact took anything.
+    let key = network.cel("m", 1e-4, tie, 0.0, 1e-3, 0.0).unwrap();
+    network
+        .but("c", wall, key, But::plain(1e5, 0.0, 7e-4))
+        .unwrap();
+    let mut simulation = begin(network, OnFault::Stop);
+    simulation.skip(44_100).unwrap();
+    let gains = simulation.gains();
+    let [(_, _, sentence)] = &gains[..] else {
+        panic!("{gains:?}");
+    };
+    assert!(
+        sentence.contains("created energy: 3.1 mJ until 0.006 s, where the system held 50 mJ"),
+        "{sentence}"
+    );
+}
+
 /// Where the steps are the instrument, what they make is told and meant.
 #[test]
 fn under_units_ca_energy_is_told_of_and_kept() {
