@@ -21,6 +21,8 @@ COMMANDS = {
     "plot": ["plot", "s.yaml", "go"],
     "export": ["export", "s.yaml", "-o", "exported", "-f"],
 }
+# Nothing in them depends on the rate: they answer where a scene is unstable at its own, and tell why.
+AT_ANY_RATE = ("modes", "stats")
 SHORT, LONG = 1, 400  # scores
 PROXIES, IN_SPACE = 1, 2  # seeds whose scores have points between masses, and in space
 
@@ -41,6 +43,8 @@ def every_command_agrees(seeds: range, capsys: pytest.CaptureFixture[str]) -> No
     accepted = 0
     for seed in seeds:
         codes = outcomes(seed, capsys)
+        if codes["check"] == 1:
+            codes |= dict.fromkeys(AT_ANY_RATE, 1)
         # What is accepted may still diverge: an explicit law makes energy. Then all say so.
         assert len(set(codes.values())) == 1 or set(codes.values()) == {0, 4}, f"{seed}: {codes}"
         accepted += codes["check"] == 0
