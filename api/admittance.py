@@ -119,7 +119,7 @@ def admittance(
     and laws at their slope at rest, by a solution of the whole network at each frequency. Raises
     ScoreError and OptionError.
     """
-    from ergon.scores.staging.stage import prepare
+    from ergon.scores.staging.preparing import prepare
 
     options = options or AdmittanceOptions()
     axis = options.axis()

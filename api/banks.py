@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon.models.programs.bank import Bank, Way
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
-    from ergon.scores.staging.stage import Ready
+    from ergon.scores.staging.preparing import Ready
 
     from .modes import PartModes
 

@@ -61,7 +61,8 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     from ergon import _core
     from ergon.scores.staging.highest_modes import highest_modes, passes_limit, stops_low
     from ergon.scores.staging.implausible import implausible
-    from ergon.scores.staging.stage import StageError, prepare
+    from ergon.scores.staging.preparing import prepare
+    from ergon.scores.staging.refusals import StageError
     from ergon.scores.staging.unused import unused
 
     staged = None

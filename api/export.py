@@ -64,7 +64,7 @@ def mode_tables(
     the modes; the columns hold f [Hz], d [1/s] with its T60 [s], and A [m/(N·s)] and p [rad] from
     each point that is struck or touched to each that is heard. Raises ScoreError and OptionError.
     """
-    from ergon.scores.staging.stage import prepare
+    from ergon.scores.staging.preparing import prepare
 
     options = options or ExportOptions()
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
@@ -143,7 +143,7 @@ def banks_of(
 
     Raises ScoreError and OptionError.
     """
-    from ergon.scores.staging.stage import prepare
+    from ergon.scores.staging.preparing import prepare
 
     upto = min(upto, 0.499 * piece.rate)
     made = []

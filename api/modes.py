@@ -110,7 +110,7 @@ def modes(
 
     Contacts are open, and laws are taken at their slope at rest. Raises ScoreError and OptionError.
     """
-    from ergon.scores.staging.stage import prepare
+    from ergon.scores.staging.preparing import prepare
 
     options = options or ModesOptions()
     asked = options.asked()

@@ -163,7 +163,7 @@ def show(report: Report | None, loaded: Loaded, found: Sequence[Diagnostic]) -> 
 @contextmanager
 def staging(loaded: Callable[[], Loaded], report: Report | None = None) -> Iterator[None]:
     """Report what the engine refuses, with its place, and raise a ScoreError."""
-    from ergon.scores.staging.stage import StageError
+    from ergon.scores.staging.refusals import StageError
 
     try:
         yield

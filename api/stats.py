@@ -109,7 +109,7 @@ def stats(
 
     Raises ScoreError and OptionError.
     """
-    from ergon.scores.staging.stage import prepare
+    from ergon.scores.staging.preparing import prepare
 
     options = options or StatsOptions()
     to = hertz("to", options.to)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.stage import Stage, StagedGesture
+    from ergon.scores.staging.hands import StagedGesture
+    from ergon.scores.staging.stage import Stage
     from ergon.view.curve import Curve
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve

@@ -20,7 +20,7 @@ from ergon.lab.partials import Partial, compare, strongest
 from ergon.lab.reference import Reference, doubts, refine, steps
 from ergon.lab.runs import Run, Setting
 from ergon.lab.scene import Scene
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 ROUNDS = 3  # timed, after one that warms up and makes the sound
 _LOOKS = 20  # into the ledger, to see a drift

@@ -11,7 +11,7 @@ from typing import Protocol
 from ergon import _core
 from ergon.lab.map_point import MapPoint
 from ergon.lab.metrics import EARLY, Floats, early_db, spectral
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 # What error still counts as right: (up to this y, at most so many dB). A tenth of the motion.
 RIGHT = ((inf, -20.0),)

@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.lab.metrics import Floats
 from ergon.rendering.level import HIGHPASS
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.stage import prepare
+from ergon.scores.staging.preparing import prepare
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from ergon.lab import runs
 from ergon.lab.metrics import Floats, early_db
 from ergon.lab.runs import Setting
 from ergon.lab.scene import Scene
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 _FINER = 16  # times what is just stable
 _HIGHEST = 1024  # times the scene's own rate

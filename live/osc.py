@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.common.errors import ErgonError
-from ergon.scores.staging.stage import input_number
+from ergon.scores.staging.drives import input_number
 
 from .datagrams import MOST, MalformedDatagramError, messages, require_python_osc, written
 from .osc_in import OscRequestError, no_session, table

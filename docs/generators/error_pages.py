@@ -21,7 +21,8 @@ from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.staging.highest_modes import highest_modes, passes_limit, stops_low
 from ergon.scores.staging.implausible import implausible
-from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 from ergon.scores.staging.unused import unused
 
 _TABLE = Path(__file__).with_name("codes.yaml")

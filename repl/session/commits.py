@@ -22,7 +22,7 @@ from ergon.repl.session.clock import Clock, boundary, entered, started, taking_o
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import JOIN, Running, follow, horizon
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 if TYPE_CHECKING:
     from ergon.notation.clock.tempo import TempoMap

@@ -16,7 +16,7 @@ from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.line_queue import LineQueue
 from ergon.repl.session.played_versions import PlayedVersions
-from ergon.scores.staging.stage import input_number
+from ergon.scores.staging.drives import input_number
 
 if TYPE_CHECKING:
     from ergon import _core

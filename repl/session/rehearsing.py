@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.scores.staging.recording_stages import solo
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 if TYPE_CHECKING:
     from ergon.scores.gesture.transforms import Transform

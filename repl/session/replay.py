@@ -33,7 +33,8 @@ from ergon.repl.session.journal_hands import HeldHands, held
 from ergon.repl.session.midi_maps import number_of
 from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
-from ergon.scores.staging.stage import MAX_SECONDS, input_number
+from ergon.scores.staging.drives import input_number
+from ergon.scores.staging.preparing import MAX_SECONDS
 
 if TYPE_CHECKING:
     import numpy as np

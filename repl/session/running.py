@@ -12,7 +12,8 @@ from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import UNSAID, Play
 from ergon.scores.staging.hands import Window
-from ergon.scores.staging.stage import Going, Span, stage
+from ergon.scores.staging.preparing import Span
+from ergon.scores.staging.stage import Going, stage
 from ergon.scores.staging.version_glides import Glide, LeavingLink, glides, leaving, with_leaving
 
 if TYPE_CHECKING:

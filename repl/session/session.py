@@ -22,7 +22,7 @@ from ergon.repl.session import session_commands, version_edits
 from ergon.repl.session.core import SessionCore
 from ergon.repl.session.version import NotTakenError
 from ergon.repl.session_protocol import Reply, State
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 if TYPE_CHECKING:
     from ergon.repl.session_protocol import Suggestion

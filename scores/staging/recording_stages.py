@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.notation.clock.positions import Position
 from ergon.scores.reading.piece import Piece, Play, Player, PlayingOptions
-from ergon.scores.staging.stage import Stage, StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import Stage, stage
 
 if TYPE_CHECKING:
     from ergon.scores.gesture.transforms import Transform

@@ -21,7 +21,7 @@ COMMANDS = {
     "plot": ["plot", "s.yaml", "go"],
     "export": ["export", "s.yaml", "-o", "exported", "-f"],
 }
-# Nothing in them depends on the rate: they answer where a scene is unstable at its own, and tell why.
+# These do not depend on the rate: they answer where a scene is unstable at its own.
 AT_ANY_RATE = ("modes", "stats")
 SHORT, LONG = 1, 400  # scores
 PROXIES, IN_SPACE = 1, 2  # seeds whose scores have points between masses, and in space

@@ -23,7 +23,8 @@ from ergon.exchange import plan_file
 from ergon.live import boards, calibration
 from ergon.live.boards import BoardError
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 
 LIBRARY = Path(__file__).parents[2] / "scores" / "library"
 

@@ -18,7 +18,8 @@ from ergon.notation.text.errors import TextError, full
 from ergon.notation.text.format import formatted
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import StageError, prepare
+from ergon.scores.staging.preparing import prepare
+from ergon.scores.staging.refusals import StageError
 
 
 def checked(path: str, text: str, overlay: Mapping[str, str] | None = None) -> Iterator[str]:

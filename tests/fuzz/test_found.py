@@ -15,7 +15,9 @@ from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 from ergon.scores.reading.load import load
 from ergon.scores.staging import live
-from ergon.scores.staging.stage import StageError, prepare, stage
+from ergon.scores.staging.preparing import prepare
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from ergon.instruments.assemble import Assembly
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy
 from ergon.scores.staging import planning
-from ergon.scores.staging.stage import prepare
+from ergon.scores.staging.preparing import prepare
 
 LISTS = "f: [220Hz, 220.5Hz, A4], t60: [12s, 11s, 6s]"
 PLACES = ", places: {rim: [1, 0.8, 0.5], waist: [0.4, -6dB, -0.5]}"

@@ -9,7 +9,8 @@ from checked import check, found
 
 from ergon.instruments.space import count, nets
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 
 STIFF = {"K": 300.0, "Z": 0.1, "normal": None, "held": "nothing"}
 

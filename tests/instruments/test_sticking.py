@@ -5,7 +5,8 @@ import pytest
 from checked import check, found
 from oracle import matter
 
-from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 
 RATE = 44_100
 

@@ -9,7 +9,8 @@ from ergon import _core
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 
 TAKES = Path(__file__).parents[2] / "scores/library/takes"
 SCORE = """\

@@ -13,7 +13,8 @@ from sweep import few
 from ergon import _core
 from ergon.scores.reading.load import load
 from ergon.scores.staging import planning
-from ergon.scores.staging.stage import Stage, prepare
+from ergon.scores.staging.preparing import prepare
+from ergon.scores.staging.stage import Stage
 
 PIECES = Path(__file__).parents[1] / "data" / "pieces"
 CONTACTS = ["hammer-0", "multi-0", "multi-14"]

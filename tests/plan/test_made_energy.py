@@ -11,7 +11,9 @@ from ergon import _core
 from ergon.cli import app
 from ergon.scores.reading.load import load
 from ergon.scores.staging import planning
-from ergon.scores.staging.stage import StageError, prepare, stage
+from ergon.scores.staging.preparing import prepare
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 
 SCENES = Path(__file__).parents[1] / "data" / "accuracy"
 HAMMER = """\

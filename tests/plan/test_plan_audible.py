@@ -18,7 +18,7 @@ from ergon.lab.partials import compare, strongest
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy
 from ergon.scores.staging import planning
-from ergon.scores.staging.stage import prepare
+from ergon.scores.staging.preparing import prepare
 
 SCENES = Path(__file__).parents[1] / "data" / "accuracy"
 Capture = pytest.CaptureFixture[str]

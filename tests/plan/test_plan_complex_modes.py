@@ -11,7 +11,7 @@ from sweep import few
 
 from ergon import _core
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import Ready, prepare
+from ergon.scores.staging.preparing import Ready, prepare
 
 EXACT_DB = -120.0
 RATE = 44_100.0

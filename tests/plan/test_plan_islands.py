@@ -14,7 +14,7 @@ from ergon.api.options import AccuracyOptions
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging import planning
 from ergon.scores.staging.planning import Planned
-from ergon.scores.staging.stage import prepare
+from ergon.scores.staging.preparing import prepare
 
 # Three islands, each with a player: a mesh that hardens, a string that rattles, a bell by a law.
 SCORE = """\

@@ -24,7 +24,7 @@ from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import ReplayedSession, resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 KEYS = """\
 ergon: 1

@@ -28,7 +28,8 @@ from ergon.live.trouble import troubles
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.osc import SessionOsc
-from ergon.scores.staging.stage import input_number, stage
+from ergon.scores.staging.drives import input_number
+from ergon.scores.staging.stage import stage
 
 RATE = 44_100
 SCORE = """\

@@ -181,7 +181,7 @@ def test_what_is_kept_plays_as_it_was_played(session, tmp_path):
     played = gestures(session), gestures(session, "leo")
     kept = load(tmp_path / "verse.yaml").piece
     assert kept is not None
-    from ergon.scores.staging.stage import prepare
+    from ergon.scores.staging.preparing import prepare
 
     beat = kept.tempo_map.beats
     for player, was in zip(("ada", "leo"), played, strict=True):

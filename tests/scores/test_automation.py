@@ -14,7 +14,8 @@ from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.automating import GLIDE, automated
 from ergon.scores.staging.hands import Window
-from ergon.scores.staging.stage import Span, prepare, stage
+from ergon.scores.staging.preparing import Span, prepare
+from ergon.scores.staging.stage import stage
 
 SCORE = """\
 ergon: 1

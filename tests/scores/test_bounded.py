@@ -81,7 +81,8 @@ def test_a_long_part_of_a_live_hand_is_refused():
         + "parts: {p: [{at: 0, play: t, times: 40000, do: [stretch 10]}]}\n"
     )
     from ergon.scores.reading.load import load
-    from ergon.scores.staging.stage import StageError, stage
+    from ergon.scores.staging.refusals import StageError
+    from ergon.scores.staging.stage import stage
 
     piece = load(LIBRARY / "s.yaml", text=text).piece
     assert piece is not None

@@ -8,7 +8,7 @@ from checked import check
 
 from ergon.api import check as api_check
 from ergon.scores.staging.highest_modes import highest_modes, stops_low
-from ergon.scores.staging.stage import prepare
+from ergon.scores.staging.preparing import prepare
 
 SCORE = "ergon: 1\ninstruments:\n  s: {modules: {body: {%s}}}\n"
 

@@ -6,7 +6,8 @@ from checked import check, codes, found
 from sessions import Stepped
 
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import stage
 
 RATE = 44100
 SCORE = """\

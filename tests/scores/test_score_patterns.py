@@ -10,7 +10,7 @@ from ergon.notation.text.errors import Collector
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.hands import Window
-from ergon.scores.staging.stage import Span, prepare
+from ergon.scores.staging.preparing import Span, prepare
 from ergon.scores.staging.striking import Striking
 
 SCORE = """\

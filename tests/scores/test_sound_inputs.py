@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ergon.notation.text.errors import Diagnostic
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece, SoundInput
-from ergon.scores.staging.stage import Stage, StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import Stage, stage
 
 RATE = 44_100
 SCORE = """\

@@ -10,8 +10,10 @@ from ergon.notation.text.errors import Diagnostic
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
 from ergon.scores.staging.hands import ALL
+from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.recording_stages import solo
-from ergon.scores.staging.stage import Going, Span, Stage, StageError, stage
+from ergon.scores.staging.refusals import StageError
+from ergon.scores.staging.stage import Going, Stage, stage
 
 TAKES = Path(__file__).parents[2] / "scores/library/takes"
 PLAYED = """\

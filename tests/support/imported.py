@@ -8,7 +8,7 @@ from oracle import mims
 from planned_sound import ready
 
 from ergon import _core
-from ergon.scores.staging.stage import input_number
+from ergon.scores.staging.drives import input_number
 
 
 def rendered(text: str, seconds: float, told: Sequence[tuple[int, str, float]] = ()) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import Ready, prepare
+from ergon.scores.staging.preparing import Ready, prepare
 
 
 def ready(text: str) -> Ready:

@@ -30,7 +30,7 @@ from ergon.common.errors import ErgonError
 from ergon.models.errors import DialectError, ModelError
 from ergon.models.mims.reading import text_of
 from ergon.models.pmpd.reading import is_list
-from ergon.scores.staging.stage import StageError
+from ergon.scores.staging.refusals import StageError
 
 RATE = mims.RATE
 AGREES = 1e-5  # -100 dB

@@ -16,7 +16,8 @@ from ergon.lab.scene import Score, Set
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging import planning
-from ergon.scores.staging.stage import Ready, StageError, prepare
+from ergon.scores.staging.preparing import Ready, prepare
+from ergon.scores.staging.refusals import StageError
 
 BY_EAR = None
 BUDGETS: tuple[float | None, ...] = (BY_EAR, -40.0, -60.0, -80.0)

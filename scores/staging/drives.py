@@ -1,0 +1,74 @@
+"""What drives masses from outside: inputs, and imposed positions and forces (ENX, ENF)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from hashlib import sha256
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.notation.text.errors import quote
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.hands import Hands
+from ergon.scores.staging.takes import Takes
+
+
+def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
+    """The inputs: the number and the length [s] of the file of each, by name."""
+    found: dict[str, tuple[int, float]] = {}
+    for name, take in piece.takes.items():
+        if (own := take.input) is None:
+            continue
+        if own.highpass is not None and own.highpass >= 0.5 * piece.rate:
+            message = f"take {quote(name)}: its highpass is not below half of the rate"
+            place = take.places.get("highpass", take.place)
+            takes.collector.error("E308", message, place)
+        elif (samples := takes.sound(name)) is not None:
+            how = {"gain": own.gain, "clamp": own.clamp}
+            if own.channel is None:
+                number, glide = input_number(name), own.glide or 0.0
+                index = timeline.told_in(number, samples, **how, glide=glide)
+            else:
+                highpass = own.highpass
+                index = timeline.sound_in(own.channel - 1, samples, **how, highpass=highpass)
+            found[name] = index, len(samples) / piece.rate
+    return found
+
+
+def input_number(name: str) -> int:
+    """The engine's number of an input whose values come by OSC: the same in every version."""
+    return int.from_bytes(sha256(name.encode()).digest()[:8])
+
+
+def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, int]) -> None:
+    """ENX and ENF: imposed positions and forces, by a constant, a take or an input."""
+    tempo = piece.tempo_map
+    keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
+    instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
+    for name, modules, reach in (*keys, *instruments):
+        for module in modules:
+            if module.kind not in ("ENX", "ENF"):
+                continue
+            mat = assembly.mat(module.fields["to"])
+            is_position = module.kind == "ENX"
+            # Behind a lever positions are seen times s, forces divided by it.
+            scale = reach if is_position else 1.0 / reach
+            source, at = module.fields["from"], module.fields["at"]
+            constant = source * scale if isinstance(source, float) else None
+            sound = sounds.get(str(source))
+            take = None
+            if constant is None and sound is None:
+                known = piece.takes.get(str(source))
+                take = None if known is None or known.input else hands.takes.get(str(source))
+                if take is None:
+                    continue  # what is wrong with it was reported
+            hands.timeline.drive(
+                mat,
+                "position" if is_position else "force",
+                constant=constant,
+                take=take,
+                sound=sound,
+                at=0.0 if at is None else tempo.seconds(tempo.resolve(at)),
+                scale=scale * module.fields["scale"],
+                own=module.fields["to"].part == name,
+            )

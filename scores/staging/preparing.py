@@ -1,0 +1,211 @@
+"""A piece prepared: the network, and the timeline of all that will happen in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.notation.clock.shifted import NEVER, Standing
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.lasting import lasting
+from ergon.notation.text.values import Place
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.automating import automated, led_on
+from ergon.scores.staging.built_network import OVER, BuiltNetwork, acting, build_network
+from ergon.scores.staging.drives import drive, sounds_in
+from ergon.scores.staging.hands import ALL, Hands, Window
+from ergon.scores.staging.listening import check_rooms
+from ergon.scores.staging.live import LiveHand, held, join, stand_ins
+from ergon.scores.staging.overlap import check_overlaps
+from ergon.scores.staging.parameter_values import Led, Points, Where
+from ergon.scores.staging.refusals import StageError, refuse, refused
+from ergon.scores.staging.striking import ANY, Striking
+from ergon.scores.staging.takes import Takes
+from ergon.scores.staging.travel import check_travel
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.live import Real
+
+LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
+MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
+
+
+class Earlier(Protocol):
+    """A stage that was prepared before: what of it may be used again."""
+
+    built: BuiltNetwork
+    takes: Mapping[Hashable, _core.Take]
+    paths: Mapping[Where, Points]
+
+
+class Span(NamedTuple):
+    """A stretch of a session: what a piece says of it is played."""
+
+    piece: Piece
+    window: Window
+
+
+@dataclass(slots=True)
+class Ready:
+    """All of a piece but what computes it. `collector` holds warnings and notes."""
+
+    built: BuiltNetwork
+    timeline: _core.Timeline
+    n_frames: int
+    hands: Hands
+    collector: Collector
+    live: tuple[LiveHand, ...]
+    paths: Mapping[Where, Points]
+    fades_from: int | None
+
+    @property
+    def network(self) -> _core.Network:
+        """What is."""
+        return self.built.network
+
+
+@lasting
+def prepare(
+    piece: Piece,
+    real: Real | None = None,
+    silent: Container[str] = (),
+    spans: Sequence[Span] | None = None,
+    like: Earlier | None = None,
+    start: int = 0,
+) -> Ready:
+    """What is and what will happen in a piece. Raises StageError with every mistake found.
+
+    `real`: players whose hands are real, and where each was at every tick, if that is known;
+    `silent`: instruments that are not listened to; `spans`: what is played by parts of this piece
+    and of others before it, all of this one if nothing is said; `like`: a stage whose takes, and
+    whose network where it is the same, are used again; `start`: the frame at which this takes over
+    from it.
+    """
+    collector = Collector()
+    real = stand_ins(piece) | dict(real or {})
+    try:
+        computed = held(piece, real)
+        built = (like and like.built.of(computed, silent)) or build_network(computed, silent)
+        assembly, couplings = built.assembly, built.couplings
+        timeline = _core.Timeline(assembly.network, piece.rate)
+        if piece.accuracy.is_unguarded:
+            timeline.leave_unguarded()
+        takes = Takes(piece, collector, like.takes if like else {})
+        hands = Hands(piece, timeline, takes, collector)
+        # What a session plays has no end that its parts could stand in until.
+        rests = spans is not None
+        live = tuple(join(piece, real, assembly, timeline, collector, rests=rests))
+        played = [Span(piece, ALL)] if spans is None else spans
+        sounds = sounds_in(piece, timeline, takes)
+        drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
+        end = max(_play(piece, assembly, hands, couplings, real, played), _length(piece, live))
+        end = max([end, *(seconds for _, seconds in sounds.values())])
+        check_overlaps(piece, hands.gestures, collector)
+        check_travel(piece, timeline, hands.gestures, collector)
+        check_rooms(piece, collector)
+        n_frames = _frames(piece, end, collector) if spans is None else 0
+        paths = _automate(piece, spans, n_frames, collector)
+        if like is not None:
+            paths = led_on(like.paths, paths, piece, start / piece.rate)
+        for where, points in paths.items():
+            if led := Led.of(piece, where):
+                try:
+                    led.put(timeline, assembly, where, points)
+                except _core.EngineError as error:
+                    refuse(piece, collector, error)
+    except _core.EngineError as error:
+        raise refused(piece, collector, error) from error
+    if collector.has_errors():
+        raise StageError(collector.finish())
+    fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
+    return Ready(built, timeline, n_frames, hands, collector, live, paths, fades_from)
+
+
+def _automate(
+    piece: Piece, spans: Sequence[Span] | None, n_frames: int, collector: Collector
+) -> dict[Where, Points]:
+    """The points of modules with automation, as far as the piece or its last stretch goes."""
+    tempo = piece.tempo_map
+    if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
+        return {}
+    if spans is None:
+        return automated(piece, -math.inf, tempo.beats(n_frames / piece.rate), collector)
+    if isinstance(tempo, Standing) or not spans:
+        here = tempo.beats(0.0)
+        return automated(piece, here, here, collector)
+    window = spans[-1].window
+    return automated(piece, window.since, window.until, collector)
+
+
+def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
+    """When the last of what real hands are to do ends [s]."""
+    return max((hand.tick_frames * hand.ticks / piece.rate for hand in live), default=0.0)
+
+
+def _play(
+    piece: Piece,
+    assembly: Assembly,
+    hands: Hands,
+    couplings: Sequence[int],
+    real: Real,
+    spans: Sequence[Span],
+) -> float:
+    """Put everything virtual that happens on the timeline; returns when the last of it ends [s]."""
+    timeline = hands.timeline
+    live_keys = {piece.players[name].key for name in real}
+    for name, key in piece.keys.items():
+        if name not in live_keys:
+            hands.key(name, assembly.mats[name, key.struck])
+    for played, window in spans:
+        span_hands = hands if window is ALL else hands.other(played, window)
+        span_hands.play_parts(played, live_keys)
+    players_with_part = {*real} | {play.player for play in piece.parts}
+    for player in piece.players.values():
+        if player.hand == "live" and player.standin and player.name not in players_with_part:
+            hands.standin(player)
+    ends = [gesture.stop for gesture in hands.gestures]
+    for played, window in spans:
+        within = _within(played, window)
+        for strikes in played.strikes:
+            targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
+            mats = [mat for target in targets for mat in assembly.members(target)]
+            source = hands.sources.add(partial(_same_place, strikes.place))
+            striking = Striking(played, timeline, strikes, mats, source, within, assembly)
+            ends.append(striking.play(hands.collector))
+    for link, (at, until) in zip(couplings, acting(piece), strict=True):
+        if until == OVER:
+            at, until = NEVER, None
+        timeline.couple(link, at, until)
+    return max(ends, default=0.0)
+
+
+def _within(piece: Piece, window: Window) -> tuple[float, float]:
+    """The instants of a window [s], in the engine's time."""
+    if window is ALL:
+        return ANY
+    tempo = piece.tempo_map
+    first = tempo.seconds(window.since) if window.since > -math.inf else 0.0
+    last = tempo.seconds(window.until) if window.until < math.inf else math.inf
+    return max(0.0, first), last
+
+
+def _frames(piece: Piece, end: float, collector: Collector) -> int:
+    """⌈(end + tail)·rate⌉ frames; a whole number of frames is not rounded up by its last bit."""
+    tail = piece.render.tail
+    seconds = end + (LONGEST_TAIL if tail == "auto" else tail)
+    if seconds > MAX_SECONDS:
+        message = f"the piece lasts {seconds / 3600:.0f} hours; the maximum is 24 hours"
+        collector.error("E308", message, piece.place)
+        return 0
+    frames = seconds * piece.rate
+    nearest = int(frames + 0.5)
+    return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
+
+
+def _same_place(place: Place) -> Place:
+    return place

@@ -1,0 +1,45 @@
+"""What the engine refuses to play, in the place where it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ergon import _core
+from ergon.common.errors import ErgonError
+from ergon.notation.text.errors import Collector, Diagnostic
+from ergon.notation.text.values import Place
+from ergon.scores.reading.piece import Piece
+
+
+class StageError(ErgonError):
+    """The engine does not play the piece; `diagnostics` say why, each with its place."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        """Take what was found."""
+        super().__init__("\n".join(found.message for found in diagnostics))
+        self.diagnostics = list(diagnostics)
+
+
+def place_of(piece: Piece, name: str | None) -> Place:
+    """Where the module that the engine names is written, or taken from another file."""
+    name = name or ""
+    links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
+    keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
+    others = [(i.name, module, i.place) for i in piece.instruments.values() for module in i.modules]
+    for part, module, place in (*keys, *others, *links):
+        full = ".".join(filter(None, (part, module.name)))
+        if name == full or name.startswith(f"{full}."):
+            return module.place if module.place.file == place.file else place
+    return piece.place
+
+
+def refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None:
+    """Report each module that the engine refuses (E309)."""
+    for one in getattr(error, "refusals", ()) or (error,):
+        collector.error("E309", str(one.args[0]), place_of(piece, getattr(one, "module", None)))
+
+
+def refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
+    """Return all that was found, with what the engine refuses now."""
+    refuse(piece, collector, error)
+    return StageError(collector.finish())
