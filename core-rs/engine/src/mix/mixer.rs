@@ -1,106 +1,25 @@
 //! Routes of outputs to channels.
 
+mod route;
 mod takeover;
 
 use std::sync::Arc;
-
-use thiserror::Error;
 
 use super::curve::Curve;
 use super::delay::Delay;
 use super::frozen::{FrozenOutputs, Placed};
 use super::glide::{Glide, until};
-use super::room::{Room, RoomError, RoomSpec};
+use super::room::{Room, RoomSpec};
 use crate::section::{BUTTERWORTH_2, Section};
+use route::{DELAY_MAX, GROUPS_MAX, Route, falling, falls};
+pub use route::{RouteError, To, Treatment};
 
-/// Why a route cannot be built.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum RouteError {
-    /// No such output.
-    #[error("there is no output {out}: the mixer has {n_out}, counted from 0")]
-    Out {
-        /// Wanted output.
-        out: usize,
-        /// How many there are.
-        n_out: usize,
-    },
-    /// No such channel.
-    #[error("there is no channel {channel}: the mixer has {n_channels}, counted from 0")]
-    Channel {
-        /// Wanted channel.
-        channel: usize,
-        /// How many there are.
-        n_channels: usize,
-    },
-    /// Too many groups.
-    #[error("a group of routes is counted from 0 up to {most}; here {0}", most = GROUPS_MAX - 1)]
-    Group(usize),
-    /// NaN or infinite.
-    #[error("a route's gain is a finite number; here {0}")]
-    Gain(f64),
-    /// Outside of what the rate can carry.
-    #[error("highpass {cutoff} Hz must lie above 0 and below half of the rate, {rate} Hz")]
-    Highpass {
-        /// Wanted cutoff [Hz].
-        cutoff: f64,
-        /// Sample rate [Hz].
-        rate: f64,
-    },
-    /// No such room.
-    #[error("there is no room {room}: the mixer has {n_rooms}, counted from 0")]
-    Room {
-        /// Wanted room.
-        room: usize,
-        /// How many there are.
-        n_rooms: usize,
-    },
-    /// Too late to be heard.
-    #[error("a route is delayed by {DELAY_MAX} frames at most; here {0}")]
-    Delay(usize),
-    /// Frozen outputs that go to another number of outputs.
-    #[error("{frozen} frozen outputs cannot replace {outputs} outputs; the numbers must be equal")]
-    Frozen {
-        /// How many are frozen.
-        frozen: usize,
-        /// How many were named.
-        outputs: usize,
-    },
-    /// A room that cannot be built.
-    #[error(transparent)]
-    Spec(#[from] RoomError),
-}
-
-/// Where a route leads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum To {
-    /// A channel.
-    Channel(usize),
-    /// A room, by the order of [`Mixer::room`].
-    Room(usize),
-}
-
-/// What a route does on its way, beside its gain.
-#[derive(Clone, Debug, Default)]
-pub struct Treatment {
-    /// Cutoff of a Butterworth high-pass of order 2 [Hz].
-    pub highpass: Option<f64>,
-    /// Frames by which it comes late.
-    pub delay: usize,
-    /// A gain over the frames of the piece.
-    pub curve: Option<Curve>,
-}
-
-/// Frames by which a route is delayed at most.
-const DELAY_MAX: usize = 1 << 20;
 /// Frames that rooms take, and that frozen outputs are added up for, at a time.
 const SPAN_FRAMES: usize = 256;
-
 /// Routes that fade out at once: more of them are cut.
 const LEAVING_MAX: usize = 32;
 /// Frozen outputs that fade out at once: more of them are cut.
 const FROZEN_LEAVING_MAX: usize = 128;
-/// Groups of routes that a mixer has at most.
-const GROUPS_MAX: usize = 1 << 16;
 
 /// Routes of outputs to channels, with gains and high-passes.
 ///
@@ -144,21 +63,6 @@ pub struct Mixer {
     /// Whether a route has a fade.
     is_fading: bool,
     frame: u64,
-}
-
-#[derive(Clone, Debug)]
-struct Route {
-    out: usize,
-    to: To,
-    group: usize,
-    gain: f64,
-    highpass: Option<Section>,
-    delay: Option<Delay>,
-    curve: Option<Curve>,
-    /// A factor on its way, since another mixer was taken over.
-    fade: Option<Glide>,
-    /// What is left of its gain before, beyond its own, where no factor leads from one to the other.
-    rest: Option<Glide>,
 }
 
 impl Mixer {
@@ -497,99 +401,6 @@ impl Mixer {
         let rest = self.rest.map_or(0.0, |rest| rest.at(n));
         self.fade.as_ref().map_or(1.0, |fade| fade.at(n)) + rest
     }
-}
-
-impl Route {
-    /// Whether it is what a route `before` of another mixer was, whose output is `out` here.
-    fn is_as(&self, before: &Self, out: Option<usize>) -> bool {
-        (out, before.to, before.group) == (Some(self.out), self.to, self.group)
-            && before.highpass.is_some() == self.highpass.is_some()
-            && before.delay.is_some() == self.delay.is_some()
-    }
-
-    /// Whether it has faded out, where it is one that does.
-    fn is_gone(&self, frame: u64) -> bool {
-        self.fade
-            .is_some_and(|fade| fade.steady(frame) == Some(0.0))
-    }
-
-    /// Its gain at a frame of the piece, by its curve.
-    fn written(&self, frame: u64) -> f64 {
-        self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
-    }
-
-    /// Its gain at a frame of the piece, as it is heard.
-    fn heard(&self, frame: u64) -> f64 {
-        let fade = self.fade.map_or(1.0, |fade| fade.at(frame));
-        self.written(frame) * fade + self.rest.map_or(0.0, |rest| rest.at(frame))
-    }
-
-    /// Fade to a factor of its gain, from another one.
-    fn fade(&mut self, rate: f64, from: f64, to: f64) {
-        self.fade = Some(Glide::between(rate, from, to));
-    }
-
-    /// Add the route's share from frame `first` of the piece on.
-    fn add<'a>(
-        &mut self,
-        group: &Glide,
-        first: u64,
-        from: impl Iterator<Item = f64>,
-        to: impl Iterator<Item = &'a mut f64>,
-    ) {
-        let is_plain = self.delay.is_none() && self.curve.is_none() && self.fade.is_none();
-        let is_plain = is_plain && self.rest.is_none();
-        match (group.steady(first), &mut self.highpass) {
-            (Some(gain), None) if is_plain => {
-                let gain = self.gain * gain;
-                to.zip(from).for_each(|(y, x)| *y += gain * x);
-            }
-            (Some(gain), Some(section)) if is_plain => {
-                let gain = self.gain * gain;
-                to.zip(from)
-                    .for_each(|(y, x)| *y += gain * high_passed(section, x));
-            }
-            (_, section) => {
-                for ((y, x), n) in to.zip(from).zip(first..) {
-                    let x = section
-                        .as_mut()
-                        .map_or(x, |section| high_passed(section, x));
-                    let x = self.delay.as_mut().map_or(x, |delay| {
-                        let late = delay.oldest();
-                        delay.push(x);
-                        late
-                    });
-                    let curve = self.curve.as_ref().map_or(1.0, |curve| curve.at(n));
-                    let fade = self.fade.map_or(1.0, |fade| fade.at(n));
-                    *y += self.gain * group.at(n) * fade * curve * x;
-                    if let Some(rest) = self.rest {
-                        *y += rest.at(n) * group.at(n) * x;
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Let what is left of a gain fall from frame `n` on; whether it is on its way.
-fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
-    let Some(glide) = rest else { return false };
-    glide.begin_due(n);
-    if glide.steady(n).is_some() {
-        *rest = None;
-    }
-    rest.is_some()
-}
-
-/// A gain that falls to nothing.
-fn falling(rate: f64, from: f64) -> Option<Glide> {
-    (from != 0.0).then(|| Glide::between(rate, from, 0.0))
-}
-
-/// The high-passed sample. A sample that is not finite counts as 0, for it would stay in the filter for ever and keep
-/// the channel silent long after its cause was muted.
-fn high_passed(section: &mut Section, x: f64) -> f64 {
-    section.next(if x.is_finite() { x } else { 0.0 }).high
 }
 
 #[cfg(test)]
