@@ -80,6 +80,8 @@ HEARD = {  # how many seconds are rendered here; others wholly
     "feathers": 0.5,
     "feathers-small": 1.0,
 }
+# What is loud by its routes: all beads at once [N]; the first stroke on the sky, by +24 dB.
+LOUD = {"ocean-drum": 1.1, "feathers": 1.6, "feathers-small": 1.6}
 CENTS = 5.0
 
 
@@ -185,7 +187,8 @@ def test_sounds(name: str) -> None:
     assert staged.n_frames / staged.rate == pytest.approx(SECONDS[name], abs=0.05)
     assert np.all(np.isfinite(x))
     peak = np.max(np.abs(x))
-    assert 1e-6 < peak < 2.0  # micrometres to two metres, or micronewtons to two newtons
+    # Micrometres to less than a metre, or micronewtons to a newton.
+    assert 1e-6 < peak < LOUD.get(name, 1.0)
     assert np.max(np.abs(np.mean(x, axis=0))) < 0.01 * peak
     if name not in HEARD:
         # Nothing longer than a breath is silent (-60 dB) before the tail.

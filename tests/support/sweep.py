@@ -27,5 +27,6 @@ def crossed(first: Sequence[Any], *others: Sequence[Any]) -> list[Any]:
 
 
 def _slow(case: Any) -> Any:
-    values = case if isinstance(case, tuple) else (case,)
+    # A tuple of one value is that of an argument that takes tuples.
+    values = case if isinstance(case, tuple) and len(case) > 1 else (case,)
     return pytest.param(*values, marks=pytest.mark.slow)

@@ -46,12 +46,12 @@ impl Account {
         self.take_beside(work, 0.0);
     }
 
-    /// Take work from what moves with so much energy after that.
+    /// Take work from what has so much energy `around` it after that.
     ///
-    /// All that it takes and gives cancels out in the sum, so the sum never counts energy that it made.
-    pub(crate) fn take_beside(&mut self, work: f64, moving: f64) {
+    /// What it takes lowers one term of the sum as it raises the other, so the sum never counts energy that it made.
+    pub(crate) fn take_beside(&mut self, work: f64, around: f64) {
         self.held += work;
-        self.most = self.most.max(self.held + moving);
+        self.most = self.most.max(self.held + around);
     }
 
     /// Count what was stored where it began.
@@ -66,8 +66,7 @@ impl Account {
 
     /// What was made where so much is stored, beside the energy of what moves around it.
     ///
-    /// It is held against the most that was there since the account began: what was lost on the way since then makes no
-    /// fault of it.
+    /// It is compared with the most that was there since the account began: what was lost since then makes no fault of it.
     pub(crate) fn gain(&mut self, stored: f64, around: f64, frame: u64) -> Gain {
         self.take_beside(0.0, around);
         let made = stored - self.held;

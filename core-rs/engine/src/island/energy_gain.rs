@@ -208,19 +208,18 @@ impl Gains {
                 continue;
             }
             let ends = (taken.a, taken.b);
-            if let Some(space) = &mut taken.space {
+            let (work, kinetic) = if let Some(space) = &mut taken.space {
                 let work = space.step(ends, force, body);
                 let axes = (0..space.link.n_axes).map(|axis| space.link.pair(ends, axis));
-                let moving = axes.map(|ends| moving(ends, scheme, body)).sum();
-                taken.account.take_beside(work, moving);
-                taken.force = force;
-                continue;
-            }
-            let stretch = body.d[taken.b] - body.d[taken.a];
-            let work = 0.5 * (taken.stretch + stretch) * taken.force;
-            let moving = moving(ends, scheme, body);
-            taken.account.take_beside(work, moving);
-            (taken.stretch, taken.force) = (stretch, force);
+                (work, axes.map(|ends| kinetic(ends, scheme, body)).sum())
+            } else {
+                let stretch = body.d[taken.b] - body.d[taken.a];
+                let work = 0.5 * (taken.stretch + stretch) * taken.force;
+                taken.stretch = stretch;
+                (work, kinetic(ends, scheme, body))
+            };
+            taken.account.take_beside(work, kinetic);
+            taken.force = force;
         }
         if let Some(pairs) = &mut self.pairs {
             pairs.step(body);
@@ -305,10 +304,9 @@ fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
 }
 
 /// Kinetic energy of the two ends of a link along one axis [J], without ends that are imposed.
-fn moving((a, b): (usize, usize), scheme: &Scheme, body: &Body) -> f64 {
+fn kinetic((a, b): (usize, usize), scheme: &Scheme, body: &Body) -> f64 {
     let own = |mat: usize| {
-        let w = scheme.w[mat];
-        let d = body.d[mat];
+        let (d, w) = (body.d[mat], scheme.w[mat]);
         if w > 0.0 { 0.5 * d * d / w } else { 0.0 }
     };
     own(a) + own(b)

@@ -111,6 +111,21 @@ impl Glide {
     }
 }
 
+/// Let what is left of a gain fall from frame `n` on; whether it is on its way.
+pub(super) fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
+    let Some(glide) = rest else { return false };
+    glide.begin_due(n);
+    if glide.steady(n).is_some() {
+        *rest = None;
+    }
+    rest.is_some()
+}
+
+/// A gain that falls to nothing.
+pub(super) fn falling(rate: f64, from: f64) -> Option<Glide> {
+    (from != 0.0).then(|| Glide::between(rate, from, 0.0))
+}
+
 /// Number of frames from `n` on in which no glide begins: all, or those up to the next multiple of the grid.
 pub(super) fn until(n: u64, steady: bool) -> u64 {
     if steady { u64::MAX } else { GRID - n % GRID }

@@ -6,12 +6,10 @@ mod takeover;
 use std::sync::Arc;
 
 use super::curve::Curve;
-use super::delay::Delay;
 use super::frozen::{FrozenOutputs, Placed};
-use super::glide::{Glide, until};
+use super::glide::{Glide, falls, until};
 use super::room::{Room, RoomSpec};
-use crate::section::{BUTTERWORTH_2, Section};
-use route::{DELAY_MAX, GROUPS_MAX, Route, falling, falls};
+use route::{GROUPS_MAX, Route};
 pub use route::{RouteError, To, Treatment};
 
 /// Frames that rooms take, and that frozen outputs are added up for, at a time.
@@ -150,34 +148,10 @@ impl Mixer {
             return Err(RouteError::Out { out, n_out });
         }
         self.check_target(to)?;
-        if !gain.is_finite() {
-            return Err(RouteError::Gain(gain));
-        }
-        let Treatment {
-            highpass,
-            delay,
-            curve,
-        } = treatment;
-        if let Some(cutoff) = highpass.filter(|&f| !(f > 0.0 && f < 0.5 * rate)) {
-            return Err(RouteError::Highpass { cutoff, rate });
-        }
-        if delay > DELAY_MAX {
-            return Err(RouteError::Delay(delay));
-        }
-        let highpass = highpass.map(|cutoff| Section::new(cutoff, rate, BUTTERWORTH_2));
+        let route = Route::new(rate, [out, group], to, gain, treatment)?;
         let n_groups = self.groups.len().max(group + 1);
         self.groups.resize(n_groups, Glide::new(rate, 1.0));
-        self.routes.push(Route {
-            out,
-            to,
-            group,
-            gain,
-            highpass,
-            delay: (delay > 0).then(|| Delay::new(delay)),
-            curve,
-            fade: None,
-            rest: None,
-        });
+        self.routes.push(route);
         Ok(())
     }
 

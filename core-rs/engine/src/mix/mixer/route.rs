@@ -2,11 +2,11 @@
 
 use thiserror::Error;
 
-use super::Glide;
 use crate::mix::curve::Curve;
 use crate::mix::delay::Delay;
+use crate::mix::glide::Glide;
 use crate::mix::room::RoomError;
-use crate::section::Section;
+use crate::section::{BUTTERWORTH_2, Section};
 
 /// Frames by which a route is delayed at most.
 pub(super) const DELAY_MAX: usize = 1 << 20;
@@ -106,6 +106,41 @@ pub(super) struct Route {
 }
 
 impl Route {
+    /// Of an output to a channel or a room, in a group, in a mixer at `rate` [Hz].
+    pub(super) fn new(
+        rate: f64,
+        [out, group]: [usize; 2],
+        to: To,
+        gain: f64,
+        treatment: Treatment,
+    ) -> Result<Self, RouteError> {
+        let Treatment {
+            highpass,
+            delay,
+            curve,
+        } = treatment;
+        if !gain.is_finite() {
+            return Err(RouteError::Gain(gain));
+        }
+        if let Some(cutoff) = highpass.filter(|&f| !(f > 0.0 && f < 0.5 * rate)) {
+            return Err(RouteError::Highpass { cutoff, rate });
+        }
+        if delay > DELAY_MAX {
+            return Err(RouteError::Delay(delay));
+        }
+        Ok(Self {
+            out,
+            to,
+            group,
+            gain,
+            highpass: highpass.map(|cutoff| Section::new(cutoff, rate, BUTTERWORTH_2)),
+            delay: (delay > 0).then(|| Delay::new(delay)),
+            curve,
+            fade: None,
+            rest: None,
+        })
+    }
+
     /// Whether it is what a route `before` of another mixer was, whose output is `out` here.
     pub(super) fn is_as(&self, before: &Self, out: Option<usize>) -> bool {
         (out, before.to, before.group) == (Some(self.out), self.to, self.group)
@@ -175,21 +210,6 @@ impl Route {
             }
         }
     }
-}
-
-/// Let what is left of a gain fall from frame `n` on; whether it is on its way.
-pub(super) fn falls(rest: &mut Option<Glide>, n: u64) -> bool {
-    let Some(glide) = rest else { return false };
-    glide.begin_due(n);
-    if glide.steady(n).is_some() {
-        *rest = None;
-    }
-    rest.is_some()
-}
-
-/// A gain that falls to nothing.
-pub(super) fn falling(rate: f64, from: f64) -> Option<Glide> {
-    (from != 0.0).then(|| Glide::between(rate, from, 0.0))
 }
 
 /// The high-passed sample. A sample that is not finite counts as 0, for it would stay in the filter for ever and keep

@@ -1,8 +1,8 @@
 //! The mixer of a version takes over from that of the version before.
 
-use super::{Mixer, Placed, Route, To, falling};
+use super::{Mixer, Placed, Route, To};
 use crate::mix::delay::Delay;
-use crate::mix::glide::Glide;
+use crate::mix::glide::{Glide, falling};
 
 impl Mixer {
     /// Take the state of `old` over: gains of groups, filters and delays of routes that both have, and rooms of the same

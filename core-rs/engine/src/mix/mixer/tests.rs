@@ -1,3 +1,4 @@
+use super::route::DELAY_MAX;
 use super::*;
 use crate::maths;
 use crate::mix::curve::{Point, Way};
